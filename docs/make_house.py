@@ -24,6 +24,7 @@ FLOORS: Final = (
     ("planner.clearance", "planner.readers"),
     ("planner.statics",),
     ("planner.pathfinding", "planner.playback"),
+    ("planner.table_paths",),
     ("planner.explosion", "planner.certificate"),
     ("planner.plan",),
     ("planner.robot",),

@@ -1,0 +1,231 @@
+"""Climb: ways through single layers, joined from the floor up to the best paths that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from heapq import nsmallest
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.table_paths.layer import Layer, Work, ways
+from planner.table_paths.resting import SAFE, images, margins_within, support
+from planner.table_paths.score import WEIGHTS, Parts
+
+Ints = NDArray[np.int64]
+
+POOL: Final = 240
+"""Ways through a layer that are kept."""
+TRIES: Final = 48
+"""Ways through a large layer that are looked for at random."""
+KEPT: Final = 24
+"""Beginnings that are kept for each way that they end with."""
+VERTICAL: Final = -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """A way through a layer: bits in order, first and last step (−1 for none), what it costs."""
+
+    bits: tuple[int, ...]
+    first: int
+    last: int
+    cost: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Beginning:
+    cost: float
+    way: Way
+    heading: int
+    below: _Beginning | None
+
+
+def layers_of(cells: Ints) -> list[Layer]:
+    """The layers of cells that stand at z = 0, from the floor up."""
+    heights = range(int(cells[:, 2].max()) + 1)
+    index = [np.flatnonzero(cells[:, 2] == height) for height in heights]
+    return [Layer(cells=cells[rows, :2], index=rows) for rows in index]
+
+
+class Climb:
+    """The paths through the layers of a shape that never go down.
+
+    Ways are found from the floor up: those through the next layer begin above the ends of those
+    through the last one, so that most of them can be joined.
+    """
+
+    def __init__(self, cells: Ints, rng: np.random.Generator, weights: Parts = WEIGHTS) -> None:
+        self.cells, self.rng, self.weights = cells, rng, weights
+        self.layers = layers_of(cells)
+        self.pools: list[dict[tuple[int, ...], Way]] = [{} for _ in self.layers]
+        self.edges = support(cells[cells[:, 2] == 0])
+
+    def search(self, work: Work) -> None:
+        """Fills the pools of all layers, as far as the work allows."""
+        allowed: list[int] = [int(b) for b in self.layers[0].bits]
+        for level, layer in enumerate(self.layers):
+            share = Work(work.left // (len(self.layers) - level))
+            before = share.left
+            ends = self._below_cells(level)
+            for way in ways(layer, allowed, ends, self.rng, most=TRIES, work=share):
+                self.add(level, way)
+            work.left -= before - share.left
+            self._thin(level)
+            if not self.pools[level]:
+                return
+            allowed = self._above(level, {way[-1] for way in self.pools[level]})
+
+    def add_path(self, order: Iterable[int]) -> None:
+        """Adds the ways that a path through all layers consists of.
+
+        Args:
+            order: Indices of the cells, which never go down.
+        """
+        place = {int(k): (z, i) for z, la in enumerate(self.layers) for i, k in enumerate(la.index)}
+        split: list[list[int]] = [[] for _ in self.layers]
+        for k in order:
+            level, at = place[k]
+            split[level].append(self.layers[level].bits[at])
+        for level, way in enumerate(split):
+            self.add(level, tuple(way))
+
+    def add(self, level: int, bits: tuple[int, ...]) -> None:
+        """Adds a way to a layer's pool, unless the cells would tip over along it."""
+        cost = self._cost(level, bits)
+        if cost is not None:
+            steps = self.layers[level].steps
+            at = [steps.index(b - a) for a, b in zip(bits, bits[1:], strict=False)]
+            first, last = (at[0], at[-1]) if at else (VERTICAL, VERTICAL)
+            self.pools[level][bits] = Way(bits, first, last, cost)
+
+    def best(self, most: int) -> list[Ints]:
+        """The indices of the cells of the best paths that the pools make, the best first."""
+        now: dict[tuple[int, int], list[_Beginning]] = {}
+        for way in self._different_on_the_floor():
+            if way.last != VERTICAL:
+                key = way.bits[-1], way.last
+                now.setdefault(key, []).append(_Beginning(way.cost, way, way.last, None))
+        for level in range(1, len(self.layers)):
+            now = self._joined(level, {k: nsmallest(KEPT, v, key=_cost) for k, v in now.items()})
+        everything = [each for group in now.values() for each in group]
+        return [self._order(each) for each in nsmallest(most, everything, key=_cost)]
+
+    def _joined(
+        self, level: int, below: dict[tuple[int, int], list[_Beginning]]
+    ) -> dict[tuple[int, int], list[_Beginning]]:
+        found: dict[tuple[int, int], list[_Beginning]] = {}
+        under = self._under(level)
+        weight = self.weights.bends / len(self.cells)
+        for way in self.pools[level].values():
+            merged: list[_Beginning] = []
+            for heading in range(4):
+                if way.first != VERTICAL and way.first == heading ^ 1:
+                    continue
+                merged += below.get((under[way.bits[0]], heading), ())
+            for each in nsmallest(KEPT, merged, key=_cost):
+                heading = each.heading if way.last == VERTICAL else way.last
+                bends = (each.way.last != VERTICAL) + (way.first != VERTICAL)
+                joined = _Beginning(each.cost + way.cost + bends * weight, way, heading, each)
+                found.setdefault((way.bits[-1], heading), []).append(joined)
+        return found
+
+    def _order(self, end: _Beginning) -> Ints:
+        found: list[list[int]] = []
+        each: _Beginning | None = end
+        for layer in reversed(self.layers):
+            assert each is not None
+            found.append([int(layer.index[layer.cell_at[bit]]) for bit in each.way.bits])
+            each = each.below
+        return np.array([k for way in reversed(found) for k in way], dtype=np.int64)
+
+    def _cost(self, level: int, bits: tuple[int, ...]) -> float | None:
+        """What a way adds to the score, about; None where the cells tip over along it."""
+        layer = self.layers[level]
+        way = layer.cells[[layer.cell_at[bit] for bit in bits]]
+        tipping = 0.0
+        if level:
+            below = self.cells[self.cells[:, 2] < level][:, :2]
+            counts = len(below) + np.arange(1, len(way) + 1)
+            centres = (below.sum(axis=0) + np.cumsum(way, axis=0)) / counts[:, None]
+            margin = float(margins_within(self.edges, centres).min())
+            if margin < SAFE:
+                return None
+            tipping = max(0.0, 1.0 - margin)
+        before, enclosed, swing, outs = 0, 0, 0.0, -1
+        for bit in bits:
+            free = [k for k, ray in enumerate(layer.rays[bit]) if not ray & before]
+            before |= 1 << bit
+            enclosed += not free
+            if free and outs not in free:
+                swing += outs >= 0
+                outs = free[0]
+        bends = sum(c - b != b - a for a, b, c in zip(bits, bits[1:], bits[2:], strict=False))
+        w = self.weights
+        sums = w.bends * bends + w.enclosed * enclosed + w.swing * swing
+        sums += 0.0 if len(way) < 3 else w.front * 0.5 * _run(way)
+        return float(sums / len(self.cells) + w.tipping * tipping / len(self.layers))
+
+    def _thin(self, level: int) -> None:
+        """Keeps the best ways of a pool, and of each pair of ends the best one."""
+        pool = self.pools[level]
+        if len(pool) <= POOL:
+            return
+        ranked = sorted(pool, key=lambda bits: (pool[bits].cost, bits))
+        kept: dict[tuple[int, ...], tuple[int, ...]] = {}
+        for bits in ranked:
+            way = pool[bits]
+            kept.setdefault((bits[0], way.first, bits[-1], way.last), bits)
+        chosen = dict.fromkeys([*kept.values(), *ranked[:POOL]])
+        self.pools[level] = {bits: pool[bits] for bits in chosen}
+
+    def _below_cells(self, level: int) -> int:
+        """The cells of a layer that have one above them; all of the highest layer."""
+        layer = self.layers[level]
+        if level + 1 == len(self.layers):
+            return layer.whole
+        above = {tuple(cell) for cell in self.layers[level + 1].cells.tolist()}
+        return layer.set_of([k for k, c in enumerate(layer.cells.tolist()) if tuple(c) in above])
+
+    def _above(self, level: int, bits: set[int]) -> list[int]:
+        if level + 1 == len(self.layers):
+            return []
+        return sorted(bit for bit, low in self._under(level + 1).items() if low in bits)
+
+    def _under(self, level: int) -> dict[int, int]:
+        """Of each bit of a layer the bit under it, −1 where there is no cell."""
+        layer, low = self.layers[level], self.layers[level - 1]
+        known = {tuple(cell): bit for cell, bit in zip(low.cells.tolist(), low.bits, strict=True)}
+        pairs = zip(layer.cells.tolist(), layer.bits, strict=True)
+        return {bit: known.get(tuple(cell), -1) for cell, bit in pairs}
+
+    def _different_on_the_floor(self) -> list[Way]:
+        """Ways through the lowest layer, one of those that the shape's own symmetries map."""
+        own = [turn for turn in _symmetries(self.cells)]
+        layer = self.layers[0]
+        found: dict[bytes, Way] = {}
+        for way in sorted(self.pools[0].values(), key=lambda way: (way.cost, way.bits)):
+            path = np.column_stack(
+                [layer.cells[[layer.cell_at[bit] for bit in way.bits]], np.zeros(len(way.bits))]
+            ).astype(np.int64)
+            turned = [image.tobytes() for k, image in enumerate(images(path)) if k in own]
+            found.setdefault(min(turned), way)
+        return list(found.values())
+
+
+def _symmetries(cells: Ints) -> list[int]:
+    """Which of the eight ways about the vertical map a shape to itself."""
+    looks = [frozenset(map(tuple, image.tolist())) for image in images(cells)]
+    return [k for k, look in enumerate(looks) if look == looks[0]]
+
+
+def _cost(each: _Beginning) -> float:
+    return each.cost
+
+
+def _run(way: Ints) -> float:
+    """How far the middle of neighbouring cells moves along a way, in pitches."""
+    middles = (way[2:] + way[:-2]) / 2.0
+    return float(np.linalg.norm(np.diff(middles, axis=0), axis=1).sum())

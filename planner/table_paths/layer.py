@@ -1,0 +1,236 @@
+"""Layer: the cells of one height, and ways through all of them from one cell to another.
+
+Sets of cells are whole numbers with a bit for each cell, a row of the layer after the other with an
+empty cell between two, so that a shift moves all cells of a set at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+
+ALL_OF: Final = 16
+"""Cells of a layer up to which all ways through it are looked for."""
+FIRST_STEPS: Final = 40
+"""Steps for each cell after which a random try is given up."""
+
+
+@dataclass(slots=True)
+class Work:
+    """Steps of a search that are left; a step is a cell that a way is tried to go on to."""
+
+    left: int
+
+    def spent(self) -> bool:
+        """Takes one step, and tells whether none was left."""
+        self.left -= 1
+        return self.left < 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Layer:
+    """Cells of one height.
+
+    Attributes:
+        cells: (m, 2) their x and y.
+        index: Of each of them among the cells of the shape.
+    """
+
+    cells: Ints
+    index: Ints
+
+    @cached_property
+    def width(self) -> int:
+        """Bits from one row to the next."""
+        return int(np.ptp(self.cells[:, 1])) + 2
+
+    @cached_property
+    def bits(self) -> list[int]:
+        """(m,) place of each cell's bit."""
+        offset = self.cells - self.cells.min(axis=0)
+        return [int(bit) for bit in offset[:, 0] * self.width + offset[:, 1] + self.width]
+
+    @cached_property
+    def cell_at(self) -> dict[int, int]:
+        """The cell of each bit."""
+        return {bit: k for k, bit in enumerate(self.bits)}
+
+    @cached_property
+    def whole(self) -> int:
+        """The set of all cells."""
+        return self.set_of(range(len(self.cells)))
+
+    @cached_property
+    def steps(self) -> tuple[int, int, int, int]:
+        """How far a bit moves along +x, −x, +y and −y; step k and k ^ 1 are opposite."""
+        return self.width, -self.width, 1, -1
+
+    @cached_property
+    def dark(self) -> int:
+        """The set of cells of one chessboard colour."""
+        return self.set_of(np.flatnonzero(self.cells.sum(axis=1) & 1).tolist())
+
+    @cached_property
+    def rays(self) -> dict[int, tuple[int, ...]]:
+        """Of each bit the cells of the layer beyond it along each step."""
+        return {bit: tuple(self._ray(bit, step) for step in range(4)) for bit in self.bits}
+
+    def set_of(self, cells: range | list[int]) -> int:
+        """The set of some cells."""
+        found = 0
+        for k in cells:
+            found |= 1 << self.bits[k]
+        return found
+
+    def in_one_piece(self, cells: int) -> bool:
+        """Whether a set of cells hangs together."""
+        width, reached = self.width, cells & -cells
+        while True:
+            grown = reached | reached << 1 | reached >> 1 | reached << width | reached >> width
+            grown &= cells
+            if grown == reached:
+                return reached == cells
+            reached = grown
+
+    def _ray(self, bit: int, step: int) -> int:
+        x, y = self.cells[self.cell_at[bit]]
+        across, along = (1, 0) if step < 2 else (0, 1)
+        sign = 1 if step % 2 == 0 else -1
+        same = self.cells[:, across] == (x, y)[across]
+        beyond = sign * (self.cells[:, along] - (x, y)[along]) > 0
+        return self.set_of(np.flatnonzero(same & beyond).tolist())
+
+
+def ways(
+    layer: Layer, starts: list[int], ends: int, rng: np.random.Generator, *, most: int, work: Work
+) -> Iterator[tuple[int, ...]]:
+    """Ways through all cells of a layer, as the bits of the cells in their order.
+
+    A small layer's are all found, unless the work ends before; of a larger one's some at random,
+    which turn as rarely as they happen to.
+
+    Args:
+        layer: The layer.
+        starts: Bits that a way may begin with.
+        ends: The set of cells that it may end with.
+        rng: Of all choices.
+        most: How many at most.
+        work: What may be spent.
+    """
+    starts = [start for start in starts if _ends_of(layer, start, ends)]
+    if not starts or not layer.in_one_piece(layer.whole):
+        return
+    found: set[tuple[int, ...]] = set()
+    if len(layer.cells) <= ALL_OF:
+        order = [int(k) for k in rng.permutation(len(starts))]
+        for k in order:
+            for way in _from(layer, starts[k], ends, None, work):
+                if way not in found:
+                    found.add(way)
+                    yield way
+        return
+    for attempt in range(4 * most):
+        if len(found) >= most or work.left < 0:
+            return
+        start = starts[
+            attempt % len(starts) if attempt < len(starts) else rng.integers(len(starts))
+        ]
+        own = Work(min(FIRST_STEPS * len(layer.cells), work.left))
+        before = own.left
+        for way in _from(layer, start, ends, rng, own):
+            if way not in found:
+                found.add(way)
+                yield way
+            break
+        work.left -= before - own.left
+
+
+def _ends_of(layer: Layer, start: int, ends: int) -> int:
+    """The cells that a way from a cell can end with, as far as colours tell."""
+    count, dark = len(layer.cells), layer.dark.bit_count()
+    begins_dark = bool(layer.dark >> start & 1)
+    first = (count + 1) // 2
+    if (dark if begins_dark else count - dark) != first:
+        return 0
+    ends_dark = begins_dark if count % 2 else not begins_dark
+    ends &= layer.dark if ends_dark else layer.whole & ~layer.dark
+    return ends if count == 1 else ends & ~(1 << start)
+
+
+def _from(
+    layer: Layer, start: int, ends: int, rng: np.random.Generator | None, work: Work
+) -> Iterator[tuple[int, ...]]:
+    """Ways from one cell, depth first; with a generator in the order that it likes."""
+    ends = _ends_of(layer, start, ends)
+    free = layer.whole & ~(1 << start)
+    if not free:
+        yield (start,)
+        return
+    style = 0 if rng is None else int(rng.integers(3))
+    liked = [0, 1, 2, 3] if rng is None else [int(k) for k in rng.permutation(4)]
+    way = [start]
+    stack = [_choices(layer, start, free, liked, style, rng)]
+    while stack:
+        if not stack[-1]:
+            stack.pop()
+            free |= 1 << way.pop()
+            continue
+        head = stack[-1].pop()
+        if work.spent():
+            return
+        left = free & ~(1 << head)
+        if not left:
+            if ends >> head & 1:
+                yield (*way, head)
+            continue
+        if not _may_go_on(layer, head, left, ends):
+            continue
+        free = left
+        way.append(head)
+        stack.append(_choices(layer, head, free, liked, style, rng))
+
+
+def _choices(
+    layer: Layer,
+    head: int,
+    free: int,
+    liked: list[int],
+    style: int,
+    rng: np.random.Generator | None,
+) -> list[int]:
+    """Free cells beside one, the one to be tried first last.
+
+    Styles: the liked steps first, which makes snakes; cells with the fewest free neighbours first,
+    which follows the rim; any.
+    """
+    found = [head + layer.steps[k] for k in liked]
+    found = [bit for bit in found if free >> bit & 1]
+    if style == 1:
+        found.sort(key=lambda bit: sum(free >> (bit + step) & 1 for step in layer.steps))
+    elif style == 2 and rng is not None:
+        found = [found[int(k)] for k in rng.permutation(len(found))]
+    return found[::-1]
+
+
+def _may_go_on(layer: Layer, head: int, left: int, ends: int) -> bool:
+    """Whether no dead end or cut forbids a way through the cells left from a cell beside them."""
+    if not left & ends:
+        return False
+    width, around = layer.width, left | 1 << head
+    a, b, c, d = around << 1, around >> 1, around << width, around >> width
+    one = (a | b | c | d) & left
+    if one != left:
+        return False
+    two = (a & b | c & d | (a | b) & (c | d)) & left
+    single = left & ~two
+    if single & (single - 1) or (single and not single & ends):
+        return False
+    near = 1 << (head + 1) | 1 << (head - 1) | 1 << (head + width) | 1 << (head - width)
+    return bool(near & left) and layer.in_one_piece(left)

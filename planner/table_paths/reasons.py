@@ -1,0 +1,171 @@
+"""Reasons: why a shape has no path for a table on one of its sides, told before anything is run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.pathfinding import Cell
+from planner.pathfinding.lattice import parts
+from planner.pathfinding.obstacles import obstacles, tuples
+from planner.table_paths.resting import SAFE, Side, stands
+from planner.table_paths.rules import FALLS, faults_of
+from planner.table_paths.solver import climbed
+
+Ints = NDArray[np.int64]
+Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
+
+TELLING: Final[tuple[Code, ...]] = (
+    "hairpins-only",
+    "overhang",
+    "parts",
+    "no-path",
+    "not-stable",
+)
+"""Codes, the one that is told first when the sides differ."""
+SEEDS: Final = 2
+"""Times that paths that go down are looked for on a side."""
+REMEDY: Final = "Fill what is missing, fold a part of it, or fold it floating."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoPath:
+    """Why a shape has no path on one side.
+
+    Attributes:
+        down: The side, as ``TablePath.down`` has it.
+        code: ``overhang``: cells that nothing bears join what stands apart; ``parts``: a layer falls
+            into parts, which a path that never goes down cannot all visit; ``hairpins-only``: all
+            paths turn back above themselves; ``not-stable``: it tips over; ``no-path``.
+        detail: Got, expected, remedy.
+        cells: The cells that it is about, as the shape lies on that side.
+        may_fall: Whether a path that goes down could still be one.
+    """
+
+    down: str
+    code: Code
+    detail: str
+    cells: tuple[Cell, ...] = ()
+    may_fall: bool = False
+
+
+def ruled_out(side: Side) -> NoPath | None:
+    """Why no path can be there, by tests in linear time; None when they find nothing."""
+    cells = side.cells
+    problems = obstacles(cells)
+    if problems:
+        problem = problems[0]
+        return _no_path(side, "no-path", f"{problem.detail} {REMEDY}", problem.cells)
+    floor = cells[cells[:, 2] == 0]
+    if len(floor) == 1:
+        detail = (
+            "got one cell on the floor, expected two or more: the first link has to lie flat. "
+            "Lay the shape on another side."
+        )
+        return _no_path(side, "no-path", detail, tuples(floor))
+    margin = stands(cells)
+    if margin < SAFE:
+        return _no_path(side, "not-stable", _tips(margin, "the shape"), tuples(floor))
+    for height in range(int(cells[:, 2].max()) + 1):
+        layer = cells[cells[:, 2] == height]
+        reason = _of_layer(side, layer, height)
+        if reason is not None:
+            return reason
+        margin = stands(cells[cells[:, 2] <= height])
+        if margin < SAFE:
+            what = f"what is built up to layer {height}"
+            return _no_path(side, "not-stable", _tips(margin, what), tuples(layer))
+    return None
+
+
+def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
+    """A path for a side where trying found none, as indices of its cells; or why there is none."""
+    found = climbed(side.cells, seed=seed)
+    if found.order is not None:
+        faults = faults_of(side.cells[found.order])
+        if not faults:
+            return found.order, None
+        detail = f"no path was found that stands all the time: {faults[0].detail} {REMEDY}"
+        return None, _no_path(side, "not-stable", detail, faults[0].cells)
+    if found.status == "undecided":
+        detail = f"no path from the floor up was found, and none ruled out. {REMEDY}"
+        return None, _no_path(side, "no-path", detail, may_fall=True)
+    free = climbed(side.cells, seed=seed, hairpins_allowed=True)
+    if free.status == "found":
+        detail = (
+            "every path from the floor up turns back above itself somewhere, which leaves a joint "
+            f"on the wrong branch; expected one that does not. {REMEDY}"
+        )
+        return None, _no_path(side, "hairpins-only", detail, may_fall=True)
+    detail = f"the solver {'proved' if free.status == 'infeasible' else 'found'} no path from the "
+    return None, _no_path(side, "no-path", f"{detail}floor up. {REMEDY}", may_fall=True)
+
+
+def falling(side: Side, seed: int) -> tuple[Ints, ...]:
+    """Paths that go down where they have to and keep all other rules, as indices of the cells."""
+    found: list[Ints] = []
+    for k in range(SEEDS):
+        order = climbed(side.cells, seed=seed * SEEDS + k, downs=True).order
+        if order is None:
+            break
+        if not faults_of(side.cells[order], rule=FALLS):
+            found.append(order)
+    return tuple(found)
+
+
+def most_telling(reasons: tuple[NoPath, ...]) -> NoPath:
+    """The reason to be told when no side has a path: of the side that comes closest to one."""
+    return min(reasons, key=lambda reason: TELLING.index(reason.code))
+
+
+def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
+    count, _ = parts(layer)
+    if count == 1:
+        problems = obstacles(layer) if len(layer) > 2 else ()
+        if not problems:
+            return None
+        detail = f"layer {height}: {problems[0].detail} {REMEDY}"
+        return _no_path(side, "no-path", detail, problems[0].cells, may_fall=True)
+    cells = side.cells
+    joined, _ = parts(cells[cells[:, 2] <= height])
+    if joined > 1:
+        hanging = borne_by_nothing(cells)
+        detail = (
+            f"{len(hanging)} cells have nothing under them and hold together what stands in "
+            f"{joined} parts up to layer {height}; a chain that never goes down cannot fold them. "
+            f"{REMEDY}"
+        )
+        return _no_path(side, "overhang", detail, tuples(hanging), may_fall=True)
+    detail = (
+        f"layer {height} falls into {count} parts; expected one, since a path that never goes down "
+        f"visits a layer in one go. {REMEDY}"
+    )
+    return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
+
+
+def borne_by_nothing(cells: Ints) -> Ints:
+    """(k, 3) the cells above the floor with no cell under them."""
+    known = {tuple(cell) for cell in cells.tolist()}
+    hanging = [z > 0 and (x, y, z - 1) not in known for x, y, z in cells.tolist()]
+    return cells[np.array(hanging, dtype=np.bool_)]
+
+
+def _tips(margin: float, what: str) -> str:
+    return (
+        f"{what} tips over: its centre of mass is {-margin:.2g} of a pitch outside the hull of the "
+        f"floor cells, expected {SAFE:g} within. Lay it on another side, or give it a wider foot."
+        if margin < 0
+        else f"{what} hardly stands: its centre of mass is {margin:.2g} of a pitch within the hull "
+        f"of the floor cells, expected {SAFE:g}. Lay it on another side."
+    )
+
+
+def _no_path(
+    side: Side, code: Code, detail: str, cells: tuple[Cell, ...] = (), *, may_fall: bool = False
+) -> NoPath:
+    where = "as it stands" if side.down == "-z" else f"with its {side.down} side down"
+    text = f"{where}: {detail}"
+    return NoPath(down=side.down, code=code, detail=text, cells=cells, may_fall=may_fall)

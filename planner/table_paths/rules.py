@@ -1,0 +1,157 @@
+"""Rules of a path for a table, and which of them a path breaks.
+
+A path that never goes down visits layer after layer: no cell comes later than one above it, and so
+no module has to find its way under one that stands already. The converse holds too, as every link
+down puts a cell under an earlier one. So there are two rules to choose from, not three: ``layers``
+allows no link down; ``falls`` allows some, where the cell that comes under others can still be
+reached from a side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from planner.chain.path import Path
+from planner.pathfinding import Cell
+from planner.table_paths.resting import SAFE, prefix_margins
+
+Ints = NDArray[np.int64]
+
+LAYERS: Final = "layers"
+FALLS: Final = "falls"
+Rule = Literal["layers", "falls"]
+FLAT_STEPS: Final = ((1, 0), (-1, 0), (0, 1), (0, -1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """A rule that a path breaks.
+
+    Attributes:
+        code: ``first-link``, ``goes-down``, ``hairpin``, ``not-stable`` or ``boxed-in``.
+        detail: One plain sentence: got, expected.
+        at: Index along the path of the first cell that it is about.
+        cells: The cells that it is about.
+    """
+
+    code: str
+    detail: str
+    at: int
+    cells: tuple[Cell, ...]
+
+
+def faults_of(cells: ArrayLike, *, rule: Rule = "layers") -> tuple[Fault, ...]:
+    """The rules that a path breaks, in their order along it; empty for a path for a table.
+
+    Args:
+        cells: (n, 3) cells in the order of the path, as they lie: the lowest are on the floor.
+        rule: ``layers`` for a path that never goes down, ``falls`` for one that may.
+
+    Raises:
+        InputError: When it is no path: ``not-adjacent``, ``repeated-cell``, ``too-few-cells``.
+    """
+    order = Path.from_cells(cells).cells
+    order = order - np.array([0, 0, order[:, 2].min()])
+    found = [*_of_the_start(order), *_downs(order, rule), *_hairpins(order), *_unstable(order)]
+    return tuple(sorted(found, key=lambda fault: (fault.at, fault.code)))
+
+
+def hairpins(order: Ints) -> list[tuple[int, int]]:
+    """First and last index of each run of vertical links that is left against its approach.
+
+    Links a run lies between are compared; one at an end of the path is no hairpin.
+    """
+    links = np.diff(order, axis=0)
+    flat = np.flatnonzero(links[:, 2] == 0)
+    return [
+        (a + 1, b)
+        for a, b in zip(flat.tolist(), flat[1:].tolist(), strict=False)
+        if b > a + 1 and (links[a] == -links[b]).all()
+    ]
+
+
+def boxed_in(order: Ints) -> list[int]:
+    """Cells that come under an earlier one and then have no free horizontal line outwards."""
+    found: list[int] = []
+    for k in range(1, len(order)):
+        before = order[:k]
+        x, y, z = order[k]
+        above = (before[:, 0] == x) & (before[:, 1] == y) & (before[:, 2] > z)
+        if above.any():
+            level = before[before[:, 2] == z]
+            if not any(_line_free(level, order[k], step) for step in FLAT_STEPS):
+                found.append(k)
+    return found
+
+
+def _line_free(level: Ints, cell: Ints, step: tuple[int, int]) -> bool:
+    offset = level[:, :2] - cell[:2]
+    along = offset @ np.array(step)
+    across = offset @ np.array((step[1], step[0]))
+    return not bool(((along > 0) & (across == 0)).any())
+
+
+def _of_the_start(order: Ints) -> list[Fault]:
+    if order[0, 2] == 0 and order[1, 2] == 0:
+        return []
+    detail = (
+        "the first link does not lie on the floor; a path for a table begins with one that does."
+    )
+    return [Fault(code="first-link", detail=detail, at=0, cells=_named(order[:2]))]
+
+
+def _downs(order: Ints, rule: Rule) -> list[Fault]:
+    if rule == FALLS:
+        return [
+            Fault(
+                code="boxed-in",
+                detail=f"cell {k} comes under an earlier one with cells on all sides of it; "
+                "a module reaches it neither from above nor from a side.",
+                at=k,
+                cells=_named(order[k : k + 1]),
+            )
+            for k in boxed_in(order)
+        ]
+    return [
+        Fault(
+            code="goes-down",
+            detail=f"the link from cell {k} to cell {k + 1} goes down; expected layer after layer "
+            "from the floor up.",
+            at=k,
+            cells=_named(order[k : k + 2]),
+        )
+        for k in np.flatnonzero(np.diff(order[:, 2]) < 0).tolist()
+    ]
+
+
+def _hairpins(order: Ints) -> list[Fault]:
+    return [
+        Fault(
+            code="hairpin",
+            detail=f"the path turns back above itself at cells {a} to {b}; the links before and "
+            "after vertical ones may not be opposite.",
+            at=a,
+            cells=_named(order[a : b + 1]),
+        )
+        for a, b in hairpins(order)
+    ]
+
+
+def _unstable(order: Ints) -> list[Fault]:
+    bad = np.flatnonzero(prefix_margins(order) < SAFE).tolist()
+    if not bad:
+        return []
+    k = bad[0]
+    detail = (
+        f"the first {k + 1} cells tip over: expected their centre of mass {SAFE:g} of a pitch "
+        f"within the hull of their floor cells; so do {len(bad)} beginnings of the path in all."
+    )
+    return [Fault(code="not-stable", detail=detail, at=k, cells=_named(order[k : k + 1]))]
+
+
+def _named(cells: Ints) -> tuple[Cell, ...]:
+    return tuple((int(x), int(y), int(z)) for x, y, z in cells)

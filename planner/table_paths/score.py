@@ -1,0 +1,147 @@
+"""Score: how easily a path for a table is expected to fold; the lower, the easier.
+
+The fold is the explosion backwards: the path's last cell is let go first, and the tail leaves along
+the floor. All parts are averages along the path, so that paths of different lengths compare. The
+score is their sum with the weights below, which wait for being tuned against explosions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.table_paths.resting import prefix_margins
+from planner.table_paths.rules import FLAT_STEPS
+
+Ints = NDArray[np.int64]
+
+UNIT: Final = 4
+"""Cells of which the middle is followed to tell how far the front moves."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """What a score is made of; and, as weights, how much each counts.
+
+    Attributes:
+        fall: Mean height of the cells, in pitches: what comes down from there needs torque.
+        downs: Links down for each cell.
+        bends: Share of the joints that are not straight.
+        enclosed: Share of the cells that, when they are let go, have no horizontal line free of
+            earlier cells in their layer: their module passes over the core.
+        covered: Share of the cells with an earlier cell above them.
+        end: Share of the last four cells that are enclosed: the tail's end should lie at the rim.
+        swing: Quarter turns that the way outwards makes from cell to cell, for each cell.
+        front: How far the middle of four cells moves sideways from cell to cell, in pitches.
+        overhang: Cells with nothing under them: how far they are from one with something under it,
+            in pitches, for each cell of the path.
+        tipping: 1 less the smallest distance, in pitches, that the centre of mass of a beginning
+            of the path keeps from the rim of its floor hull; 0 where it keeps more than 1.
+    """
+
+    fall: float = 0.0
+    downs: float = 0.0
+    bends: float = 0.0
+    enclosed: float = 0.0
+    covered: float = 0.0
+    end: float = 0.0
+    swing: float = 0.0
+    front: float = 0.0
+    overhang: float = 0.0
+    tipping: float = 0.0
+
+    def times(self, weights: Parts) -> float:
+        """The sum of the parts by weight."""
+        return sum(getattr(self, f.name) * getattr(weights, f.name) for f in fields(self))
+
+
+WEIGHTS: Final = Parts(
+    fall=1.0,
+    downs=4.0,
+    bends=0.5,
+    enclosed=2.0,
+    covered=4.0,
+    end=0.5,
+    swing=1.0,
+    front=0.5,
+    overhang=2.0,
+    tipping=0.5,
+)
+"""Weights of the parts."""
+
+
+def parts_of(order: Ints) -> Parts:
+    """The parts of the score of a path.
+
+    Args:
+        order: (n, 3) cells in the order of the path, those on the floor at z = 0.
+    """
+    count = len(order)
+    links = np.diff(order, axis=0)
+    bends = (links[1:] != links[:-1]).any(axis=1)
+    free, covered = _ways_out(order)
+    enclosed = ~free.any(axis=1)
+    return Parts(
+        fall=float(order[:, 2].mean()),
+        downs=float((links[:, 2] < 0).sum()) / count,
+        bends=float(bends.mean()),
+        enclosed=float(enclosed.mean()),
+        covered=float(covered.mean()),
+        end=float(enclosed[-UNIT:].mean()),
+        swing=_swing(free) / count,
+        front=_front(order),
+        overhang=float(levers(order).sum()) / count,
+        tipping=max(0.0, 1.0 - float(prefix_margins(order).min())),
+    )
+
+
+def levers(cells: Ints) -> Ints:
+    """(n,) of cells with nothing under them the distance to a cell of their layer that has; else 0.
+
+    Distances are in steps along x and y; in a layer with nothing under it its number of cells.
+    """
+    known = {tuple(cell) for cell in cells.tolist()}
+    borne = np.array([z == 0 or (x, y, z - 1) in known for x, y, z in cells.tolist()])
+    found = np.zeros(len(cells), dtype=np.int64)
+    for k in np.flatnonzero(~borne).tolist():
+        level = cells[:, 2] == cells[k, 2]
+        bearing = cells[level & borne]
+        apart = np.abs(bearing[:, :2] - cells[k, :2]).sum(axis=1)
+        found[k] = apart.min() if len(apart) else level.sum()
+    return found
+
+
+def _ways_out(order: Ints) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(n, 4) the steps along which no earlier cell lies, (n,) whether one lies above."""
+    offset = order[:, None] - order[None]  # [earlier, cell] after the mask below
+    earlier = np.tri(len(order), k=-1, dtype=np.bool_).T
+    level = earlier & (offset[:, :, 2] == 0)
+    free = np.empty((len(order), 4), dtype=np.bool_)
+    for k, (x, y) in enumerate(FLAT_STEPS):
+        along = offset[:, :, 0] * x + offset[:, :, 1] * y
+        across = offset[:, :, 0] * y + offset[:, :, 1] * x
+        free[:, k] = ~(level & (along > 0) & (across == 0)).any(axis=0)
+    same = (offset[:, :, :2] == 0).all(axis=2)
+    covered = (earlier & same & (offset[:, :, 2] > 0)).any(axis=0)
+    return free, covered
+
+
+def _swing(free: NDArray[np.bool_]) -> float:
+    """The fewest quarter turns of the way out from cell to cell; enclosed cells keep any."""
+    turns = np.array([[0, 2, 1, 1], [2, 0, 1, 1], [1, 1, 0, 2], [1, 1, 2, 0]], dtype=np.float64)
+    cost = np.zeros(4)
+    for row in free[::-1]:
+        cost = (cost[:, None] + turns).min(axis=0)
+        if row.any():
+            cost = np.where(row, cost, np.inf)
+    return float(cost.min())
+
+
+def _front(order: Ints) -> float:
+    unit = min(UNIT, len(order) - 1)
+    sums = np.cumsum(np.vstack([np.zeros((1, 2)), order[:, :2]]), axis=0)
+    middles = (sums[unit:] - sums[:-unit]) / unit
+    return float(np.linalg.norm(np.diff(middles, axis=0), axis=1).mean())
