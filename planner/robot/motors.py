@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import InputError
+from planner.robot import STANDARD_GRAVITY_M_S2
 from planner.robot.trajectory import Trajectory
 from planner.simulation.model import Material
 from planner.simulation.tree import Tree
 
 Array = NDArray[np.float64]
-STANDARD_GRAVITY_M_S2: Final = 9.81
 MOST_STRETCHES: Final = 4
 """Stretches between two frames at which torques are worked out."""
 LARGEST_WORK: Final = 1_000_000

@@ -1,10 +1,10 @@
-"""Inputs of commands: files or examples, directories for results, and refusals."""
+"""Inputs of commands: files, examples and plans, directories for results, and refusals."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import typer
 from rich.console import Console
@@ -14,6 +14,9 @@ from planner.readers.angle_strings import HEADING
 from planner.readers.limits import megabytes
 from planner.readers.text import REMEDY
 from server.store.gallery import Gallery
+
+if TYPE_CHECKING:
+    from planner.plan.plan import Plan
 
 TYPED_REMEDY = "if these are voxels in no order, use --as-voxels"
 LARGEST_FILE = 64 * 2**20
@@ -49,6 +52,24 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
             f"{Gallery().nearest(shape)}.",
             where=shape,
         ) from error
+
+
+def read_plan(directory: Path) -> Plan:
+    """The plan in a fold's directory.
+
+    Raises:
+        InputError: Where there is none, or it cannot be read.
+    """
+    from planner.plan.plan import Plan  # brings the whole planner
+
+    path = directory / "plan.npz"
+    if not path.is_file():
+        raise InputError(
+            "no-plan",
+            "There is no plan.npz; expected a folder that `foldback fold` wrote.",
+            where=str(directory),
+        )
+    return Plan.load(path)
 
 
 def make_directory(out: Path) -> None:

@@ -18,11 +18,12 @@ from planner.errors import InputError
 from planner.exports.trajectory import export
 from planner.files import write_whole
 from planner.plan.plan import Plan
-from planner.robot.motors import STANDARD_GRAVITY_M_S2, Build, MotorTable, motor_table
+from planner.robot import STANDARD_GRAVITY_M_S2
+from planner.robot.motors import Build, MotorTable, motor_table
 from planner.robot.retiming import clearance
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import Trajectory
-from server.cli.inputs import refuse
+from server.cli.inputs import read_plan, refuse
 from server.cli.options import AsJson, FoldDirectory
 from server.pages import certificate_words
 
@@ -65,7 +66,7 @@ def retime(
         form = _form(out)
         if module_mass is None and (motor_torque is not None or table is not None):
             raise InputError("no-mass", "torques need the mass of a module: --module-mass KG.")
-        plan = _plan(directory)
+        plan = read_plan(directory)
         trajectory = retime_plan(plan, max_speed, max_acceleration)
         size = plan.certificate.module_size
         clear = clearance(trajectory, plan.chain, size=size) if check else None
@@ -116,17 +117,6 @@ def _form(out: Path) -> Any:
             "unknown-form", f"got {out.name!r}, expected a name that ends in .csv or .json."
         )
     return form
-
-
-def _plan(directory: Path) -> Plan:
-    path = directory / "plan.npz"
-    if not path.is_file():
-        raise InputError(
-            "no-plan",
-            "There is no plan.npz; expected a folder that `foldback fold` wrote.",
-            where=str(directory),
-        )
-    return Plan.load(path)
 
 
 def _write(path: Path, parts: Iterable[bytes]) -> None:

@@ -1,0 +1,85 @@
+"""Servos: each figure is possible, says where it is from, and is as the makers' documents say."""
+
+from __future__ import annotations
+
+from math import inf, pi
+from urllib.parse import urlsplit
+
+import pytest
+
+from docs.make_servos import PAGE, with_table
+from planner.errors import InputError
+from planner.robot.servos import KGF_CM_NM, Servo, servo_named, servos
+from planner.robot.sizing import SHARE
+
+ALL = pytest.mark.parametrize("servo", servos(), ids=lambda servo: servo.name)
+
+
+def test_there_are_thirty_and_no_name_twice() -> None:
+    assert len(servos()) >= 30
+    assert len({servo.name.lower() for servo in servos()}) == len(servos())
+    assert len({servo.maker for servo in servos()}) >= 5
+    masses = [servo.mass_kg for servo in servos()]
+    assert masses == sorted(masses)
+
+
+@ALL
+def test_each_is_possible(servo: Servo) -> None:
+    a, b, c = servo.size_m
+    assert 0.005 < a <= b <= c < 0.1
+    assert 600.0 < servo.mass_kg / (a * b * c) < 3500.0
+    shafts_kg = servo.mass_kg / servo.axes
+    assert 5.0 < servo.stall_nm / shafts_kg < 80.0
+    # Along the straight line from stall to no load the power is largest in its middle.
+    assert 5.0 < servo.stall_nm * servo.no_load_rad_s / 4.0 / shafts_kg < 250.0
+    assert 2.0 < servo.no_load_rad_s < 50.0
+    assert 3.0 < servo.volts <= 24.0
+    assert servo.range_deg is None or 90.0 <= servo.range_deg <= 360.0
+    assert servo.axes in (1, 2)
+
+
+@ALL
+def test_each_says_where_its_figures_are_from(servo: Servo) -> None:
+    assert len(servo.title) > 10
+    assert len(servo.checked) > 20
+    address = urlsplit(servo.url)
+    assert address.scheme == "https" and "." in address.netloc and len(address.path) > 1
+
+
+def test_figures_stand_in_the_file_as_in_the_documents_and_come_out_in_si() -> None:
+    robotis = servo_named("xl330-m288-T")
+    assert robotis.stall_nm == 0.52
+    assert robotis.no_load_rad_s == pytest.approx(103.0 * 2.0 * pi / 60.0)
+    assert robotis.size_m == pytest.approx((0.020, 0.026, 0.034))
+    assert robotis.mass_kg == pytest.approx(0.018)
+    feetech = servo_named("STS3215-C018")
+    assert feetech.stall_nm == pytest.approx(2.942, abs=1e-3)
+    assert feetech.no_load_rad_s == pytest.approx(4.717, abs=1e-3)
+    assert feetech.rated_nm == pytest.approx(10.0 * KGF_CM_NM)
+    assert servo_named("2XL430-W250-T").axes == 2
+
+
+def test_what_is_asked_for_long_is_what_makers_rate_theirs_at() -> None:
+    shares = [servo.rated_nm / servo.stall_nm for servo in servos() if servo.rated_nm is not None]
+    assert len(shares) >= 4
+    assert min(shares) > 0.9 * SHARE
+    assert max(shares) < 1.01 * SHARE
+
+
+def test_speed_falls_along_a_straight_line_to_stall() -> None:
+    servo = servo_named("XM430-W350-T")
+    speeds = [servo.speed_rad_s(share * servo.stall_nm) for share in (0.0, 0.25, 0.5, 1.0, 2.0)]
+    assert speeds == pytest.approx([servo.no_load_rad_s * k for k in (1.0, 0.75, 0.5, 0.0, 0.0)])
+    assert servo.shortest_time_s(3.0, 0.5 * servo.stall_nm) == pytest.approx(6.0 / speeds[0])
+    assert servo.shortest_time_s(3.0, servo.stall_nm) == inf
+
+
+def test_a_name_that_nobody_has_is_told_with_those_like_it() -> None:
+    with pytest.raises(InputError, match="MX-28AT") as refused:
+        servo_named("mx28")
+    assert refused.value.code == "unknown-servo"
+
+
+def test_the_table_of_the_page_is_that_of_the_file() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert with_table(page) == page, "run `python -m docs.make_servos`"

@@ -1,0 +1,101 @@
+"""``foldback servos``: a table, the same as JSON, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from planner import Path as CellPath
+from planner import fold
+from planner.robot.servos import servos
+from planner.robot.sizing import turned_rad
+from server.cli.command_line import application
+
+WANTED = ("--torque", "4", "--pitch-mm", "40")
+
+
+def ask(*arguments: str) -> Result:
+    return CliRunner().invoke(application(), ["servos", *arguments], prog_name="foldback")
+
+
+def told(*arguments: str) -> dict[str, Any]:
+    answer = ask(*arguments, "--json")
+    assert answer.exit_code in (0, 3), answer.output
+    return json.loads(answer.stdout.splitlines()[-1])
+
+
+def test_a_table_tells_of_every_servo_those_that_would_do_first() -> None:
+    answer = ask(*WANTED)
+    assert answer.exit_code == 0, answer.output
+    for servo in servos():
+        assert f"{servo.maker} {servo.name}" in answer.stdout
+    first, last = answer.stdout.index("STS3032"), answer.stdout.index("MX-106T")
+    assert first < last
+    assert "yes, 1.8×" in answer.stdout
+
+
+def test_the_same_as_json() -> None:
+    report = told(*WANTED, "--material", "pla-box")
+    assert len(report["servos"]) == len(servos())
+    row = next(row for row in report["servos"] if row["servo"] == "STS3032")
+    # Walls of 11.3 g and two servos of 20 g; 4.5 kgf·cm, a third of it for long.
+    assert row["module_kg"] == pytest.approx(0.0513, abs=1e-4)
+    assert row["need_nm"] == pytest.approx(4 * 0.0513 * 9.81 * 0.04, rel=1e-3)
+    assert row["gives_nm"] == pytest.approx(0.1471, abs=1e-4)
+    assert row["most_wp"] == pytest.approx(4 * row["margin"])
+    assert row["pitch_m"][0] == pytest.approx(0.034)
+    assert row["url"].startswith("https://www.feetechrc.com/")
+
+
+def test_shapes_are_told_with_those_that_fold_them() -> None:
+    shapes = ("--shape", "3x3x3=3.6", "--shape", "a=b=3160")
+    report = told(*WANTED, *shapes)
+    assert report["shapes"]["a=b"] == []
+    assert report["shapes"]["3x3x3"][:2] == ["X08 V6.0", "X08H Plus V6.0"]
+    assert "SG90" not in report["shapes"]["3x3x3"]  # turns by 150° only
+    assert "none" in ask(*WANTED, *shapes).stdout
+
+
+def test_it_exits_with_3_when_none_would_do() -> None:
+    assert ask("--torque", "3160", "--pitch-mm", "40").exit_code == 3
+    alone = ask(*WANTED, "--servo", "mg996r", "--mass-g", "130")
+    assert alone.exit_code == 3
+    assert "turns 120° only" in " ".join(alone.stdout.split())
+
+
+def test_a_fold_tells_how_long_it_takes_at_least(tmp_path: Path) -> None:
+    cells = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 1, 1)]
+    plan = fold(CellPath.from_cells(cells, name="hook", pitch_m=0.02))
+    plan.save_npz(tmp_path / "plan.npz")
+    arguments = (*WANTED, "--servo", "STS3032", "--plan", str(tmp_path))
+    row = told(*arguments)["servos"][0]
+    speed = (1.0 - row["need_nm"] / (3.0 * row["gives_nm"])) * 1.0472 / 0.09
+    assert row["least_s"] == pytest.approx(turned_rad(plan.joint_angles_rad) / speed, rel=1e-3)
+    assert "Folds" in ask(*arguments).stdout
+    assert "Folds" not in ask(*WANTED).stdout
+    missing = ask(*WANTED, "--plan", str(tmp_path / "not"))
+    assert missing.exit_code == 2
+    assert "plan.npz" in missing.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--material", "wood"), "aluminium"),
+        (("--servo", "mx28"), "MX-28AT"),
+        (("--shape", "3x3x3"), "NAME=TORQUE"),
+        (("--shape", "=3"), "NAME=TORQUE"),
+        (("--shape", "a=-3"), "torque"),
+        (("--share", "2"), "share"),
+        (("--mass-g", "0"), "module"),
+        (("--pitch-mm", "0"), "pitch"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(arguments: tuple[str, ...], said: str) -> None:
+    answer = ask(*WANTED, *arguments)
+    assert answer.exit_code == 2
+    assert said in answer.stderr
