@@ -21,7 +21,7 @@ Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
 
 TELLING: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
 """What is told first when the sides differ; the others count 1, and of equals the first side."""
-FALLING_EFFORT: Final = 2.0
+FALLING_EFFORT: Final = 1.5
 """Deterministic time of the solver for paths that go down, for all sides of a shape together."""
 REMEDY: Final = "Fill what is missing, fold a part of it, or fold it floating."
 
@@ -114,7 +114,9 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
     elif found.status == "infeasible":
         free = climbed(side.cells, seed=seed, downs=True, hairpins_allowed=True, effort=effort)
         if free.status == "found":
-            return None, _hairpins_only(side, "every path, also one that goes down,")
+            return None, _hairpins_only(
+                side, "every path that begins flat on the floor, also one that goes down,"
+            )
     return None, None
 
 

@@ -84,7 +84,7 @@ def parts_of(order: Ints) -> Parts:
     links = np.diff(order, axis=0)
     bends = np.diff(links, axis=0).any(axis=1)
     free, covered = _ways_out(order)
-    enclosed = ~free.any(axis=1)
+    enclosed = np.asarray(~free.any(axis=1))
     return Parts(
         fall=float(order[:, 2].mean()),
         downs=float((links[:, 2] < 0).sum()) / count,

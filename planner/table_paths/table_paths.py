@@ -130,6 +130,7 @@ def _search(
             order, reason = unsolved(side, seed)
             if order is not None:
                 climbs[side.down].add_path(order.tolist())
+                found.append(_path(side, order, LAYERS, weights))
                 found += _made(climbs[side.down], side, most, weights)
             if reason is not None:
                 reasons[side.down] = reason
@@ -166,7 +167,8 @@ def _path(side: Side, order: Ints, rule: Rule, weights: Parts) -> TablePath:
 
 def _chosen(found: list[TablePath], most: int) -> tuple[TablePath, ...]:
     """The best paths; those that are almost another one, or its mirror image, come last."""
-    ranked = sorted(found, key=lambda path: (path.score, path.down, path.cells.tobytes()))
+    different = {(path.down, path.cells.tobytes()): path for path in found}.values()
+    ranked = sorted(different, key=lambda path: (path.score, path.down, path.cells.tobytes()))
     chosen: list[TablePath] = []
     looks: list[frozenset[tuple[int, ...]]] = []
     alike: list[TablePath] = []
