@@ -117,6 +117,17 @@ def test_an_overhang_that_tips_over_is_refused() -> None:
     assert error.value.code == "not-stable"
 
 
+def test_a_beam_that_stands_in_the_end_but_tips_while_it_is_built_is_refused() -> None:
+    tee = front("###########", "....###....")
+    deep = np.concatenate([tee, tee + (0, 1, 0)])
+    with pytest.raises(InputError, match=r"the first \d+ cells tip over") as error:
+        table_paths(deep, turned=False)
+    assert error.value.code == "not-stable"
+    wide = front("###########", "..#######..")
+    deep = np.concatenate([wide, wide + (0, 1, 0)])
+    check(table_paths(deep, turned=False), deep)
+
+
 def test_an_arch_has_none_as_it_stands_and_is_told_which_cells_hang() -> None:
     arch = front("####", "#..#", "#..#")
     with pytest.raises(InputError) as error:
