@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.table_paths.layer import Layer, Work, ways
+from planner.table_paths.layer import ALL_OF, Layer, Work, ways
 from planner.table_paths.resting import SAFE, images, margins_within, support
 from planner.table_paths.score import WEIGHTS, Parts
 
@@ -202,8 +202,13 @@ class Climb:
         return {bit: known.get(tuple(cell), -1) for cell, bit in pairs}
 
     def _different_on_the_floor(self) -> list[Way]:
-        """Ways through the lowest layer, one of those that the shape's own symmetries map."""
-        own = [turn for turn in _symmetries(self.cells)]
+        """Ways through the lowest layer, of those that are one but for the shape's symmetry one.
+
+        Where layers are large, what goes on from one of them need not be found for another.
+        """
+        if max(len(layer.cells) for layer in self.layers) > ALL_OF:
+            return list(self.pools[0].values())
+        own = _symmetries(self.cells)
         layer = self.layers[0]
         found: dict[bytes, Way] = {}
         for way in sorted(self.pools[0].values(), key=lambda way: (way.cost, way.bits)):

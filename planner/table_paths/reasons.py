@@ -8,6 +8,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.errors import InputError
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import parts
 from planner.pathfinding.obstacles import obstacles, tuples
@@ -18,16 +19,10 @@ from planner.table_paths.solver import climbed
 Ints = NDArray[np.int64]
 Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
 
-TELLING: Final[tuple[Code, ...]] = (
-    "hairpins-only",
-    "overhang",
-    "parts",
-    "no-path",
-    "not-stable",
-)
-"""Codes, the one that is told first when the sides differ."""
-SEEDS: Final = 2
-"""Times that paths that go down are looked for on a side."""
+TELLING: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
+"""What is told first when the sides differ; the others count 1, and of equals the first side."""
+FALLING_EFFORT: Final = 1.5
+"""Deterministic time of the solver for paths that go down, for all sides of a shape together."""
 REMEDY: Final = "Fill what is missing, fold a part of it, or fold it floating."
 
 
@@ -37,9 +32,10 @@ class NoPath:
 
     Attributes:
         down: The side, as ``TablePath.down`` has it.
-        code: ``overhang``: cells that nothing bears join what stands apart; ``parts``: a layer falls
-            into parts, which a path that never goes down cannot all visit; ``hairpins-only``: all
-            paths turn back above themselves; ``not-stable``: it tips over; ``no-path``.
+        code: ``overhang``: cells that nothing bears join what stands apart; ``parts``: a layer
+            falls into parts, which a path that never goes down cannot all visit;
+            ``hairpins-only``: all paths turn back above themselves; ``not-stable``: it tips over;
+            ``no-path``.
         detail: Got, expected, remedy.
         cells: The cells that it is about, as the shape lies on that side.
         may_fall: Whether a path that goes down could still be one.
@@ -95,30 +91,41 @@ def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
         return None, _no_path(side, "no-path", detail, may_fall=True)
     free = climbed(side.cells, seed=seed, hairpins_allowed=True)
     if free.status == "found":
-        detail = (
-            "every path from the floor up turns back above itself somewhere, which leaves a joint "
-            f"on the wrong branch; expected one that does not. {REMEDY}"
-        )
-        return None, _no_path(side, "hairpins-only", detail, may_fall=True)
+        return None, _hairpins_only(side, "every path from the floor up")
     detail = f"the solver {'proved' if free.status == 'infeasible' else 'found'} no path from the "
     return None, _no_path(side, "no-path", f"{detail}floor up. {REMEDY}", may_fall=True)
 
 
-def falling(side: Side, seed: int) -> tuple[Ints, ...]:
-    """Paths that go down where they have to and keep all other rules, as indices of the cells."""
-    found: list[Ints] = []
-    for k in range(SEEDS):
-        order = climbed(side.cells, seed=seed * SEEDS + k, downs=True).order
-        if order is None:
-            break
-        if not faults_of(side.cells[order], rule=FALLS):
-            found.append(order)
-    return tuple(found)
+def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPath | None]:
+    """A path that goes down as rarely as can be found and keeps all other rules, or why not.
+
+    Args:
+        side: The side.
+        seed: Of the solver.
+        effort: The solver's deterministic time.
+
+    Returns:
+        The path as indices of the side's cells, and a reason where more is known of it now.
+    """
+    found = climbed(side.cells, seed=seed, downs=True, effort=effort)
+    if found.order is not None:
+        if not faults_of(side.cells[found.order], rule=FALLS):
+            return found.order, None
+    elif found.status == "infeasible":
+        free = climbed(side.cells, seed=seed, downs=True, hairpins_allowed=True, effort=effort)
+        if free.status == "found":
+            return None, _hairpins_only(
+                side, "every path that begins flat on the floor, also one that goes down,"
+            )
+    return None, None
 
 
-def most_telling(reasons: tuple[NoPath, ...]) -> NoPath:
-    """The reason to be told when no side has a path: of the side that comes closest to one."""
-    return min(reasons, key=lambda reason: TELLING.index(reason.code))
+def most_telling(reasons: tuple[NoPath, ...]) -> InputError:
+    """What is told when no side has a path: of the side that comes closest to one, and the rest."""
+    told = min(reasons, key=lambda reason: TELLING.get(reason.code, 1))
+    others = [f"{reason.down} {reason.code}" for reason in reasons if reason is not told]
+    rest = f" On other sides: {', '.join(others)}." if others else ""
+    return InputError(told.code, f"got a shape without a path for a table; {told.detail}{rest}")
 
 
 def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
@@ -132,7 +139,7 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
     cells = side.cells
     joined, _ = parts(cells[cells[:, 2] <= height])
     if joined > 1:
-        hanging = borne_by_nothing(cells)
+        hanging = _borne_by_nothing(cells)
         detail = (
             f"{len(hanging)} cells have nothing under them and hold together what stands in "
             f"{joined} parts up to layer {height}; a chain that never goes down cannot fold them. "
@@ -146,7 +153,15 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
     return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
 
 
-def borne_by_nothing(cells: Ints) -> Ints:
+def _hairpins_only(side: Side, which: str) -> NoPath:
+    detail = (
+        f"{which} turns back above itself somewhere, which leaves a joint on the wrong branch; "
+        f"expected one that does not. {REMEDY}"
+    )
+    return _no_path(side, "hairpins-only", detail, may_fall=True)
+
+
+def _borne_by_nothing(cells: Ints) -> Ints:
     """(k, 3) the cells above the floor with no cell under them."""
     known = {tuple(cell) for cell in cells.tolist()}
     hanging = [z > 0 and (x, y, z - 1) not in known for x, y, z in cells.tolist()]

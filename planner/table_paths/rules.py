@@ -99,7 +99,7 @@ def _of_the_start(order: Ints) -> list[Fault]:
     if order[0, 2] == 0 and order[1, 2] == 0:
         return []
     detail = (
-        "the first link does not lie on the floor; a path for a table begins with one that does."
+        "the first link does not lie on the floor; expected a path that begins with one that does."
     )
     return [Fault(code="first-link", detail=detail, at=0, cells=_named(order[:2]))]
 
@@ -110,7 +110,7 @@ def _downs(order: Ints, rule: Rule) -> list[Fault]:
             Fault(
                 code="boxed-in",
                 detail=f"cell {k} comes under an earlier one with cells on all sides of it; "
-                "a module reaches it neither from above nor from a side.",
+                "expected a side from which a module reaches it.",
                 at=k,
                 cells=_named(order[k : k + 1]),
             )
@@ -132,8 +132,8 @@ def _hairpins(order: Ints) -> list[Fault]:
     return [
         Fault(
             code="hairpin",
-            detail=f"the path turns back above itself at cells {a} to {b}; the links before and "
-            "after vertical ones may not be opposite.",
+            detail=f"the path turns back above itself at cells {a} to {b}; expected links before "
+            "and after vertical ones that are not opposite.",
             at=a,
             cells=_named(order[a : b + 1]),
         )

@@ -39,7 +39,8 @@ class Parts:
         overhang: Cells with nothing under them: how far they are from one with something under it,
             in pitches, for each cell of the path.
         tipping: 1 less the smallest distance, in pitches, that the centre of mass of a beginning
-            of the path keeps from the rim of its floor hull; 0 where it keeps more than 1.
+            of the path that has left the floor keeps from the rim of its floor hull; 0 where it
+            keeps more than 1.
     """
 
     fall: float = 0.0
@@ -81,9 +82,9 @@ def parts_of(order: Ints) -> Parts:
     """
     count = len(order)
     links = np.diff(order, axis=0)
-    bends = (links[1:] != links[:-1]).any(axis=1)
+    bends = np.diff(links, axis=0).any(axis=1)
     free, covered = _ways_out(order)
-    enclosed = ~free.any(axis=1)
+    enclosed = np.asarray(~free.any(axis=1))
     return Parts(
         fall=float(order[:, 2].mean()),
         downs=float((links[:, 2] < 0).sum()) / count,
@@ -94,7 +95,7 @@ def parts_of(order: Ints) -> Parts:
         swing=_swing(free) / count,
         front=_front(order),
         overhang=float(levers(order).sum()) / count,
-        tipping=max(0.0, 1.0 - float(prefix_margins(order).min())),
+        tipping=_tipping(order),
     )
 
 
@@ -138,6 +139,12 @@ def _swing(free: NDArray[np.bool_]) -> float:
         if row.any():
             cost = np.where(row, cost, np.inf)
     return float(cost.min())
+
+
+def _tipping(order: Ints) -> float:
+    raised = np.asarray(np.maximum.accumulate(order[:, 2]) > 0)
+    least = prefix_margins(order)[raised].min(initial=1.0)
+    return max(0.0, 1.0 - float(least))
 
 
 def _front(order: Ints) -> float:

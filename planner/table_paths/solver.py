@@ -18,13 +18,11 @@ from planner.table_paths.rules import hairpins
 Ints = NDArray[np.int64]
 
 EFFORT: Final = 1.0
-"""The solver's deterministic time, about seconds: the same on every machine."""
-CUTS: Final = 20
-"""Times that it is asked again, each time with a hairpin of several vertical links ruled out."""
+"""The solver's deterministic time for one call, about seconds: the same on every machine."""
+LEAST: Final = 0.01
+"""What a question costs at least."""
 UP, DOWN = 4, 5
 """Places of the vertical steps among ``STEPS``."""
-DEAR: Final = 1000
-"""What a link down costs; a link's taste is below 100."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,19 +39,27 @@ class Climbed:
 
 
 def climbed(
-    cells: Ints, *, seed: int, hairpins_allowed: bool = False, downs: bool = False
+    cells: Ints,
+    *,
+    seed: int,
+    hairpins_allowed: bool = False,
+    downs: bool = False,
+    effort: float = EFFORT,
 ) -> Climbed:
     """Looks for a path from the floor up whose first link is flat.
+
+    Hairpins of several vertical links are ruled out when they turn up, and the solver is asked
+    again.
 
     Args:
         cells: (n, 3) distinct cells, the lowest at z = 0.
         seed: Of the solver.
         hairpins_allowed: Also paths with vertical hairpins.
         downs: Also links down, as few as can be found.
+        effort: The solver's deterministic time, for all that it is asked.
     """
     from ortools.sat.python import cp_model  # heavy, and needed here only
 
-    rng = np.random.default_rng(seed)
     near = neighbours(cells)
     model: Any = cp_model.CpModel()
     link: dict[tuple[int, int], Any] = {}
@@ -76,18 +82,14 @@ def climbed(
         for three in _hairpins(near, link):
             model.add_bool_or([link[pair].negated() for pair in three])
     if downs:
-        model.minimize(
-            sum(
-                (int(rng.integers(0, 100)) + DEAR * int(cells[b, 2] < cells[a, 2])) * used
-                for (a, b), used in link.items()
-            )
-        )
+        model.minimize(sum(used for (a, b), used in link.items() if cells[b, 2] < cells[a, 2]))
     solver: Any = cp_model.CpSolver()
     solver.parameters.num_workers = 1
-    solver.parameters.random_seed = int(rng.integers(1 << 30))
-    solver.parameters.max_deterministic_time = EFFORT
-    for _ in range(CUTS):
+    solver.parameters.random_seed = seed % (1 << 31)
+    while effort > 0.0:
+        solver.parameters.max_deterministic_time = effort
         status = solver.solve(model)
+        effort -= solver.response_proto.deterministic_time + LEAST
         if status == cp_model.INFEASIBLE:
             return Climbed(status="infeasible")
         if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):

@@ -13,7 +13,14 @@ from planner.errors import InputError
 from planner.shapes.shape import Shape
 from planner.table_paths.climb import Climb
 from planner.table_paths.layer import Work
-from planner.table_paths.reasons import NoPath, falling, most_telling, ruled_out, unsolved
+from planner.table_paths.reasons import (
+    FALLING_EFFORT,
+    NoPath,
+    falling,
+    most_telling,
+    ruled_out,
+    unsolved,
+)
 from planner.table_paths.resting import Side, images, sides_of
 from planner.table_paths.rules import FALLS, LAYERS, Rule
 from planner.table_paths.score import WEIGHTS, Parts, parts_of
@@ -63,9 +70,10 @@ def table_paths(
 ) -> tuple[TablePath, ...]:
     """Looks for paths in which a chain of cubes can fold while it rests on a table.
 
-    They visit layer after layer from the floor up, begin with a flat link, have no vertical hairpin,
-    and each of their beginnings stands on the floor by itself. Only where no side of the shape
-    allows that, paths that go down are looked for; ``rules.faults_of`` says what a path breaks.
+    They visit layer after layer from the floor up, begin with a flat link, have no vertical
+    hairpin, and each of their beginnings stands on the floor by itself. Only where no side of the
+    shape allows that, paths that go down are looked for. ``rules.faults_of`` says which of these
+    rules a path breaks.
 
     Args:
         cells: (n, 3) whole numbers: the shape, in any order.
@@ -84,8 +92,7 @@ def table_paths(
     """
     found, reasons = _search(cells, seed, most, turned, work, weights)
     if not found:
-        reason = most_telling(reasons)
-        raise InputError(reason.code, reason.detail)
+        raise most_telling(reasons)
     return found
 
 
@@ -123,13 +130,18 @@ def _search(
             order, reason = unsolved(side, seed)
             if order is not None:
                 climbs[side.down].add_path(order.tolist())
+                found.append(_path(side, order, LAYERS, weights))
                 found += _made(climbs[side.down], side, most, weights)
             if reason is not None:
                 reasons[side.down] = reason
     if not found:
-        for side in sides:
-            orders = falling(side, seed) if reasons[side.down].may_fall else ()
-            found += [_path(side, order, FALLS, weights) for order in orders]
+        open_sides = [side for side in sides if reasons[side.down].may_fall]
+        for side in open_sides:
+            order, reason = falling(side, seed, effort=FALLING_EFFORT / len(open_sides))
+            if order is not None:
+                found.append(_path(side, order, FALLS, weights))
+            if reason is not None:
+                reasons[side.down] = reason
     return _chosen(found, most), tuple(reasons[side.down] for side in sides if side.down in reasons)
 
 
@@ -155,7 +167,8 @@ def _path(side: Side, order: Ints, rule: Rule, weights: Parts) -> TablePath:
 
 def _chosen(found: list[TablePath], most: int) -> tuple[TablePath, ...]:
     """The best paths; those that are almost another one, or its mirror image, come last."""
-    ranked = sorted(found, key=lambda path: (path.score, path.down, path.cells.tobytes()))
+    different = {(path.down, path.cells.tobytes()): path for path in found}.values()
+    ranked = sorted(different, key=lambda path: (path.score, path.down, path.cells.tobytes()))
     chosen: list[TablePath] = []
     looks: list[frozenset[tuple[int, ...]]] = []
     alike: list[TablePath] = []

@@ -23,6 +23,7 @@ from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.speed import speed
 from tests.benchmarks.success_map.seeds import seeds
 from tests.benchmarks.sweeps import sweeps
+from tests.benchmarks.table.paths import table_path_section
 from tests.benchmarks.tables import write_sections
 from tests.benchmarks.tetrahedra import tetrahedra
 
@@ -38,6 +39,7 @@ SECTIONS = {
     "portfolio": portfolio,
     "hard": hard,
     "sweeps": sweeps,
+    "table-paths": table_path_section,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
     "plan-files": plan_files,

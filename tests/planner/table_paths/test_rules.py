@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.table_paths.layer import Layer, Work, ways
+from planner.table_paths.resting import prefix_margins, sides_of, stands
+from planner.table_paths.rules import Rule, faults_of
+from planner.table_paths.score import WEIGHTS, Parts, levers, parts_of
+
+Ints = NDArray[np.int64]
+
+
+def path(start: tuple[int, int, int], steps: str) -> Ints:
+    """A path by its steps: e and w along x, n and s along y, u and d."""
+    moves = {"e": (1, 0, 0), "w": (-1, 0, 0), "n": (0, 1, 0), "s": (0, -1, 0)}
+    moves |= {"u": (0, 0, 1), "d": (0, 0, -1)}
+    return np.cumsum([start, *(moves[step] for step in steps)], axis=0)
+
+
+@pytest.mark.parametrize(
+    ("steps", "rule", "codes"),
+    [
+        ("eenwwuse", "layers", []),
+        ("eenwwuse", "falls", []),
+        ("ue", "layers", ["first-link"]),
+        ("eeuww", "layers", ["hairpin"]),  # a turn back above itself
+        ("eeuuww", "layers", ["hairpin"]),  # also after two links up
+        ("eeuunwsw", "layers", []),
+        ("enwuse", "layers", []),
+        ("eeueeee", "layers", ["not-stable"]),
+        ("ennuwd", "layers", ["goes-down"]),
+        ("ennuwd", "falls", []),  # down beside what stands
+        ("eennwwsued", "falls", ["boxed-in"]),
+    ],
+)
+def test_faults_are_those_that_were_made(steps: str, rule: Rule, codes: list[str]) -> None:
+    faults = faults_of(path((5, 5, 2), steps), rule=rule)
+    assert [fault.code for fault in faults] == codes
+    assert all(fault.cells and "expected" in fault.detail for fault in faults)
+
+
+def test_what_is_no_path_is_refused() -> None:
+    with pytest.raises(InputError, match="share a face"):
+        faults_of([(0, 0, 0), (1, 0, 0), (3, 0, 0)])
+
+
+def test_a_cube_rests_on_one_side_a_brick_on_three_and_a_wedge_on_more() -> None:
+    def box(*sides: int) -> Ints:
+        return np.array(list(product(*map(range, sides))))
+
+    assert [side.down for side in sides_of(box(2, 2, 2))] == ["-z"]
+    assert len(list(sides_of(box(2, 3, 4)))) == 3
+    wedge = np.concatenate([box(3, 2, 1), np.array([(0, 0, 1)])])
+    assert len(list(sides_of(wedge))) == 6
+    for side in sides_of(wedge):
+        assert np.linalg.det(side.turn) == pytest.approx(1.0)
+        assert np.array_equal(wedge @ side.turn.T + side.shift, side.cells)
+        assert side.cells.min(axis=0).tolist() == [0, 0, 0]
+
+
+def test_margins_are_distances_to_the_rim_of_the_floor_hull() -> None:
+    assert stands(path((0, 0, 0), "eee")) == pytest.approx(0.5)
+    assert stands(path((0, 0, 0), "uuu")) == pytest.approx(0.5)
+    # One cell on the floor and k beside above it: the mean of 0, 0, 1, 2 is 0.75, 0.25 beyond.
+    assert stands(path((0, 0, 0), "uee")) == pytest.approx(-0.25)
+    assert prefix_margins(path((0, 0, 0), "uee")) == pytest.approx([0.5, 0.5, 1 / 6, -0.25])
+
+
+def test_all_ways_through_a_small_layer_are_found() -> None:
+    cells = np.array(list(product(range(3), range(3))))
+    layer = Layer(cells=cells, index=np.arange(9))
+    found = list(
+        ways(layer, layer.bits, layer.whole, np.random.default_rng(0), most=1, work=Work(10**6))
+    )
+    # The 3×3 grid has twenty Hamiltonian paths, each of them in two directions.
+    assert len(found) == len(set(found)) == 40
+
+
+def test_a_large_layer_gives_as_many_ways_as_wanted_and_keeps_to_its_work() -> None:
+    cells = np.array(list(product(range(6), range(7))))
+    layer = Layer(cells=cells, index=np.arange(42))
+    for limit in (100, 10**5):
+        work = Work(limit)
+        found = list(
+            ways(layer, layer.bits, layer.whole, np.random.default_rng(1), most=10, work=work)
+        )
+        assert (len(found) == 10) == (limit > 100)
+        assert work.left >= -1
+    for way in found:
+        order = cells[[layer.cell_at[bit] for bit in way]]
+        assert (np.abs(np.diff(order, axis=0)).sum(axis=1) == 1).all()
+        assert len(set(way)) == 42
+
+
+def test_the_parts_of_a_score_are_what_they_say() -> None:
+    straight = parts_of(path((0, 0, 0), "eeee"))
+    assert straight == Parts(front=1.0)
+    assert straight.times(WEIGHTS) == pytest.approx(WEIGHTS.front)
+    # A spiral inwards: its last cell has no way out.
+    spiral = path((0, 0, 0), "eennwwse")
+    parts = parts_of(spiral)
+    assert parts.enclosed == pytest.approx(1 / 9)
+    assert parts.end == pytest.approx(1 / 4)
+    assert parts.bends == pytest.approx(4 / 7)
+    assert parts_of(spiral[::-1]).enclosed == 0.0
+    raised = parts_of(path((0, 0, 0), "eeuuww"))
+    assert raised.fall == pytest.approx((1 + 2 + 2 + 2) / 7)
+    assert levers(path((0, 0, 0), "eeuwwww")).tolist() == [0, 0, 0, 0, 0, 0, 1, 2]

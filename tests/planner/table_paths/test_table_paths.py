@@ -1,0 +1,206 @@
+from __future__ import annotations
+
+import json
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.pathfinding.lattice import neighbours
+from planner.table_paths.reasons import ruled_out
+from planner.table_paths.resting import sides_of
+from planner.table_paths.rules import Rule, faults_of
+from planner.table_paths.table_paths import TablePath, table_paths, why_none
+from tests.conftest import examples
+from tests.planner.lattice import walks
+
+Ints = NDArray[np.int64]
+SHAPES = Path(__file__).parents[3] / "examples" / "shapes"
+
+
+def box(*sides: int) -> Ints:
+    return np.array(list(product(*map(range, sides))), dtype=np.int64)
+
+
+def shape(name: str) -> Ints:
+    return np.array(json.loads((SHAPES / f"{name}.json").read_bytes())["cells"], dtype=np.int64)
+
+
+def front(*rows: str) -> Ints:
+    """Cells as seen from the front, the highest row first, one deep."""
+    return np.array(
+        [
+            (x, 0, len(rows) - 1 - row)
+            for row, line in enumerate(rows)
+            for x, mark in enumerate(line)
+            if mark == "#"
+        ]
+    )
+
+
+def check(paths: tuple[TablePath, ...], cells: Ints, *, rule: Rule = "layers") -> None:
+    assert paths
+    for path in paths:
+        assert path.rule == rule
+        assert faults_of(path.cells, rule=rule) == ()
+        laid = cells @ path.turn.T + path.shift
+        assert laid[:, 2].min() == 0
+        assert np.array_equal(np.unique(path.cells, axis=0), np.unique(laid, axis=0))
+        assert len(path.cells) == len(cells)
+    scores = [path.score for path in paths]
+    assert len({path.cells.tobytes() for path in paths}) == len(paths)
+    assert scores[0] == min(scores)
+
+
+def has_path(cells: Ints) -> bool:
+    """By trying all paths: for a handful of cells."""
+    near = [[k for k in row if k >= 0] for row in neighbours(cells).tolist()]
+
+    def goes_on(way: list[int]) -> bool:
+        if len(way) == len(cells):
+            return not faults_of(cells[way])
+        free = (k for k in near[way[-1]] if k not in way and cells[k, 2] >= cells[way[-1], 2])
+        return any(goes_on([*way, k]) for k in free)
+
+    return any(goes_on([k]) for k in range(len(cells)))
+
+
+@pytest.mark.parametrize("sides", [(3, 3, 3), (4, 4, 2), (4, 4, 4), (5, 3, 2), (1, 1, 6)])
+def test_boxes_have_paths_that_keep_all_rules(sides: tuple[int, int, int]) -> None:
+    check(table_paths(box(*sides)), box(*sides))
+
+
+def test_a_box_has_as_many_different_paths_as_wanted() -> None:
+    assert len(table_paths(box(4, 4, 2), most=5)) == 5
+
+
+def test_a_tower_is_laid_down_since_its_first_link_lies_flat() -> None:
+    path = table_paths(box(1, 1, 6))[0]
+    assert path.down != "-z" and (path.cells[:, 2] == 0).all()
+    with pytest.raises(InputError, match="one cell on the floor") as error:
+        table_paths(box(1, 1, 6), turned=False)
+    assert error.value.code == "no-path"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["mallet-64", "wrench-80", "table", "chair", "cup"])
+def test_shapes_of_the_gallery_have_paths(name: str) -> None:
+    cells = shape(name)
+    check(table_paths(cells, most=4), cells)
+
+
+def test_the_same_seed_gives_the_same_paths_and_another_one_others() -> None:
+    cells = shape("letter-f")
+    one, same, other = (
+        [path.cells.tolist() for path in table_paths(cells, seed=seed)] for seed in (3, 3, 4)
+    )
+    assert one == same
+    assert one != other
+
+
+def test_an_overhang_that_stands_is_folded_and_told_in_the_score() -> None:
+    standing = front("###.", "##..", "##..")
+    deep = np.concatenate([standing, standing + (0, 1, 0)])
+    path = table_paths(deep, turned=False)[0]
+    check((path,), deep)
+    assert path.parts.overhang > 0
+
+
+def test_an_overhang_that_tips_over_is_refused() -> None:
+    tipping = front("######", "##....", "##....")
+    with pytest.raises(InputError, match="centre of mass") as error:
+        table_paths(tipping, turned=False)
+    assert error.value.code == "not-stable"
+
+
+def test_a_beam_that_stands_in_the_end_but_tips_while_it_is_built_is_refused() -> None:
+    tee = front("###########", "....###....")
+    deep = np.concatenate([tee, tee + (0, 1, 0)])
+    with pytest.raises(InputError, match=r"the first \d+ cells tip over") as error:
+        table_paths(deep, turned=False)
+    assert error.value.code == "not-stable"
+    wide = front("###########", "..#######..")
+    deep = np.concatenate([wide, wide + (0, 1, 0)])
+    check(table_paths(deep, turned=False), deep)
+
+
+def test_an_arch_has_none_as_it_stands_and_is_told_which_cells_hang() -> None:
+    arch = front("####", "#..#", "#..#")
+    with pytest.raises(InputError) as error:
+        table_paths(arch, turned=False)
+    assert error.value.code == "overhang"
+    (reason,) = why_none(arch, turned=False)
+    assert set(reason.cells) == {(1, 0, 2), (2, 0, 2)}
+    check(table_paths(arch), arch)  # lying on its back it has
+
+
+def test_towers_beside_each_other_are_told_apart_from_overhangs() -> None:
+    (reason,) = why_none(front("#..#", "#..#", "####"), turned=False)
+    assert reason.code == "parts"
+    assert "layer 1" in reason.detail
+
+
+def test_a_shape_whose_paths_all_have_hairpins_is_told_so() -> None:
+    with pytest.raises(InputError, match="turns back above itself") as error:
+        table_paths(front("###", "###"), turned=False)
+    assert error.value.code == "hairpins-only"
+    assert why_none(shape("wrench-24"))[0].code == "hairpins-only"
+    assert why_none(front("###", "###")) == ()  # lying it has one
+
+
+def test_a_chessboard_out_of_balance_is_told_of_all_cells_or_of_the_layer() -> None:
+    plus = np.array([(1, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0), (1, 2, 0)])
+    with pytest.raises(InputError, match="chessboard") as error:
+        table_paths(plus)
+    assert error.value.code == "no-path"
+    comb = np.concatenate([box(5, 1, 1), 2 * box(3, 1, 1) + (0, 1, 0)])
+    (side,) = sides_of(np.concatenate([comb, comb + (0, 0, 1)]).astype(np.int64), turned=False)
+    reason = ruled_out(side)
+    assert reason is not None and "layer 0: coloured like a chessboard" in reason.detail
+
+
+@pytest.mark.slow
+def test_a_path_goes_down_only_where_none_climbs_and_as_rarely_as_it_has_to() -> None:
+    cells = shape("pawn")
+    (path,) = table_paths(cells, most=1)
+    check((path,), cells, rule="falls")
+    assert 0 < path.parts.downs < 0.05
+    assert any(fault.code == "goes-down" for fault in faults_of(path.cells))
+
+
+def test_what_is_no_shape_is_refused() -> None:
+    with pytest.raises(InputError, match="expected at least 3"):
+        table_paths([(0, 0, 0), (1, 0, 0)])
+    with pytest.raises(InputError, match="no cells"):
+        why_none([])
+
+
+@given(walk=walks(most=60))
+@examples(one_of=2)
+def test_each_path_through_any_shape_keeps_the_rules_and_none_has_a_reason(walk: Ints) -> None:
+    if len(walk) < 3:
+        return
+    try:
+        paths = table_paths(walk, most=3)
+    except InputError as error:
+        reasons = why_none(walk)
+        assert error.code in {reason.code for reason in reasons}
+        assert [reason.down for reason in reasons] == [side.down for side in sides_of(walk)]
+    else:
+        check(paths, walk, rule=paths[0].rule)
+        assert why_none(walk) == ()
+
+
+@given(walk=walks(most=9))
+@examples(one_of=2)
+def test_a_path_is_found_where_trying_everything_finds_one(walk: Ints) -> None:
+    if len(walk) < 3:
+        return
+    (side,) = sides_of(walk, turned=False)
+    found = not why_none(walk, turned=False)
+    rule = table_paths(walk, turned=False)[0].rule if found else ""
+    assert (rule == "layers") == has_path(side.cells)
