@@ -69,10 +69,10 @@ def rays(
     )
     rest = np.ones(len(found), dtype=bool)
     rest[still] = False
-    return (
-        np.concatenate([which[rest], np.repeat(still, SIDES)]),
-        np.concatenate([normals[rest], np.tile(pyramid, (len(still), 1))]),
-    )
+    which = np.concatenate([which[rest], np.repeat(still, SIDES)])
+    order = np.argsort(which, kind="stable")
+    forces = np.concatenate([normals[rest], np.tile(pyramid, (len(still), 1))])
+    return which[order], forces[order]
 
 
 def slips(found: Contacts, friction: Friction, positions: Array, rotations: Array) -> Array:
