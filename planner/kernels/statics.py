@@ -263,7 +263,7 @@ def _common_corners(
     return kept
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def contact_points(
     positions: Array,
     rotations: Array,
@@ -386,7 +386,7 @@ def _turning(axis: Array, anchor: Array, point: Array, force: Array) -> float:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def columns(
     hinges: Hinges,
     root: int,

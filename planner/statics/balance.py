@@ -15,7 +15,7 @@ Weights are 1 and lengths in pitches: torques are in w·p, the weight of a modul
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from planner.chain.kinematics import Poses
 from planner.chain.statics import hinge_frames
 from planner.kernels.statics import EQUATIONS, Hinges, columns
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
-from planner.statics.friction import Friction, rays
+from planner.statics.friction import Friction, drifting, rays
 from planner.statics.program import Columns, Program
 
 Array = NDArray[np.float64]
@@ -63,6 +63,15 @@ class Standing:
         """Modules (K,), points (K, 3) and forces (K, 3) of the corners that stand on the floor."""
         at = self.contacts.on_floor
         return self.contacts.first[at], self.contacts.points[at], self.forces[at]
+
+
+class _At(NamedTuple):
+    """A configuration."""
+
+    found: Contacts
+    hinges: Hinges
+    positions: Array
+    rotations: Array
 
 
 class Balance:
@@ -133,34 +142,14 @@ class Balance:
             anchors=np.repeat(anchors, axes.shape[1], axis=0),
             before=self._before,
         )
-        which, forces = rays(found, friction, positions, rotations)
-        root = self.chain.root if clamped is None else clamped
-        held = clamped is not None
-        matrix = columns(
-            hinges, root, held, found.first[which], found.second[which], found.points[which], forces
-        )
-        weight = self._weight(hinges, root, held, np.asarray(positions, dtype=np.float64))
-        joints = len(self._before)
-        pushes = self._program.pushes(
-            _keys(found, which), matrix, weight, joints, 1.0 / max(enough, LEAST)
-        )
-        told = weight + _times(matrix, pushes, len(weight))
-        if np.abs(told[joints:]).max(initial=0.0) > UNBALANCED:
-            return Standing(
-                torque=np.inf,
-                torques=np.full(joints, np.nan),
-                contacts=found,
-                forces=np.full((len(found), 3), np.nan),
-            )
-        on_first = np.zeros((len(found), 3))
-        np.add.at(on_first, which, pushes[:, None] * forces)
-        largest = float(np.abs(told[:joints]).max(initial=0.0))
-        return Standing(
-            torque=0.0 if largest <= LEAST * (1.0 + 1e-6) else largest,
-            torques=told[:joints],
-            contacts=found,
-            forces=on_first,
-        )
+        at = _At(found, hinges, np.asarray(positions, dtype=np.float64), rotations)
+        if friction is not None and clamped is None and friction.positions is not None:
+            smooth = self._solved(at, None, None, LEAST)
+            if not smooth.balances:
+                return smooth
+            pressures = smooth.forces[found.on_floor, 2]
+            friction = drifting(found, friction, at.positions, rotations, pressures)
+        return self._solved(at, friction, clamped, enough)
 
     def within(
         self,
@@ -177,6 +166,35 @@ class Balance:
             positions, rotations, angles_rad, friction=friction, clamped=clamped, enough=bound
         )
         return found.torque <= bound * (1.0 + 1e-6)
+
+    def _solved(
+        self, at: _At, friction: Friction | None, clamped: int | None, enough: float
+    ) -> Standing:
+        """The smallest largest torque for one way of rubbing."""
+        found, joints = at.found, len(self._before)
+        which, forces = rays(found, friction, at.positions, at.rotations)
+        root = self.chain.root if clamped is None else clamped
+        held = clamped is not None
+        first, second, points = found.first[which], found.second[which], found.points[which]
+        matrix = columns(at.hinges, root, held, first, second, points, forces)
+        weight = self._weight(at.hinges, root, held, at.positions)
+        most = 1.0 / max(enough, LEAST)
+        pushes = self._program.pushes(_keys(found, which), matrix, weight, joints, most)
+        told = weight + _times(matrix, pushes, len(weight))
+        if np.abs(told[joints:]).max(initial=0.0) > UNBALANCED:
+            nothing = np.full((len(found), 3), np.nan)
+            return Standing(
+                torque=np.inf, torques=np.full(joints, np.nan), contacts=found, forces=nothing
+            )
+        on_first = np.zeros((len(found), 3))
+        np.add.at(on_first, which, pushes[:, None] * forces)
+        largest = float(np.abs(told[:joints]).max(initial=0.0))
+        return Standing(
+            torque=0.0 if largest <= LEAST * (1.0 + 1e-6) else largest,
+            torques=told[:joints],
+            contacts=found,
+            forces=on_first,
+        )
 
     def _weight(self, hinges: Hinges, root: int, held: bool, positions: Array) -> Array:
         """(rows,) what the modules' weights ask of every row."""
