@@ -34,13 +34,15 @@ def dragged(chain: Chain, coefficient: float, root: int = 0, step: float = STEP)
 
 @pytest.mark.parametrize("coefficient", [0.1, 0.3])
 def test_one_module_dragged_sideways(coefficient: float) -> None:
-    # It stands on its far corners, 1.5 pitches from the hinge and half a one beside it, as far as
-    # the level hinge does not carry it: 1.5 N = 1 − t, and t = μ √(1.5² + 0.5²) N.
+    # It stands on one far corner, r = √(1.5² + 0.5²) from the hinge, as far as the level hinge does
+    # not carry it. There the floor pushes μ N 0.5 / r towards the front, half a pitch below that
+    # hinge: (1.5 + μ 0.25 / r) N = 1 − t, and t = μ r N.
     chain = line(3)
     at = standing(chain)
     friction = dragged(chain, coefficient)
     found = Balance(chain).solve(*at, friction=friction, clamped=0)
-    lever = np.sqrt(10.0) / 3.0
+    reach = np.hypot(1.5, 0.5)
+    lever = reach / (1.5 + coefficient * 0.25 / reach)
     assert found.torque == pytest.approx(
         coefficient * lever / (1.0 + coefficient * lever), rel=1e-4
     )
