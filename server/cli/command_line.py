@@ -31,6 +31,7 @@ COMMANDS: Final = {
     "export": "Export a finished fold as URDF, MCAP, an animated scene and more.",
     "movie": "Make a movie of a fold: the straight chain folds into its shape.",
     "retime": "Give a plan time stamps within a robot's limits.",
+    "table": "Tell whether a plan rests on a table, and what that asks of its hinges.",
     "doctor": "Check what the service needs.",
     "admin": "See, forget, repeat and keep folds of a service.",
 }
