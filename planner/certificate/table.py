@@ -25,7 +25,7 @@ from planner.motion.frames import Frames
 from planner.motion.motion import Motion
 from planner.statics.balance import LEAST, Balance, Standing
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, floor_clearances
-from planner.statics.friction import FAN, SIDES, Friction
+from planner.statics.friction import FANS, SIDES, Friction
 from planner.statics.resting import resting_poses
 
 Array = NDArray[np.float64]
@@ -389,7 +389,8 @@ def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tu
     else:
         said.append(
             "The chain lies free on the table and drifts so that it rubs least, for the pressures "
-            f"without friction; corners may be pushed back {FAN:g} rad either side of their way."
+            f"without friction; corners may be pushed back up to {FANS[0]:g} rad "
+            f"either side of their way, {FANS[1]:g} where nothing balances else."
         )
     if not on_table:
         said.append(

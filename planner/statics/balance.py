@@ -25,7 +25,7 @@ from planner.chain.kinematics import Poses
 from planner.chain.statics import hinge_frames
 from planner.kernels.statics import EQUATIONS, Hinges, columns
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
-from planner.statics.friction import Friction, drifting, rays
+from planner.statics.friction import Friction, drifting, rays, wider
 from planner.statics.program import Columns, Program
 
 Array = NDArray[np.float64]
@@ -149,6 +149,8 @@ class Balance:
                 return smooth
             pressures = smooth.forces[found.on_floor, 2]
             friction = drifting(found, friction, at.positions, rotations, pressures)
+            narrow = self._solved(at, friction, None, enough)
+            return narrow if narrow.balances else self._solved(at, wider(friction), None, enough)
         return self._solved(at, friction, clamped, enough)
 
     def within(

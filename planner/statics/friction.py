@@ -7,8 +7,8 @@ eight-sided pyramid inside it is taken. Modules that touch rub against each othe
 Where the base is clamped the ways of the corners are those of the motion. Where it is free nobody
 knows how the chain as a whole drifts meanwhile: its twist in the plane is the one that rubs least,
 Σ μ N |v|, a convex function of three unknowns, for the forces N that the floor bears without
-friction. As friction changes those a little, a corner may be pushed back ``FAN`` either side of its
-way then.
+friction. As friction changes those a little, a corner may be pushed back up to ``FANS`` either side
+of its way then.
 """
 
 from __future__ import annotations
@@ -27,11 +27,14 @@ SIDES: Final = 8
 """Edges of the pyramid that stands for the cone of a corner that does not slip."""
 SLIPS_FROM: Final = 1e-3
 """Share of the farthest module's way from which on a corner slips."""
-FAN: Final = 0.1
-"""Radians either side of its way by which a corner of a chain that drifts may be pushed back."""
-SMOOTH: Final = 1e-4
+DRIFTS_FROM: Final = 0.02
+"""The same share where the chain drifts, whose way is not known that well."""
+FANS: Final = (0.2, 0.8)
+"""Radians either side of its way by which a corner of a chain that drifts may be pushed back; the
+second where nothing balances with the first."""
+SMOOTH: Final = 2e-3
 """Share of the farthest module's way below which rubbing is taken as smooth in the way."""
-ITERATIONS: Final = 60
+ITERATIONS: Final = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,12 +46,14 @@ class Friction:
         positions: (n, 3) where the modules are a moment later; None where nothing moves.
         rotations: (n, 3, 3) how they are turned then.
         fan: Radians either side of its way by which a corner may be pushed back.
+        slips_from: Share of the farthest module's way from which on a corner slips.
     """
 
     coefficient: float
     positions: Array | None = None
     rotations: Array | None = None
     fan: float = 0.0
+    slips_from: float = SLIPS_FROM
 
 
 def rays(
@@ -92,7 +97,8 @@ def rays(
 def slips(found: Contacts, friction: Friction, positions: Array, rotations: Array) -> Array:
     """(K, 2) way of each corner along the floor; exactly zero for those that don't slip."""
     ways = _ways(found, friction, positions, rotations)
-    ways[np.linalg.norm(ways, axis=1) <= SLIPS_FROM * _farthest(friction, positions)] = 0.0
+    farthest = _farthest(friction, positions)
+    ways[np.linalg.norm(ways, axis=1) <= friction.slips_from * farthest] = 0.0
     return ways
 
 
@@ -135,8 +141,14 @@ def drifting(
         friction,
         positions=(friction.positions - pivot) @ turn.T + pivot + np.array([*twist[:2], 0.0]),
         rotations=turn @ friction.rotations,
-        fan=FAN,
+        fan=FANS[0],
+        slips_from=DRIFTS_FROM,
     )
+
+
+def wider(friction: Friction) -> Friction:
+    """The same with the wider one of ``FANS``."""
+    return replace(friction, fan=FANS[1])
 
 
 def _ways(found: Contacts, friction: Friction, positions: Array, rotations: Array) -> Array:

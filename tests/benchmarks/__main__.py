@@ -23,6 +23,7 @@ from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.speed import speed
 from tests.benchmarks.success_map.seeds import seeds
 from tests.benchmarks.sweeps import sweeps
+from tests.benchmarks.table.statics import statics
 from tests.benchmarks.tables import write_sections
 from tests.benchmarks.tetrahedra import tetrahedra
 
@@ -40,6 +41,7 @@ SECTIONS = {
     "sweeps": sweeps,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
+    "statics": statics,
     "plan-files": plan_files,
     "page": page,
     "long-folds": long_folds,

@@ -10,7 +10,7 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import wxyz_from_matrix
 from planner.statics.balance import Balance
-from planner.statics.friction import FAN, SIDES, Friction, drifting, rays, slips
+from planner.statics.friction import FANS, SIDES, Friction, drifting, rays, slips
 from tests.planner.chains import line
 from tests.planner.statics.standing import by_joint_wrenches, out_of_balance, standing
 
@@ -111,13 +111,13 @@ def test_a_free_chain_drifts_so_that_it_rubs_least() -> None:
     free = drifting(found.contacts, friction, positions, rotations, pressures)
     assert work(free) < work(friction)
     rng = np.random.default_rng(0)
-    assert free.positions is not None and free.fan == FAN
+    assert free.positions is not None and free.fan == FANS[0]
     for _ in range(20):
         shift = np.append(rng.normal(scale=0.1 * STEP, size=2), 0.0)
         other = Friction(
             coefficient=0.3, positions=free.positions + shift, rotations=free.rotations
         )
-        assert work(free) <= work(other) * (1.0 + 1e-3)
+        assert work(free) <= work(other) * (1.0 + 1e-2)
 
 
 def test_a_free_chain_balances_while_it_drifts() -> None:

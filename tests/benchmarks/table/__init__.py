@@ -1,0 +1,1 @@
+"""What folds on a table: statics, paths, explosions."""
