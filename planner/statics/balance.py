@@ -142,7 +142,7 @@ class Balance:
             anchors=np.repeat(anchors, axes.shape[1], axis=0),
             before=self._before,
         )
-        at = _At(found, hinges, np.asarray(positions, dtype=np.float64), rotations)
+        at = _At(found, hinges, np.array(positions, dtype=np.float64), rotations)
         if friction is not None and clamped is None and friction.positions is not None:
             smooth = self._solved(at, None, None, LEAST)
             if not smooth.balances:

@@ -84,8 +84,9 @@ def contacts(
     """
     less = (1.0 - size) * module.inner_radius
     found = contact_points(
-        np.ascontiguousarray(positions, dtype=np.float64),
-        np.ascontiguousarray(rotations, dtype=np.float64),
+        # Copies: a read-only array would be another type, for which all is compiled anew.
+        np.array(positions, dtype=np.float64),
+        np.array(rotations, dtype=np.float64),
         solid_of(module, float(size)),
         module.apart,
         floor_gap + less,
