@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from planner.certificate.certificate import Certificate, certify
+    from planner.certificate.table import TableCertificate, table_certificate
     from planner.chain.chain import Chain
     from planner.chain.kinematics import Poses, forward_kinematics
     from planner.chain.module import CUBE, TETRAHEDRON, Module
@@ -55,6 +56,7 @@ __all__ = [
     "Progress",
     "Record",
     "SimulationError",
+    "TableCertificate",
     "Timeline",
     "TimelineError",
     "TimelineWriter",
@@ -69,11 +71,13 @@ __all__ = [
     "read",
     "refold",
     "smooth_plan",
+    "table_certificate",
     "verify",
 ]
 
 _HOMES = {
     "planner.certificate.certificate": ("Certificate", "certify"),
+    "planner.certificate.table": ("TableCertificate", "table_certificate"),
     "planner.chain.chain": ("Chain",),
     "planner.errors": ("InputError", "PlannerError", "SimulationError", "TimelineError"),
     "planner.explosion.simultaneous": ("explode",),

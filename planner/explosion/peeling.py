@@ -102,10 +102,12 @@ def peel(
     Raises:
         InputError: ``not-peelable`` for modules that are no cubes, or off the lattice.
     """
-    return _Peeling(chain, parameters, seed, sink).run(progress, cancelled)
+    return Peeling(chain, parameters, seed, sink).run(progress, cancelled)
 
 
-class _Peeling(Explosion[Bend, PeelingParameters]):
+class Peeling(Explosion[Bend, PeelingParameters]):
+    """A run in which one unit after the other is let go. For what it takes, see ``peel``."""
+
     strategy = "peel"
     doing = "peeling"
 
@@ -204,20 +206,28 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         self.unit = self.first - first
         self.first = first
         self.field = self.core.distances(first)
-        self.finder.set_boxes(*self.core.boxes(first))
+        self.finder.set_boxes(*self._boxes(first))
         self.core_box = self.core.extent(first + FIXED - 1)
         self._build(np.concatenate([fresh, angles]), np.concatenate([0.0 * fresh, rates]))
         unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
         if first:
             self.centre = unit.mean(axis=0)
-            before = self.target if self.target.any() else None
-            self.target = self.core.way_out(self.field, self.centre, first + 1, before)
+            self.target = self._way_out()
         else:
             # Nothing is left in the way: all goes where the first link points.
             self.centre = self.core.cells[1]
             self.target = self.core.rotations[1][:, 0]
         if not self.aim.any():
             self.aim = self.target
+
+    def _boxes(self, first: int) -> tuple[Array, Array]:
+        """(B, 3) centres and half sides of what does not move: the modules 0 to ``first``."""
+        return self.core.boxes(first)
+
+    def _way_out(self) -> Array:
+        """(3,) unit vector: where the rod is to point while there is still a core."""
+        before = self.target if self.target.any() else None
+        return self.core.way_out(self.field, self.centre, self.first + 1, before)
 
     def _build(self, angles: Array, rates: Array) -> None:
         p = self.parameters
@@ -276,9 +286,8 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         forces = self._forces(window.positions)
         if self.steps % STIFFEN_EVERY == 0:
             self._stiffen(window.positions)
-        torque = p.alignment * p.spring * crossed(window.rotations[-1][:, 0], self.aim)
         try:
-            acceleration = window.accelerations(self.state, forces, torque)
+            acceleration = window.accelerations(self.state, forces, self._end_torque())
         except SimulationError:
             if self.pushes >= MOST_PUSHES[self.strategy]:
                 raise
@@ -289,6 +298,11 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
             return None
         self.contacts = acceleration.contacts
         return acceleration
+
+    def _end_torque(self) -> Array:
+        """(3,) on the last module: it turns the rod to where it is to point."""
+        p = self.parameters
+        return p.alignment * p.spring * crossed(self.window.rotations[-1][:, 0], self.aim)
 
     def excess(self) -> float:
         p = self.parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -34,6 +34,7 @@ class WindowRecorder(Recorder[Bend]):
         snapshot_rad: Turn of a hinge from one snapshot to the next, at most.
         snapshot_distance: Way in pitches of a module that is in both windows, at most.
         sink: Gets the windows.
+        holds: Whether snapshots may follow another one, asked of those that are about to be kept.
     """
 
     def __init__(
@@ -44,6 +45,7 @@ class WindowRecorder(Recorder[Bend]):
         snapshot_rad: float,
         snapshot_distance: float,
         sink: Callable[[Windows], None] | None,
+        holds: Callable[[Bend | None, Sequence[Bend]], bool] | None = None,
     ) -> None:
         super().__init__()
         self._peelable = peelable
@@ -51,6 +53,7 @@ class WindowRecorder(Recorder[Bend]):
         self._snapshot_rad = snapshot_rad
         self._snapshot_distance = snapshot_distance
         self._sink = sink
+        self._holds = holds
         self._kept: list[Windows] = []
         self._least = CLOSE
         """Clearance of what is about to be kept."""
@@ -60,8 +63,8 @@ class WindowRecorder(Recorder[Bend]):
 
         Args:
             end: As the last one is a snapshot in any case, this changes nothing.
-            least: When a snapshot or a place on the way to it has a clearance below this, all the
-                steps are forgotten instead.
+            least: When a snapshot or a place on the way to it has a clearance below this, or does
+                not hold, all the steps are forgotten instead.
 
         Returns:
             Whether they were kept.
@@ -69,7 +72,7 @@ class WindowRecorder(Recorder[Bend]):
         waiting, self._waiting = self._waiting, []
         self._least = CLOSE
         chosen, _ = self._chosen(waiting, to_the_end=True)
-        if self._least < least:
+        if self._least < least or (self._holds is not None and not self._holds(self._last, chosen)):
             return False
         if chosen:
             self._last = chosen[-1]

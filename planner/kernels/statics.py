@@ -93,25 +93,23 @@ class Hinges(NamedTuple):
     before: Ints
 
 
+@njit(cache=True, inline="always")
+def _dot(a: Array, b: Array) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
 @njit(cache=True)
 def _best_face(corners: Array, normals: Array, solid: Solid, other: Array) -> tuple[float, int]:
     """The face that separates best from other corners: distance and which one."""
     best, which = -np.inf, 0
     for f in range(normals.shape[0]):
-        corner = solid.loops[f, 0]
-        level = 0.0
-        for r in range(3):
-            level += normals[f, r] * corners[corner, r]
+        normal = normals[f]
         least = np.inf
         for v in range(other.shape[0]):
-            s = (
-                normals[f, 0] * other[v, 0]
-                + normals[f, 1] * other[v, 1]
-                + normals[f, 2] * other[v, 2]
-            )
-            least = min(least, s)
-        if least - level > best:
-            best, which = least - level, f
+            least = min(least, _dot(normal, other[v]))
+        gap = least - _dot(normal, corners[solid.loops[f, 0]])
+        if gap > best:
+            best, which = gap, f
     return best, which
 
 
@@ -132,19 +130,21 @@ def _best_edges(
             across[0] = along_a[i, 1] * along_b[j, 2] - along_a[i, 2] * along_b[j, 1]
             across[1] = along_a[i, 2] * along_b[j, 0] - along_a[i, 0] * along_b[j, 2]
             across[2] = along_a[i, 0] * along_b[j, 1] - along_a[i, 1] * along_b[j, 0]
-            length = np.sqrt((across * across).sum())
+            length = np.sqrt(_dot(across, across))
             if length < 1e-3:
                 continue
-            if (across * gap).sum() < 0.0:
+            if _dot(across, gap) < 0.0:
                 length = -length
-            across /= length
+            for r in range(3):
+                across[r] /= length
             high, low = -np.inf, np.inf
             for v in range(corners_a.shape[0]):
-                high = max(high, (across * corners_a[v]).sum())
-                low = min(low, (across * corners_b[v]).sum())
+                high = max(high, _dot(across, corners_a[v]))
+                low = min(low, _dot(across, corners_b[v]))
             if low - high > best:
                 best = low - high
-                axis[:] = across
+                for r in range(3):
+                    axis[r] = across[r]
     return best
 
 
@@ -180,16 +180,20 @@ def _between_edges(a0: Array, a1: Array, b0: Array, b1: Array, point: Array) -> 
 def _clipped(loop: Array, count: int, at: Array, inward: Array, out: Array) -> int:
     """Cuts a polygon (count, 3) off behind a plane; how many corners ``out`` has then."""
     kept = 0
+    level = _dot(at, inward)
     for k in range(count):
         p, q = loop[k], loop[(k + 1) % count]
-        dp = ((p - at) * inward).sum()
-        dq = ((q - at) * inward).sum()
+        dp = _dot(p, inward) - level
+        dq = _dot(q, inward) - level
         if dp >= -ON_PLANE and kept < MOST_CORNERS:
-            out[kept] = p
+            for r in range(3):
+                out[kept, r] = p[r]
             kept += 1
         crossed = (dp > ON_PLANE and dq < -ON_PLANE) or (dp < -ON_PLANE and dq > ON_PLANE)
         if crossed and kept < MOST_CORNERS:
-            out[kept] = p + (q - p) * (dp / (dp - dq))
+            share = dp / (dp - dq)
+            for r in range(3):
+                out[kept, r] = p[r] + (q[r] - p[r]) * share
             kept += 1
     return kept
 
@@ -225,35 +229,41 @@ def _common_corners(
         inward[k, 0] = normal[1] * (q[2] - p[2]) - normal[2] * (q[1] - p[1])
         inward[k, 1] = normal[2] * (q[0] - p[0]) - normal[0] * (q[2] - p[2])
         inward[k, 2] = normal[0] * (q[1] - p[1]) - normal[1] * (q[0] - p[0])
-        inward[k] /= np.sqrt((inward[k] * inward[k]).sum())
+        length = np.sqrt(_dot(inward[k], inward[k]))
+        for r in range(3):
+            inward[k, r] /= length
         count = _clipped(loop, count, p, inward[k], spare)
         loop, spare = spare, loop
         if count == 0:
             return 0
-    at = corners[face[0]]
+    level = _dot(corners[face[0]], normal)
     kept = 0
     for k in range(count):
-        gap = ((loop[k] - at) * normal).sum()
+        gap = _dot(loop[k], normal) - level
         if gap > most:
             continue
         new = True
         for m in range(kept):
-            if np.abs(points[m] + 0.5 * gaps[m] * normal - loop[k]).max() < SAME:
+            off = 0.0
+            for r in range(3):
+                off = max(off, abs(points[m, r] + 0.5 * gaps[m] * normal[r] - loop[k, r]))
+            if off < SAME:
                 new = False
         if new:
-            points[kept] = loop[k] - 0.5 * gap * normal
+            for r in range(3):
+                points[kept, r] = loop[k, r] - 0.5 * gap * normal[r]
             gaps[kept] = gap
             kept += 1
     for k in range(sides):
         reach = -np.inf
         for m in range(kept):
-            reach = max(reach, ((points[m] - corners[face[k]]) * inward[k]).sum())
+            reach = max(reach, _dot(points[m], inward[k]) - _dot(corners[face[k]], inward[k]))
         if reach < RIM:
             return 0
     return kept
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def contact_points(
     positions: Array,
     rotations: Array,
@@ -336,7 +346,7 @@ def contact_points(
         normal = faces[a, face]
         other, least = 0, np.inf
         for f in range(solid.normals.shape[0]):
-            against = (faces[b, f] * normal).sum()
+            against = _dot(faces[b, f], normal)
             if against < least:
                 other, least = f, against
         kept = _common_corners(
@@ -376,7 +386,7 @@ def _turning(axis: Array, anchor: Array, point: Array, force: Array) -> float:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def columns(
     hinges: Hinges,
     root: int,

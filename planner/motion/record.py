@@ -23,6 +23,44 @@ SHRUNK: Final = 0.7
 """Share of its size below which it can be; angles of an explosion do not get below 0.9."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableRecord:
+    """What an explosion on a table took back, and the bound on the static torque that it kept.
+
+    Attributes:
+        bound: In w·p: no frame needs more.
+        taken_back: Times that frames were taken back.
+        raised: When the bound was raised, and to what.
+        friction: μ between modules and floor.
+    """
+
+    bound: float
+    taken_back: int
+    raised: tuple[tuple[float, float], ...]
+    friction: float
+
+    def arrays(self) -> dict[str, Any]:
+        """For an ``.npz``."""
+        return {
+            "table_bound": np.array(self.bound),
+            "table_taken_back": np.array(self.taken_back),
+            "table_raised": np.array(self.raised, dtype=np.float64).reshape(-1, 2),
+            "table_friction": np.array(self.friction),
+        }
+
+    @classmethod
+    def of(cls, arrays: dict[str, Any]) -> TableRecord | None:
+        """What ``arrays`` made; None where there is none."""
+        if "table_bound" not in arrays:
+            return None
+        return cls(
+            bound=float(arrays["table_bound"]),
+            taken_back=int(arrays["table_taken_back"]),
+            raised=tuple((float(when), float(bound)) for when, bound in arrays["table_raised"]),
+            friction=float(arrays["table_friction"]),
+        )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Record:
     """The outcome of an explosion. A failed one is data too.
@@ -38,6 +76,7 @@ class Record:
         retries: Times that it had gone back to its last sound state when it ended.
         snapshots_rad: (S, J) hinge angles of all snapshots, in whole steps, where these are more
             than the frames: as published, which keeps one every few steps. Playback follows them.
+        table: Of an explosion on a table; None of one that floats.
     """
 
     status: RecordStatus
@@ -49,6 +88,7 @@ class Record:
     pushes: int = 0
     retries: int = 0
     snapshots_rad: Array | None = None
+    table: TableRecord | None = None
 
     def summary(self) -> dict[str, Any]:
         """The figures without the frames."""
@@ -73,6 +113,7 @@ class Record:
                 "strategy": np.array(self.strategy),
                 "pushes": np.array(self.pushes),
                 "retries": np.array(self.retries),
+                **({} if self.table is None else self.table.arrays()),
                 **motion_arrays(self.frames),
                 **(
                     {}
@@ -98,6 +139,7 @@ class Record:
                 pushes=int(arrays.get("pushes", 0)),
                 retries=int(arrays.get("retries", 0)),
                 snapshots_rad=unpacked_frames(arrays, "snapshots_rad") if packed else None,
+                table=TableRecord.of(arrays),
             )
 
 

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from planner.certificate.measure import clearances_of
+from planner.certificate.table import table_certificate
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
 from planner.chain.module import CUBE
@@ -39,7 +40,9 @@ SMALL_BOX: Final = (2, 4, 5)
 
 
 def warm_up(progress: Report = silent, *, soon: bool = False) -> None:
-    """Folds, retimes, smooths, peels, explodes as published, finds a path: a moment once compiled.
+    """Folds, retimes, smooths, balances, peels, explodes as published, finds a path.
+
+    That takes a moment once it is compiled.
 
     Where nothing is compiled yet another process compiles a part of it at the same time. Of
     several processes that warm up one does at a time, so that the others find it compiled.
@@ -58,6 +61,7 @@ def warm_up(progress: Report = silent, *, soon: bool = False) -> None:
             return
         retime(plan, 1.0, 1.0)
         smooth_plan(plan)
+        table_certificate(plan.chain, plan.motion)
         warm_up_motions()
         _explode_as_published()
         _peel()

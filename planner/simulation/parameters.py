@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from planner.chain.module import Module
 from planner.errors import InputError
+
+World = Literal["floating", "table"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,6 +201,54 @@ class PeelingParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TableParameters(PeelingParameters):
+    """How a chain is peeled off its core on a table, under gravity.
+
+    Torques are in w·p, the weight of a module times the pitch; forces in weights of a module.
+
+    Attributes:
+        weight: Of a module, in units of the simulation's forces: beside it rotors and drag are
+            slight.
+        spring_torque: Of a hinge's spring for a radian, near straight.
+        largest_spring_torque: Of a hinge's spring, at first.
+        pull: Force on the window's last module towards where the rod is to point, at first.
+        turning: Torque that turns the rod to where it is to point, at first.
+        first_bound: Largest static torque of a frame that is kept, at first.
+        raised_by: Factor of that bound when nothing else helps.
+        most_torque: That bound never gets larger; the explosion is stuck then.
+        refusals: Frames that are taken back before the bound is raised.
+        unbent: Sum of all bends of the window below which the next unit may be let go, except of
+            the joints next to the core.
+        drawn_steps: Steps for which forces that were drawn anew last.
+        most_pushes: Times without progress in a row after which it has stalled.
+        friction: μ between modules and floor.
+    """
+
+    unit: int = 1
+    skipped: int = 2
+    release_rad: float = 0.6
+    window: int = 200
+    retire_height: float = 2.5
+    snapshot_rad: float = 0.05
+    verify_size: float = 0.95
+    patience: int = 400
+    max_steps_per_module: int = 1500
+    weight: float = 25.0
+    spring_torque: float = 3.0
+    largest_spring_torque: float = 2.0
+    pull: float = 0.3
+    turning: float = 1.0
+    first_bound: float = 2.0
+    raised_by: float = 1.15
+    most_torque: float = 8.0
+    refusals: int = 8
+    unbent: float = 1.5
+    drawn_steps: int = 200
+    most_pushes: int = 16
+    friction: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RobotParameters:
     """What is not ideal about a robot, and how many of its kind a plan is tried on.
 
@@ -288,6 +338,8 @@ class Parameters:
         explosion: How the chain is let go; None for direct servoing.
         playback: How it is folded again.
         peeling: How it is let go where the strategy is to peel it.
+        table: How it is let go on a table.
+        world: Where it folds: ``floating``, or on a ``table`` under gravity.
         strategy: How it is let go, ``auto`` included, see ``planner.explosion.strategies``.
         module_size: Size at which the plan is verified, as a fraction of the pitch.
         density_kg_m3: Of a solid module, for torques in newton-metres.
@@ -300,6 +352,8 @@ class Parameters:
     )
     playback: PlaybackParameters = field(default_factory=PlaybackParameters)
     peeling: PeelingParameters = field(default_factory=PeelingParameters)
+    table: TableParameters = field(default_factory=TableParameters)
+    world: World = "floating"
     strategy: str = "auto"
     module_size: float = 0.95
     density_kg_m3: float = 2700.0
@@ -319,6 +373,8 @@ BASELINE: Final = "one-by-one"
 STRATEGIES: Final = ("simultaneous", "blocks", "peel", BASELINE)
 AUTO: Final = "auto"
 STRATEGY_OPTIONS: Final = (AUTO, *STRATEGIES)
+WORLDS: Final = ("floating", "table")
+"""Where a chain folds: nowhere, without gravity; or on a table, under it."""
 
 
 def unknown_strategy(name: str) -> InputError:

@@ -6,10 +6,8 @@ motor's torque. Of all ways to balance the one is sought whose largest torque is
 program. That is a lower bound of limit analysis: right for motors that saturate and give way,
 optimistic for servos that hold their position stiffly.
 
-The joints' forces are eliminated: a hinge bears the moment of all that acts beyond it. With forces
-f ≥ 0 along C rays and torques g + A f, the scaled unknowns φ = f / t and s = 1 / t leave one ranged
-row a hinge, −1 ≤ s g + A φ ≤ 1, beside the balance of the whole chain; s is maximised. Nothing at
-all (φ = 0, s = 0) is always allowed, so that the search begins there or at the last frame's answer.
+The joints' forces are eliminated: a hinge bears the moment of all that acts beyond it, and what is
+left are unknown pushes along rays (``program``).
 
 Weights are 1 and lengths in pitches: torques are in w·p, the weight of a module times the pitch.
 """
@@ -17,9 +15,8 @@ Weights are 1 and lengths in pitches: torques are in w·p, the weight of a modul
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
-import highspy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,11 +25,12 @@ from planner.chain.kinematics import Poses
 from planner.chain.statics import hinge_frames
 from planner.kernels.statics import EQUATIONS, Hinges, columns
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
-from planner.statics.friction import Friction, rays
+from planner.statics.friction import Friction, drifting, rays, wider
+from planner.statics.program import Columns, Program
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-LEAST: Final = 1e-3
+LEAST: Final = 0.01
 """Torques up to this are told as none, in w·p."""
 UNBALANCED: Final = 1e-3
 """Weights, or weights times pitch, by which the whole chain may be out of balance: rounding."""
@@ -67,6 +65,15 @@ class Standing:
         return self.contacts.first[at], self.contacts.points[at], self.forces[at]
 
 
+class _At(NamedTuple):
+    """A configuration."""
+
+    found: Contacts
+    hinges: Hinges
+    positions: Array
+    rotations: Array
+
+
 class Balance:
     """Solves one configuration after another of a chain.
 
@@ -90,10 +97,7 @@ class Balance:
         self.size = size
         self.floor_gap = floor_gap
         self.module_gap = module_gap
-        self._highs = highspy.Highs()
-        self._highs.silent()
-        self._highs.setOptionValue("presolve", "off")
-        self._highs.setOptionValue("solver", "simplex")
+        self._program = Program()
         hinges = chain.module.hinges_per_joint
         self._before = np.repeat(np.arange(chain.joint_count) + chain.module.rigid_links, hinges)
         down = np.zeros((len(chain), 3))
@@ -138,32 +142,16 @@ class Balance:
             anchors=np.repeat(anchors, axes.shape[1], axis=0),
             before=self._before,
         )
-        which, forces = rays(found, friction, positions, rotations)
-        root = self.chain.root if clamped is None else clamped
-        held = clamped is not None
-        starts, rows, values = columns(
-            hinges, root, held, found.first[which], found.second[which], found.points[which], forces
-        )
-        weight = self._weight(hinges, root, held, np.asarray(positions, dtype=np.float64))
-        pushes = self._pushes(starts, rows, values, weight, 1.0 / enough)
-        told = weight + _times(starts, rows, values, pushes, len(weight))
-        joints = len(self._before)
-        if np.abs(told[joints:]).max(initial=0.0) > UNBALANCED:
-            return Standing(
-                torque=np.inf,
-                torques=np.full(joints, np.nan),
-                contacts=found,
-                forces=np.full((len(found), 3), np.nan),
-            )
-        on_first = np.zeros((len(found), 3))
-        np.add.at(on_first, which, pushes[:, None] * forces)
-        largest = float(np.abs(told[:joints]).max(initial=0.0))
-        return Standing(
-            torque=0.0 if largest <= LEAST * (1.0 + 1e-6) else largest,
-            torques=told[:joints],
-            contacts=found,
-            forces=on_first,
-        )
+        at = _At(found, hinges, np.array(positions, dtype=np.float64), rotations)
+        if friction is not None and clamped is None and friction.positions is not None:
+            smooth = self._solved(at, None, None, LEAST)
+            if not smooth.balances:
+                return smooth
+            pressures = smooth.forces[found.on_floor, 2]
+            friction = drifting(found, friction, at.positions, rotations, pressures)
+            narrow = self._solved(at, friction, None, enough)
+            return narrow if narrow.balances else self._solved(at, wider(friction), None, enough)
+        return self._solved(at, friction, clamped, enough)
 
     def within(
         self,
@@ -181,53 +169,51 @@ class Balance:
         )
         return found.torque <= bound * (1.0 + 1e-6)
 
+    def _solved(
+        self, at: _At, friction: Friction | None, clamped: int | None, enough: float
+    ) -> Standing:
+        """The smallest largest torque for one way of rubbing."""
+        found, joints = at.found, len(self._before)
+        which, forces = rays(found, friction, at.positions, at.rotations)
+        root = self.chain.root if clamped is None else clamped
+        held = clamped is not None
+        first, second, points = found.first[which], found.second[which], found.points[which]
+        matrix = columns(at.hinges, root, held, first, second, points, forces)
+        weight = self._weight(at.hinges, root, held, at.positions)
+        most = 1.0 / max(enough, LEAST)
+        pushes = self._program.pushes(_keys(found, which), matrix, weight, joints, most)
+        told = weight + _times(matrix, pushes, len(weight))
+        if np.abs(told[joints:]).max(initial=0.0) > UNBALANCED:
+            nothing = np.full((len(found), 3), np.nan)
+            return Standing(
+                torque=np.inf, torques=np.full(joints, np.nan), contacts=found, forces=nothing
+            )
+        on_first = np.zeros((len(found), 3))
+        np.add.at(on_first, which, pushes[:, None] * forces)
+        largest = float(np.abs(told[:joints]).max(initial=0.0))
+        return Standing(
+            torque=0.0 if largest <= LEAST * (1.0 + 1e-6) else largest,
+            torques=told[:joints],
+            contacts=found,
+            forces=on_first,
+        )
+
     def _weight(self, hinges: Hinges, root: int, held: bool, positions: Array) -> Array:
         """(rows,) what the modules' weights ask of every row."""
         _, rows, values = columns(hinges, root, held, self._all, self._none, positions, self._down)
-        weight = np.zeros(len(self._before) + (0 if held else EQUATIONS))
-        np.add.at(weight, rows, values)
-        return weight
-
-    def _pushes(
-        self,
-        starts: NDArray[np.int32],
-        rows: NDArray[np.int32],
-        values: Array,
-        weight: Array,
-        most: float,
-    ) -> Array:
-        """(C,) how much each ray pushes; all zeros where nothing balances."""
-        count, joints = len(starts) - 1, len(self._before)
-        heavy = np.flatnonzero(weight)
-        model = highspy.HighsLp()
-        model.num_col_, model.num_row_ = count + 1, len(weight)
-        cost = np.zeros(count + 1)
-        cost[-1] = -1.0
-        model.col_cost_ = cost
-        model.col_lower_ = np.zeros(count + 1)
-        upper = np.full(count + 1, highspy.kHighsInf)
-        upper[-1] = most
-        model.col_upper_ = upper
-        limits = np.zeros(len(weight))
-        limits[:joints] = 1.0
-        model.row_lower_, model.row_upper_ = -limits, limits
-        matrix = model.a_matrix_
-        matrix.format_ = highspy.MatrixFormat.kColwise
-        matrix.start_ = np.append(starts, starts[-1] + len(heavy)).astype(np.int32)
-        matrix.index_ = np.append(rows, heavy).astype(np.int32)
-        matrix.value_ = np.append(values, weight[heavy])
-        self._highs.passModel(model)
-        self._highs.run()
-        scaled = np.array(self._highs.getSolution().col_value)
-        if len(scaled) != count + 1 or scaled[-1] <= 1e-9:
-            return np.zeros(count)
-        return np.maximum(scaled[:-1], 0.0) / scaled[-1]
+        count = len(self._before) + (0 if held else EQUATIONS)
+        return np.bincount(rows, values, minlength=count).astype(np.float64)
 
 
-def _times(
-    starts: NDArray[np.int32], rows: NDArray[np.int32], values: Array, pushes: Array, count: int
-) -> Array:
+def _keys(found: Contacts, which: Ints) -> Ints:
+    """(R,) numbers that tell rays apart from frame to frame."""
+    ray = np.arange(len(which)) - np.searchsorted(which, which)
+    first, second = found.first[which], found.second[which]
+    return ((first << 20 | second + 1) << 12 | found.feature[which] + 1 << 4) | ray
+
+
+def _times(matrix: Columns, pushes: Array, count: int) -> Array:
     """(count,) the product of a matrix of columns with as many numbers."""
-    found = np.zeros(count)
-    np.add.at(found, rows, values * np.repeat(pushes, np.diff(starts)))
-    return found
+    starts, rows, values = matrix
+    each = values * np.repeat(pushes, np.diff(starts))
+    return np.bincount(rows, each, minlength=count).astype(np.float64)

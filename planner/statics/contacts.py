@@ -84,8 +84,9 @@ def contacts(
     """
     less = (1.0 - size) * module.inner_radius
     found = contact_points(
-        np.ascontiguousarray(positions, dtype=np.float64),
-        np.ascontiguousarray(rotations, dtype=np.float64),
+        # Copies: a read-only array would be another type, for which all is compiled anew.
+        np.array(positions, dtype=np.float64),
+        np.array(rotations, dtype=np.float64),
         solid_of(module, float(size)),
         module.apart,
         floor_gap + less,
@@ -130,3 +131,18 @@ def _around(points: Array, normal: Array, corners: Ints) -> list[int]:
     aside = np.cross(normal, ahead)
     angles = np.arctan2((points - middle) @ aside, (points - middle) @ ahead)
     return [int(corners[k]) for k in np.argsort(angles)]
+
+
+def floor_clearances(
+    module: Module, positions: Array, rotations: Array, *, size: float = 1.0
+) -> Array:
+    """(F,) how high the lowest corner is; a module that lies flat on the floor has 0.
+
+    Args:
+        module: The kind of module.
+        positions: (F, n, 3) centres in pitches.
+        rotations: (F, n, 3, 3) orientations.
+        size: Module size as a fraction of the pitch.
+    """
+    lowest = (rotations[..., 2, :] @ (module.vertices * size).T).min(axis=-1) + positions[..., 2]
+    return lowest.min(axis=-1) - (1.0 - size) * module.inner_radius

@@ -1,13 +1,19 @@
 """Friction with the floor, after Coulomb, for a direction of motion.
 
-A corner that slips is pushed back against its way with μ times what the floor bears there: one ray,
-so that all stays linear. A corner that does not slip is held by anything in the cone, of which an
+A corner that slips is pushed back against its way with μ times what the floor bears there, so that
+all stays linear. A corner that does not slip is held by anything in the cone, of which an
 eight-sided pyramid inside it is taken. Modules that touch rub against each other without friction.
+
+Where the base is clamped the ways of the corners are those of the motion. Where it is free nobody
+knows how the chain as a whole drifts meanwhile: its twist in the plane is the one that rubs least,
+Σ μ N |v|, a convex function of three unknowns, for the forces N that the floor bears without
+friction. As friction changes those a little, a corner may be pushed back up to ``FANS`` either side
+of its way then.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,21 +27,33 @@ SIDES: Final = 8
 """Edges of the pyramid that stands for the cone of a corner that does not slip."""
 SLIPS_FROM: Final = 1e-3
 """Share of the farthest module's way from which on a corner slips."""
+DRIFTS_FROM: Final = 0.02
+"""The same share where the chain drifts, whose way is not known that well."""
+FANS: Final = (0.2, 0.8)
+"""Radians either side of its way by which a corner of a chain that drifts may be pushed back; the
+second where nothing balances with the first."""
+SMOOTH: Final = 2e-3
+"""Share of the farthest module's way below which rubbing is taken as smooth in the way."""
+ITERATIONS: Final = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Friction:
-    """Friction with the floor.
+    """Friction with the floor and where the motion goes on to.
 
     Attributes:
         coefficient: μ.
         positions: (n, 3) where the modules are a moment later; None where nothing moves.
         rotations: (n, 3, 3) how they are turned then.
+        fan: Radians either side of its way by which a corner may be pushed back.
+        slips_from: Share of the farthest module's way from which on a corner slips.
     """
 
     coefficient: float
     positions: Array | None = None
     rotations: Array | None = None
+    fan: float = 0.0
+    slips_from: float = SLIPS_FROM
 
 
 def rays(
@@ -50,41 +68,110 @@ def rays(
         rotations: (n, 3, 3) orientations.
 
     Returns:
-        (R,) contacts and (R, 3) forces on their first module.
+        (R,) contacts, ordered, and (R, 3) forces on their first module.
     """
-    which = np.arange(len(found))
+    everything = np.arange(len(found))
     if friction is None or friction.coefficient == 0.0:
-        return which, found.normals
+        return everything, found.normals
     floor = np.flatnonzero(found.on_floor)
     ways = slips(found, friction, positions, rotations)
-    lengths = np.linalg.norm(ways, axis=1)
-    slipping = lengths > 0.0
-    normals = found.normals.copy()
-    moving = floor[slipping]
-    normals[moving, :2] -= friction.coefficient * ways[slipping] / lengths[slipping, None]
-    still = floor[~slipping]
+    slipping = np.linalg.norm(ways, axis=1) > 0.0
+    moving, still = floor[slipping], floor[~slipping]
+    back = np.arctan2(-ways[slipping, 1], -ways[slipping, 0])
+    fan = (0.0,) if friction.fan == 0.0 else (-friction.fan, friction.fan)
     turns = 2.0 * np.pi * np.arange(SIDES) / SIDES
-    pyramid = np.column_stack(
-        [friction.coefficient * np.cos(turns), friction.coefficient * np.sin(turns), np.ones(SIDES)]
+    which = np.concatenate(
+        [np.setdiff1d(everything, floor), *(moving for _ in fan), np.repeat(still, SIDES)]
     )
-    rest = np.ones(len(found), dtype=bool)
-    rest[still] = False
-    return (
-        np.concatenate([which[rest], np.repeat(still, SIDES)]),
-        np.concatenate([normals[rest], np.tile(pyramid, (len(still), 1))]),
+    forces = np.concatenate(
+        [
+            found.normals[~found.on_floor],
+            *(_leaning(back + angle, friction.coefficient) for angle in fan),
+            np.tile(_leaning(turns, friction.coefficient), (len(still), 1)),
+        ]
     )
+    order = np.argsort(which, kind="stable")
+    return which[order], forces[order]
 
 
 def slips(found: Contacts, friction: Friction, positions: Array, rotations: Array) -> Array:
-    """(K, 2) way of each corner on the floor along it; exactly zero for those that don't slip."""
+    """(K, 2) way of each corner along the floor; exactly zero for those that don't slip."""
+    ways = _ways(found, friction, positions, rotations)
+    farthest = _farthest(friction, positions)
+    ways[np.linalg.norm(ways, axis=1) <= friction.slips_from * farthest] = 0.0
+    return ways
+
+
+def drifting(
+    found: Contacts, friction: Friction, positions: Array, rotations: Array, pressures: Array
+) -> Friction:
+    """The same friction where the chain as a whole drifts so that it rubs least.
+
+    Args:
+        found: C contacts, K of them with the floor.
+        friction: With the floor.
+        positions: (n, 3) centres.
+        rotations: (n, 3, 3) orientations.
+        pressures: (K,) what the floor bears at each corner, in weights of a module.
+    """
+    if friction.positions is None or friction.rotations is None:
+        return friction
+    ways = _ways(found, friction, positions, rotations)
+    ends = found.points[found.on_floor][:, :2] + ways
+    middle = positions[:, :2].mean(axis=0)
+    # Way of each corner for a shift by one pitch along x, along y, and a turn by one radian.
+    moves = np.zeros((len(ends), 2, 3))
+    moves[:, 0, 0] = moves[:, 1, 1] = 1.0
+    moves[:, 0, 2], moves[:, 1, 2] = middle[1] - ends[:, 1], ends[:, 0] - middle[0]
+    least = SMOOTH * max(_farthest(friction, positions), 1e-9)
+    twist = np.zeros(3)
+    for _ in range(ITERATIONS):  # by least squares whose weights follow (Weiszfeld's method)
+        now = ways + moves @ twist
+        weights = pressures / np.sqrt((now**2).sum(axis=1) + least**2)
+        normal = np.einsum("k,kix,kiy->xy", weights, moves, moves)
+        against = np.einsum("k,kix,ki->x", weights, moves, ways)
+        before = twist
+        twist = -np.linalg.lstsq(normal, against, rcond=1e-12)[0]
+        if np.abs(twist - before).max() < 1e-3 * least:
+            break
+    cosine, sine = np.cos(twist[2]), np.sin(twist[2])
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    pivot = np.array([*middle, 0.0])
+    return replace(
+        friction,
+        positions=(friction.positions - pivot) @ turn.T + pivot + np.array([*twist[:2], 0.0]),
+        rotations=turn @ friction.rotations,
+        fan=FANS[0],
+        slips_from=DRIFTS_FROM,
+    )
+
+
+def wider(friction: Friction) -> Friction:
+    """The same with the wider one of ``FANS``."""
+    return replace(friction, fan=FANS[1])
+
+
+def _ways(found: Contacts, friction: Friction, positions: Array, rotations: Array) -> Array:
+    """(K, 2) way of each corner along the floor."""
     floor = found.on_floor
     modules, points = found.first[floor], found.points[floor]
     if friction.positions is None or friction.rotations is None:
         return np.zeros((len(points), 2))
     turns = friction.rotations[modules] @ np.swapaxes(rotations[modules], 1, 2)
     arms = points - positions[modules]
-    ways = friction.positions[modules] + (turns @ arms[:, :, None])[:, :, 0] - points
-    farthest = np.linalg.norm(friction.positions - positions, axis=1).max(initial=0.0)
-    along = ways[:, :2].copy()
-    along[np.linalg.norm(along, axis=1) <= max(SLIPS_FROM * farthest, 1e-12)] = 0.0
-    return along
+    ends = friction.positions[modules] + (turns @ arms[:, :, None])[:, :, 0]
+    return (ends - points)[:, :2]
+
+
+def _farthest(friction: Friction, positions: Array) -> float:
+    """How far the module goes that goes farthest."""
+    if friction.positions is None:
+        return 0.0
+    return float(np.linalg.norm(friction.positions - positions, axis=1).max(initial=0.0))
+
+
+def _leaning(angles: Array, coefficient: float) -> Array:
+    """(R, 3) upright unit forces that lean towards directions in the plane."""
+    return np.column_stack(
+        [coefficient * np.cos(angles), coefficient * np.sin(angles), np.ones(len(angles))]
+    )

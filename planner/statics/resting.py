@@ -51,13 +51,13 @@ def resting_poses(module: Module, positions: Array, rotations: Array) -> Iterato
     corners = (module.vertices @ np.swapaxes(rotations, 1, 2) + positions[:, None]).reshape(-1, 3)
     centre = positions.mean(axis=0)
     hull = ConvexHull(corners)
+    heights = -(hull.equations[:, :3] @ centre + hull.equations[:, 3])
+    below = centre + heights[:, None] * hull.equations[:, :3]
     faces: list[tuple[float, Array]] = []
-    for simplex, plane in zip(hull.simplices, hull.equations, strict=True):
-        height = -float(plane[:3] @ centre + plane[3])
-        if _inside(corners[simplex], centre + height * plane[:3]) and not any(
-            normal @ plane[:3] > 1.0 - 1e-9 for _, normal in faces
-        ):
-            faces.append((height, plane[:3]))
+    for k in np.flatnonzero(_inside(corners[hull.simplices], below)):
+        normal = hull.equations[k, :3]
+        if not any(normal @ other > 1.0 - 1e-9 for _, other in faces):
+            faces.append((float(heights[k]), normal))
     for height, normal in sorted(faces, key=lambda face: face[0]):
         turn = turn_down(normal)
         shift = -turn @ centre + np.array([0.0, 0.0, height])
@@ -74,19 +74,16 @@ def turn_down(normal: Array) -> Array:
     return np.eye(3) + cross + cross @ cross / (1.0 - z)
 
 
-def _inside(triangle: Array, point: Array) -> bool:
-    """Whether a point of a triangle's plane is in it."""
-    a, b, c = triangle
-    normal = np.cross(b - a, c - a)
-    square = normal @ normal
-    if square < 1e-20:
-        return False
-    shares = (
-        np.cross(c - b, point - b) @ normal / square,
-        np.cross(a - c, point - c) @ normal / square,
-        np.cross(b - a, point - a) @ normal / square,
-    )
-    return bool(min(shares) >= -WITHIN)
+def _inside(triangles: Array, points: Array) -> NDArray[np.bool_]:
+    """(S,) whether (S, 3) points, each in the plane of a triangle (S, 3, 3), are within it."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    normals = np.cross(b - a, c - a)
+    squares = (normals**2).sum(axis=1)
+    shares = [
+        (np.cross(q - p, points - p) * normals).sum(axis=1) / np.maximum(squares, 1e-20)
+        for p, q in ((a, b), (b, c), (c, a))
+    ]
+    return (np.min(shares, axis=0) >= -WITHIN) & (squares > 1e-20)
 
 
 def _margin(hull: object, normal: Array, centre: Array) -> float:

@@ -32,6 +32,7 @@ COMMANDS: Final = {
     "movie": "Make a movie of a fold: the straight chain folds into its shape.",
     "retime": "Give a plan time stamps within a robot's limits.",
     "servos": "List the servos that would do for a torque.",
+    "table": "Tell whether a plan rests on a table, and what that asks of its hinges.",
     "doctor": "Check what the service needs.",
     "admin": "See, forget, repeat and keep folds of a service.",
 }

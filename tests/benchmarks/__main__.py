@@ -24,6 +24,7 @@ from tests.benchmarks.speed import speed
 from tests.benchmarks.success_map.seeds import seeds
 from tests.benchmarks.sweeps import sweeps
 from tests.benchmarks.table.paths import table_path_section
+from tests.benchmarks.table.statics import statics
 from tests.benchmarks.tables import write_sections
 from tests.benchmarks.tetrahedra import tetrahedra
 
@@ -42,6 +43,7 @@ SECTIONS = {
     "table-paths": table_path_section,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
+    "statics": statics,
     "plan-files": plan_files,
     "page": page,
     "long-folds": long_folds,

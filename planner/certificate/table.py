@@ -1,0 +1,400 @@
+"""Table certificate: whether a motion rests on a table in every frame, and within what torque.
+
+Only kinematics and statics go in: every frame is balanced by itself on the plane z = 0
+(``planner.statics``). Frames that don't stand there, as those of plans that float, are each laid
+into the pose in which they rest with the least torque; that tells what they would ask, and is no
+motion on a table.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import Poses
+from planner.cores import cores
+from planner.errors import InputError
+from planner.motion.frames import Frames
+from planner.motion.motion import Motion
+from planner.statics.balance import LEAST, Balance, Standing
+from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, floor_clearances
+from planner.statics.friction import FANS, SIDES, Friction
+from planner.statics.resting import resting_poses
+
+Array = NDArray[np.float64]
+Base = Literal["clamped", "free"]
+FORMAT: Final = "foldback-table/1"
+GRAVITY_M_S2: Final = 9.81
+FRICTIONLESS: Final = "frictionless"
+ENTERED: Final = 0.02
+"""Pitches that modules may go into the table: as far as they may stand above it."""
+ON_TABLE: Final = 0.1
+"""Pitches from the floor within which the lowest corner of each frame is one of a motion on it."""
+CHUNK: Final = 32
+"""Frames that one task of a thread balances, each beginning where the last one ended."""
+LARGEST_FRICTION: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableCertificate:
+    """What a motion asks of the hinges on a table. Lengths in pitches, torques in w·p.
+
+    1 w·p is the weight of a module times the pitch. What is of F frames has a value for each.
+
+    Attributes:
+        verdict: ``rests on a table within X w·p, …`` or ``failed: …``.
+        name: Of the chain.
+        modules: How many it has.
+        on_table: Whether the frames stand on the table as they are; else each was laid into its
+            best resting pose.
+        friction: μ between modules and table.
+        base: Whether the first module is ``clamped`` to the table or the chain lies ``free``.
+        module_size: Where its corners are, as a fraction of the pitch.
+        module_kg: Mass of a module.
+        pitch_m: Distance of neighbouring modules.
+        unit_nm: 1 w·p in N·m.
+        bound: Largest torque that was allowed; None for any.
+        torque: The largest of all frames that balance; None where none does.
+        torque_nm: The same in N·m.
+        frame: Where that is.
+        unbalanced: Frames that nothing balances.
+        clearance: Of the table: how high the lowest corner is in the frame where it is lowest;
+            negative where it goes into the table.
+        clearance_frame: Where that is.
+        torques: (F,) smallest largest torque; None where nothing balances.
+        standing: (F,) the modules that stand on the table.
+        assumptions: All that the figures lean on, in words.
+        seconds: Wall time.
+    """
+
+    verdict: str
+    name: str
+    modules: int
+    on_table: bool
+    friction: float
+    base: Base
+    module_size: float
+    module_kg: float
+    pitch_m: float
+    unit_nm: float
+    bound: float | None
+    torque: float | None
+    torque_nm: float | None
+    frame: int | None
+    unbalanced: tuple[int, ...]
+    clearance: float
+    clearance_frame: int
+    torques: tuple[float | None, ...]
+    standing: tuple[tuple[int, ...], ...]
+    assumptions: tuple[str, ...]
+    seconds: float
+
+    @property
+    def rests(self) -> bool:
+        """Whether the motion rests on a table in all frames, within the bound."""
+        return not self.verdict.startswith("failed")
+
+    @property
+    def told_friction(self) -> str:
+        """What is said beside every figure."""
+        return friction_words(self.friction)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        lists = {name: list(values[name]) for name in ("unbalanced", "torques", "assumptions")}
+        return {
+            "format": FORMAT,
+            **values,
+            **lists,
+            "standing": [list(each) for each in self.standing],
+        }
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> TableCertificate:
+        """The inverse of ``as_dict``.
+
+        Raises:
+            InputError: ``wrong-format``.
+        """
+        if values.get("format") != FORMAT:
+            raise InputError(
+                "wrong-format",
+                f"got the format {values.get('format')!r}, expected {FORMAT!r}, as "
+                "`foldback table` writes it.",
+            )
+        found: dict[str, Any] = {field.name: values[field.name] for field in fields(cls)}
+        for name in ("unbalanced", "torques", "assumptions"):
+            found[name] = tuple(found[name])
+        found["standing"] = tuple(tuple(each) for each in found["standing"])
+        return cls(**found)
+
+
+def friction_words(friction: float) -> str:
+    """What is said of friction beside every figure."""
+    return FRICTIONLESS if friction == 0.0 else f"friction {friction:g}"
+
+
+def table_certificate(
+    chain: Chain,
+    frames: Motion,
+    *,
+    friction: float = 0.0,
+    base: Base = "clamped",
+    module_kg: float | None = None,
+    pitch_m: float | None = None,
+    density_kg_m3: float = 2700.0,
+    module_size: float = 1.0,
+    bound: float | None = None,
+    on_table: bool | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> TableCertificate:
+    """Balances every frame of a motion on the plane z = 0.
+
+    Args:
+        chain: The chain.
+        frames: F of them, in the order in which they are played: that is the direction of friction.
+        friction: μ between modules and table.
+        base: Whether the first module is clamped to the table. Frames that are each laid into a
+            resting pose lie free.
+        module_kg: Mass of a module; a full one of ``density_kg_m3`` when None.
+        pitch_m: Distance of neighbouring modules; the chain's when None.
+        density_kg_m3: Of what a module is made.
+        module_size: Where the corners are, as a fraction of the pitch.
+        bound: Largest torque in w·p that is allowed.
+        on_table: Whether the frames stand on the table as they are; found out when None.
+        progress: Told the share of frames that are done, now and then.
+
+    Raises:
+        InputError: ``bad-table`` for numbers that cannot be.
+    """
+    begun = time.perf_counter()
+    pitch = chain.pitch_m if pitch_m is None else pitch_m
+    mass = density_kg_m3 * chain.module.volume * pitch**3 if module_kg is None else module_kg
+    _check(len(frames), friction, base, mass, pitch, module_size, bound)
+    clearances = np.concatenate(
+        [
+            floor_clearances(chain.module, poses.positions, poses.rotations, size=module_size)
+            for _, poses in _parts(chain, frames)
+        ]
+    )
+    if not np.isfinite(clearances).all():
+        raise InputError("bad-table", "got frames that are not finite, expected numbers.")
+    stands = bool(np.abs(clearances).max() <= ON_TABLE) if on_table is None else on_table
+    wanted = _Wanted(
+        chain=chain,
+        frames=frames,
+        friction=friction,
+        clamped=0 if base == "clamped" and stands else None,
+        size=module_size,
+        laid=not stands,
+    )
+    found: list[tuple[float, tuple[int, ...]]] = []
+    starts = range(0, len(frames), CHUNK)
+    with ThreadPoolExecutor(min(cores(), len(starts))) as pool:
+        for part in pool.map(wanted.part, starts):
+            found += part
+            if progress is not None:
+                progress(len(found) / len(frames))
+    torques = np.array([torque for torque, _ in found])
+    balanced = np.isfinite(torques)
+    worst = int(np.argmax(np.where(balanced, torques, -1.0))) if balanced.any() else None
+    largest = None if worst is None else float(torques[worst])
+    unit = mass * GRAVITY_M_S2 * pitch
+    low = int(np.argmin(clearances))
+    certificate = TableCertificate(
+        verdict="",
+        name=chain.name,
+        modules=len(chain),
+        on_table=stands,
+        friction=friction,
+        base=base if stands else "free",
+        module_size=module_size,
+        module_kg=mass,
+        pitch_m=pitch,
+        unit_nm=unit,
+        bound=bound,
+        torque=largest,
+        torque_nm=None if largest is None else largest * unit,
+        frame=worst,
+        unbalanced=tuple(np.flatnonzero(~balanced).tolist()),
+        clearance=float(clearances[low]),
+        clearance_frame=low,
+        torques=tuple(float(t) if np.isfinite(t) else None for t in torques),
+        standing=tuple(modules for _, modules in found),
+        assumptions=_assumptions(friction, base if stands else "free", stands, module_size),
+        seconds=time.perf_counter() - begun,
+    )
+    return replace(certificate, verdict=_verdict(certificate))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Wanted:
+    """What is looked at in every frame."""
+
+    chain: Chain
+    frames: Motion
+    friction: float
+    clamped: int | None
+    size: float
+    laid: bool
+
+    def part(self, start: int) -> list[tuple[float, tuple[int, ...]]]:
+        """Torque and standing modules of the frames from one on."""
+        stop = min(start + CHUNK, len(self.frames))
+        around = self.frames.dense(self.chain, max(start - 1, 0), min(stop + 1, len(self.frames)))
+        poses = self.chain.poses(around.joint_angles_rad, around.root_position, around.root_wxyz)
+        balance = Balance(self.chain, size=self.size)
+        first = min(start, 1)
+        return [
+            self._frame(balance, poses, around.joint_angles_rad[k], k)
+            for k in range(first, first + stop - start)
+        ]
+
+    def _frame(
+        self, balance: Balance, poses: Poses, angles: Array, k: int
+    ) -> tuple[float, tuple[int, ...]]:
+        here = poses.positions[k], poses.rotations[k]
+        after = _moment_later(poses, k) if self.friction else None
+        if not self.laid:
+            return _told(self._solved(balance, here, after, angles))
+        best: Standing | None = None
+        for pose in resting_poses(self.chain.module, *here):
+            then = None if after is None else pose.of(*after)
+            one = self._solved(balance, pose.of(*here), then, angles)
+            if best is None or one.torque < best.torque:
+                best = one
+        return (np.inf, ()) if best is None else _told(best)
+
+    def _solved(
+        self,
+        balance: Balance,
+        here: tuple[Array, Array],
+        after: tuple[Array, Array] | None,
+        angles: Array,
+    ) -> Standing:
+        rubbing = None
+        if after is not None:
+            rubbing = Friction(coefficient=self.friction, positions=after[0], rotations=after[1])
+        return balance.solve(*here, angles, friction=rubbing, clamped=self.clamped)
+
+
+def _told(found: Standing) -> tuple[float, tuple[int, ...]]:
+    return found.torque, tuple(found.contacts.standing.tolist())
+
+
+def _moment_later(poses: Poses, k: int) -> tuple[Array, Array]:
+    """Where the modules are in the next frame; after the last one they go on as they came."""
+    positions, rotations = poses.positions, poses.rotations
+    if k + 1 < len(positions):
+        return positions[k + 1], rotations[k + 1]
+    if k == 0:
+        return positions[k], rotations[k]
+    turned = rotations[k] @ np.swapaxes(rotations[k - 1], 1, 2)
+    return 2.0 * positions[k] - positions[k - 1], turned @ rotations[k]
+
+
+def _parts(chain: Chain, frames: Motion) -> Iterator[tuple[Frames, Poses]]:
+    for start in range(0, len(frames), CHUNK):
+        part = frames.dense(chain, start, min(start + CHUNK, len(frames)))
+        yield part, chain.poses(part.joint_angles_rad, part.root_position, part.root_wxyz)
+
+
+def _check(
+    frames: int,
+    friction: float,
+    base: str,
+    module_kg: float,
+    pitch_m: float,
+    module_size: float,
+    bound: float | None,
+) -> None:
+    for name, value, least, most in (
+        ("frames", frames, 1, np.inf),
+        ("friction", friction, 0.0, LARGEST_FRICTION),
+        ("pitch_m", pitch_m, 1e-9, 1e3),
+        ("module_kg", module_kg, 1e-9, 1e6),
+        ("module_size", module_size, 0.5, 1.0),
+        ("bound", LEAST if bound is None else bound, LEAST, np.inf),
+    ):
+        if not least <= value <= most:
+            raise InputError(
+                "bad-table", f"got {value:g}, expected {least:g} to {most:g}.", where=name
+            )
+    if base not in ("clamped", "free"):
+        raise InputError(
+            "bad-table", f"got the base {base!r}, expected clamped or free.", where="base"
+        )
+
+
+def _verdict(found: TableCertificate) -> str:
+    """The answer in one sentence."""
+    words = found.told_friction
+    if found.unbalanced:
+        count, first = len(found.unbalanced), found.unbalanced[0]
+        return (
+            f"failed: nothing balances in {count} of {len(found.torques)} frames, first in frame "
+            f"{first} ({words})"
+        )
+    asked = f"{found.torque:.3g} w·p in frame {found.frame} ({words})"
+    if not found.on_table:
+        return (
+            "failed: it does not rest on a table, it floats; laid down anew in every frame it asks "
+            f"{asked}"
+        )
+    if found.clearance < -ENTERED:
+        return (
+            f"failed: modules go {-found.clearance:.3g} of a pitch into the table in frame "
+            f"{found.clearance_frame}, expected at most {ENTERED:g}"
+        )
+    if found.bound is not None and (found.torque or 0.0) > found.bound:
+        return f"failed: it asks {asked}, expected at most {found.bound:g} w·p"
+    return f"rests on a table within {asked}"
+
+
+def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tuple[str, ...]:
+    """All that the figures lean on."""
+    said = [
+        "The torque of a frame is the smallest largest one of all ways to balance: a lower bound "
+        "of limit analysis, right for motors that saturate and give way, optimistic for servos "
+        "that hold their position stiffly.",
+        "Quasi-static: what it takes to speed modules up comes on top.",
+        f"Corners up to {FLOOR_GAP:g} of a pitch above the table stand on it; modules up to "
+        f"{MODULE_GAP:g} from each other, at full size, touch and push without friction. Linked "
+        "cubes don't: they lack what would touch.",
+        f"The modules are rigid, all of the same weight, {size:g} of the pitch wide where they "
+        "touch; joints bear any force and any moment across their hinges.",
+        f"Torques up to {LEAST:g} w·p are told as none.",
+        "Every frame is looked at; what is between frames is not.",
+    ]
+    if friction == 0.0:
+        said.append("Frictionless: the table holds nothing along its plane and drags at nothing.")
+    else:
+        said.append(
+            f"Coulomb friction of {friction:g} with the table, against the way to the next frame, "
+            f"which is the direction of play; a corner that does not slip is held in a pyramid of "
+            f"{SIDES} sides inside the cone."
+        )
+    if base == "clamped":
+        said.append("The first module is clamped to the table and held by whatever that takes.")
+    elif friction == 0.0:
+        said.append("The chain lies free on the table.")
+    else:
+        said.append(
+            "The chain lies free on the table and drifts so that it rubs least, for the pressures "
+            f"without friction; corners may be pushed back up to {FANS[0]:g} rad "
+            f"either side of their way, {FANS[1]:g} where nothing balances else."
+        )
+    if not on_table:
+        said.append(
+            "The frames don't stand on a table: each was laid into that of its resting poses which "
+            "asks least. How it gets from one to the next is not looked at."
+        )
+    return tuple(said)

@@ -1,0 +1,302 @@
+"""Explosion on a table: a chain comes off its core under gravity and lies down on the table.
+
+The folded core stands on the table. From the chain's far end on, joints are let go by springs whose
+torque is limited; modules fall, slide and come to lie, and the chain's end is drawn gently towards
+where there is room. A guard looks at every frame that is to be kept: one that would ask more torque
+of a hinge than the bound is taken back, and the forces are drawn anew.
+
+It is a peeling (``planner.explosion.peeling``) with other forces: the core is held, what is
+straight and out of the way is one rod. Once all lies flat, what is left is a planar unfolding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.rotations import matrix_from_wxyz
+from planner.explosion.explosion import MOST_RETRIES, Ended
+from planner.explosion.peeling import Peeling, crossed
+from planner.explosion.peeling_recorder import WindowRecorder
+from planner.explosion.peeling_window import Bend
+from planner.explosion.table_guard import Guard
+from planner.kernels.core import FIXED
+from planner.motion.record import Record
+from planner.motion.windows import Windows
+from planner.progress import Cancelled, Report, never, silent
+from planner.simulation.parameters import TableParameters
+from planner.simulation.reduced import Acceleration
+
+Array = NDArray[np.float64]
+THICK: Final = 40.0
+"""Pitches of the box that stands for the table."""
+WIDE: Final = 1000.0
+"""Pitches to its edges, more than any chain is long."""
+LEAST_PROGRESS_RAD: Final = 0.3
+"""Sum of bends that must go from look to look."""
+LEAST_BEND_RAD: Final = 1e-3
+"""Of a hinge, below which its spring is not made stiffer any more."""
+DIRECTIONS: Final = 72
+"""Directions over the table in which the rod may point."""
+ROOM: Final = 1.8
+"""Pitches that the rod keeps from the core once it is far enough out."""
+LOOKED_ALONG: Final = 12.0
+"""Pitches along the rod within which it keeps away from the core."""
+STRAIGHT_ON: Final = 2.0
+"""How much it counts that the rod points where the chain's next link does, against what follows."""
+OUTWARDS: Final = 0.3
+"""How much it counts that it points away from the core's middle."""
+AS_BEFORE: Final = 0.7
+"""How much it counts that it points where it did."""
+LACKING: Final = 3.0
+"""How much each pitch counts that there is too little room."""
+SIDEWAYS: Final = 5
+"""Neighbouring modules that are pushed about alike."""
+STRONGEST_SPRING: Final = 8.0
+"""Largest torque of a spring, in w·p."""
+STRONGER: Final = 0.25
+"""How much more the forces may be each time that they are drawn in vain."""
+RELEASED_EVERY: Final = 4
+"""Draws in vain after which the next unit is let go all the same."""
+
+
+def explode_on_table(
+    chain: Chain,
+    parameters: TableParameters,
+    *,
+    seed: int = 0,
+    sink: Callable[[Windows], None] | None = None,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+) -> Record:
+    """Lets a folded chain go on a table, and records how it comes to lie straight.
+
+    Args:
+        chain: A chain of cubes, starting in its folded configuration; it stands on the table with
+            its lowest modules, z up.
+        parameters: How it is let go.
+        seed: Decides which forces are drawn.
+        sink: Gets the snapshots as they are made.
+        progress: Told how far it is, a few times a second.
+        cancelled: Asked now and then whether to stop.
+
+    Returns:
+        The record, whatever came of it.
+
+    Raises:
+        InputError: ``not-peelable`` for modules that are no cubes, or off the lattice.
+    """
+    return TablePeeling(chain, parameters, seed, sink).run(progress, cancelled)
+
+
+class TablePeeling(Peeling):
+    """A run on a table. For what it takes, see ``explode_on_table``."""
+
+    doing = "lying down"
+
+    def __init__(
+        self,
+        chain: Chain,
+        parameters: TableParameters,
+        seed: int,
+        sink: Callable[[Windows], None] | None,
+    ) -> None:
+        self.table = parameters
+        rotation = matrix_from_wxyz(chain.folded_wxyz)
+        self.up: Array = np.rint(rotation[2])
+        """(3,) in the frame of the core, which is that of module 0."""
+        self.pushed: Array | None = None
+        """(n, 3) forces that were drawn, in weights of a module."""
+        self._drawn_at: int | None = None
+        self._draws = np.random.default_rng(seed)
+        self._exhausted = self._unheld = False
+        self._calm(parameters)
+        super().__init__(chain, parameters, seed, sink)
+        self.guard = Guard(chain, self.peelable, parameters)
+        self.windows = self.recorder = WindowRecorder(
+            self.peelable,
+            self.proof,
+            snapshot_rad=parameters.snapshot_rad,
+            snapshot_distance=parameters.snapshot_distance,
+            sink=sink,
+            holds=self._holds,
+        )
+
+    def run(self, progress: Report, cancelled: Cancelled) -> Record:
+        return replace(super().run(progress, cancelled), table=self.guard.record())
+
+    # The forces.
+
+    def _calm(self, p: TableParameters) -> None:
+        """The forces as they are when nothing is in the way."""
+        self._drawn_at = None
+        self.spring_torque = p.largest_spring_torque
+        self.pull, self.turning = p.pull, p.turning
+        self.pushed = None
+
+    def _draw(self, stronger: float) -> None:
+        """Draws the forces anew, for a while."""
+        p, draws = self.table, self._draws
+        self._drawn_at = self.steps
+        size = stronger * draws.uniform(0.0, 0.5)
+        each = draws.normal(size=(len(self.chain), 3))
+        each -= 0.5 * np.outer(each @ self.up, self.up)
+        alike = np.full(SIDEWAYS, 2.0 / SIDEWAYS)
+        self.pushed = size * np.column_stack(
+            [np.convolve(each[:, axis], alike, "same") for axis in range(3)]
+        )
+        self.pull, self.turning = draws.uniform(0.0, 1.0), draws.uniform(0.0, 2.0)
+        largest = p.largest_spring_torque * draws.uniform(0.75, 1.5 * stronger)
+        self.spring_torque = min(largest, STRONGEST_SPRING)
+
+    @property
+    def _rod_mass(self) -> float:
+        return float(min(self.rod, self.table.rod_modules))
+
+    def _forces(self, positions: Array) -> Array:
+        """(m, 3) forces: weights, the pull at the end, and what was drawn."""
+        p, count = self.table, self.modules
+        forces = np.zeros((count, 3))
+        forces[FIXED:] = -self.up
+        if self.pushed is not None:
+            forces[FIXED:] += self.pushed[self.first + FIXED : self.first + count]
+        forces[-1] += self.pull * self.aim - self._rod_mass * self.up
+        return p.weight * forces
+
+    def _end_torque(self) -> Array:
+        """(3,) the rod's weight, and what turns it on the table to where it is to point."""
+        along = self.window.rotations[-1][:, 0]
+        flat = along - (along @ self.up) * self.up
+        turn = crossed(flat / max(float(np.linalg.norm(flat)), 1e-6), self.aim)
+        mass = self._rod_mass
+        lever = 0.5 * (1.0 + mass) * along if mass else np.zeros(3)
+        return self.table.weight * (self.turning * turn - mass * crossed(lever, self.up))
+
+    def _stiffen(self, positions: Array) -> None:
+        """Springs whose torque is limited: the more a hinge is bent, the softer its spring."""
+        p = self.table
+        bends = np.maximum(np.abs(self.state.angles), LEAST_BEND_RAD)
+        self.window.set_stiffness(
+            p.weight * np.minimum(p.spring_torque, self.spring_torque / bends)
+        )
+
+    # The table.
+
+    def _boxes(self, first: int) -> tuple[Array, Array]:
+        centres, halves = super()._boxes(first)
+        top = float((self.core.cells @ self.up).min()) - 0.5
+        table = np.where(self.up != 0.0, 0.5 * THICK, WIDE)
+        return (
+            np.concatenate([centres, [(top - 0.5 * THICK) * self.up]]),
+            np.concatenate([halves, [table]]),
+        )
+
+    def _way_out(self) -> Array:
+        """(3,) unit vector along the table: where the rod points, clear of the core."""
+        one = np.eye(3)[int(np.argmin(np.abs(self.up)))]
+        other = np.cross(self.up, one)
+        turns = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        rays = np.cos(turns)[:, None] * one + np.sin(turns)[:, None] * other
+        there = self.core.cells[: self.first + FIXED]
+        outwards = self._flat(self.centre - there.mean(axis=0))
+        along = np.arange(1.0, LOOKED_ALONG, 0.5)
+        points = self._flat(self.centre + rays[:, None, :] * along[None, :, None])
+        below = np.unique(self._flat(there), axis=0)
+        gaps = points[:, :, None, :] - below
+        distance = np.linalg.norm(gaps, axis=-1).min(axis=-1)
+        lack = np.maximum(np.minimum(ROOM, 0.7 + 0.5 * along) - distance, 0.0).max(axis=1)
+        score = (
+            OUTWARDS * (rays @ outwards) / max(float(np.linalg.norm(outwards)), 1e-9)
+            + STRAIGHT_ON * (rays @ self.core.rotations[self.first + 1][:, 0])
+            + AS_BEFORE * (rays @ self.target)
+            - LACKING * lack
+        )
+        return np.asarray(rays[int(np.argmax(score))])
+
+    def _flat(self, points: Array) -> Array:
+        """(..., 3) without what they are above the table."""
+        return points - (points @ self.up)[..., None] * self.up
+
+    # What is kept.
+
+    def _clear(self, bends: list[Bend]) -> bool:
+        return super()._clear(bends) and self.guard.holds(None, bends)
+
+    def commit(self) -> None:
+        # Of a frame that does not hold, waiting would not make one that does.
+        if super()._clear([self.snapshot()]) and self._settle():
+            self.saved = (self.time_s, self.state.copy())
+            self.retries = 0
+            self.guard.keep()
+
+    def _holds(self, before: Bend | None, bends: Sequence[Bend]) -> bool:
+        """What the guard says of snapshots; what it refuses is not a matter of contacts."""
+        holds = self.guard.holds(before, bends)
+        self._unheld = not holds
+        return holds
+
+    def _refused(self) -> None:
+        self.go_back()
+        if self._unheld:
+            self._unheld = False
+            self._exhausted = not self.guard.refuse(self.time_s)
+            self._draw(1.0)
+        elif self.retries > MOST_RETRIES:
+            self.retries = 0
+            self._draw(1.0)
+            self.state.scale_velocities(0.0)
+
+    def accelerations(self) -> Acceleration | None:
+        self._stiffen(self.window.positions)
+        found = super().accelerations()
+        self.contacts = 0  # the table is no reason to wait
+        return found
+
+    def look(self) -> Ended | None:
+        if self._drawn_at is not None and self.steps > self._drawn_at + self.table.drawn_steps:
+            self._calm(self.table)
+        return "stalled" if self._exhausted else super().look()
+
+    def _ready(self) -> bool:
+        p, hinges = self.table, self.peelable.hinges
+        bends = np.abs(self.state.angles[hinges * p.skipped :])
+        unit = bends[: max(0, hinges * (self.unit - p.skipped))]
+        return bool(
+            self.depth < self.allowed.back_off
+            and self.modules < p.window
+            and unit.max(initial=0.0) < p.release_rad
+            and bends.sum() < p.unbent
+        )
+
+    # When it sticks.
+
+    def _unjam(self) -> bool:
+        p = self.table
+        left = self._left()
+        if left < self.least_left - LEAST_PROGRESS_RAD:
+            self.least_left = left
+            self.progressed = self.steps
+            if self.pushes:
+                self._calm(p)
+            self.pushes = 0
+        elif self.steps - self.progressed >= p.patience:
+            self.pushes += 1
+            self.progressed = self.steps
+            if self.pushes % RELEASED_EVERY == 0 and self.first:
+                self._release()
+            self._draw(1.0 + STRONGER * self.pushes)
+        return self.pushes <= p.most_pushes
+
+    def stall_reason(self) -> str:
+        if self._exhausted:
+            return (
+                f"the chain is stuck with modules 0 to {self.first + 1} still folded: "
+                f"{self.guard.why}, and the bound may not become larger than "
+                f"{self.table.most_torque:g} w·p. Try another path, or stronger motors."
+            )
+        return super().stall_reason()

@@ -1,0 +1,140 @@
+"""Guard: which frames of an explosion on a table may be kept.
+
+A frame is kept when it stands on the table with no static torque above a bound and nothing lies in
+the table. What is refused is taken back; the bound is raised only when frames are refused again and
+again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import Poses, forward_kinematics
+from planner.explosion.peeling_window import Bend, Peelable
+from planner.motion.record import TableRecord
+from planner.simulation.parameters import TableParameters
+from planner.statics.balance import Balance
+from planner.statics.friction import Friction
+
+Array = NDArray[np.float64]
+SUNK: Final = 0.012
+"""Pitches that a module may lie in the table: a simulated one gives."""
+FORGIVEN: Final = 0.2
+"""Refusals that count no more for each time that frames were kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A configuration on the table, whose top is z = 0.
+
+    Attributes:
+        angles: (J,) of all hinges.
+        poses: Of all modules.
+    """
+
+    angles: Array
+    poses: Poses
+
+
+class Guard:
+    """Asks of frames whether they hold, and keeps count of those that do not.
+
+    Args:
+        chain: The chain; folded, it stands on the table with its lowest modules.
+        peelable: The same chain.
+        parameters: The bound at first, and how it grows.
+    """
+
+    def __init__(self, chain: Chain, peelable: Peelable, parameters: TableParameters) -> None:
+        self._chain = chain
+        self._peelable = peelable
+        self._parameters = parameters
+        self._balance = Balance(chain)
+        self._height = float(chain.folded_poses.positions[:, 2].min()) - 0.5
+        self.bound = parameters.first_bound
+        self.refused = 0.0
+        """Frames that were refused since the bound was raised, less what is forgiven."""
+        self.taken_back = 0
+        self.raised: list[tuple[float, float]] = []
+        """When it was, and the bound from then on."""
+        self.why = ""
+        """What was wrong with the frame that was refused last."""
+
+    def holds(self, before: Bend | None, bends: Sequence[Bend]) -> bool:
+        """Whether snapshots of an explosion may be kept, one after the other.
+
+        Args:
+            before: The snapshot before them: folding goes there, and friction against it.
+            bends: In the order of the explosion.
+        """
+        earlier = None if before is None else self._placed(before)
+        for bend in bends:
+            placed = self._placed(bend)
+            if not self._stands(placed, earlier):
+                return False
+            earlier = placed
+        return True
+
+    def refuse(self, time_s: float) -> bool:
+        """Counts frames that were taken back; False when the bound cannot be raised any more."""
+        p = self._parameters
+        self.taken_back += 1
+        self.refused += 1.0
+        if self.refused <= p.refusals:
+            return True
+        if self.bound >= p.most_torque:
+            return False
+        self.refused = 0.0
+        self.bound = min(p.raised_by * self.bound, p.most_torque)
+        self.raised.append((time_s, self.bound))
+        return True
+
+    def keep(self) -> None:
+        """Counts frames that were kept."""
+        self.refused = max(0.0, self.refused - FORGIVEN)
+
+    def record(self) -> TableRecord:
+        """What came of it."""
+        return TableRecord(
+            bound=self.bound,
+            taken_back=self.taken_back,
+            raised=tuple(self.raised),
+            friction=self._parameters.friction,
+        )
+
+    def _placed(self, bend: Bend) -> Placed:
+        chain = self._chain
+        angles = self._peelable.widened(bend, 0, len(chain.folded_rad))
+        poses = forward_kinematics(
+            chain.module,
+            angles,
+            root_position=chain.folded_position,
+            root_wxyz=chain.folded_wxyz,
+        )
+        positions = poses.positions.copy()
+        positions[:, 2] -= self._height
+        return Placed(angles, Poses(positions=positions, rotations=poses.rotations))
+
+    def _stands(self, placed: Placed, earlier: Placed | None) -> bool:
+        positions, rotations = placed.poses.positions, placed.poses.rotations
+        corners = positions[:, None, 2] + (rotations @ self._chain.module.vertices.T)[:, 2]
+        if (lowest := float(corners.min())) < -SUNK:
+            self.why = f"a module lay {-lowest:.3f} pitches in the table"
+            return False
+        how: dict[str, Any] = {}
+        if self._parameters.friction and earlier is not None:
+            # What drags on the floor needs a hold: the first module is fixed to the table.
+            how["clamped"] = 0
+            how["friction"] = Friction(
+                self._parameters.friction, earlier.poses.positions, earlier.poses.rotations
+            )
+        if not self._balance.within(self.bound, positions, rotations, placed.angles, **how):
+            self.why = f"some hinge had to bear more than {self.bound:.2f} w·p"
+            return False
+        return True

@@ -1,0 +1,149 @@
+"""The linear program of a balance, and the solver that goes on from one frame to the next.
+
+Forces f ≥ 0 along R rays give torques g + A f and leave the whole chain e + E f out of balance. The
+scaled unknowns φ = f / t and s = 1 / t leave one ranged row a hinge, −1 ≤ s g + A φ ≤ 1, and
+s e + E φ = 0; s is maximised. Nothing at all (φ = 0, s = 0) is always allowed, so that the primal
+simplex method begins there, or where the last frame ended if that was alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import highspy
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import PlannerError
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Columns = tuple[NDArray[np.int32], NDArray[np.int32], Array]
+"""A sparse matrix by columns: where each starts, rows and values."""
+NOTHING: Final = 1e-9
+"""Values of s up to this are none: nothing balances."""
+ALIKE: Final = 0.8
+"""Share of the last frame's forces that must be there again for its answer to be begun with."""
+PRIMAL, DUAL = 4, 1
+"""HiGHS' numbers of the two simplex methods."""
+BASIC: Final = highspy.HighsBasisStatus.kBasic
+LOWER: Final = highspy.HighsBasisStatus.kLower
+OPTIMAL: Final = highspy.HighsModelStatus.kOptimal
+
+
+class Program:
+    """Solves one program after another, beginning each where the last one ended."""
+
+    def __init__(self) -> None:
+        self._highs = highspy.Highs()
+        self._highs.silent()
+        # Of these small programs presolve takes longer than it saves, and scaling as well.
+        self._highs.setOptionValue("presolve", "off")
+        self._highs.setOptionValue("solver", "simplex")
+        self._highs.setOptionValue("simplex_strategy", PRIMAL)
+        self._highs.setOptionValue("simplex_scale_strategy", 0)
+        self._basis = _Basis(basic=np.empty(0, np.int64), last=False, rows=[])
+
+    def pushes(self, keys: Ints, matrix: Columns, weight: Array, hinges: int, most: float) -> Array:
+        """(R,) how much each ray pushes; all zeros where nothing balances.
+
+        Args:
+            keys: (R,) tell rays apart from frame to frame.
+            matrix: What each ray asks of every row.
+            weight: (rows,) what the weights ask.
+            hinges: How many of the rows, the first ones, are hinges.
+            most: Largest s, one over the least torque that is looked for.
+
+        Raises:
+            PlannerError: Where the solver gives up.
+        """
+        self._pass(matrix, weight, hinges, most)
+        if begin := self._basis.of(keys, len(weight)):
+            self._highs.setBasis(begin)
+        self._highs.run()
+        if self._highs.getModelStatus() != OPTIMAL:
+            self._once_more()
+        scaled = np.array(self._highs.getSolution().col_value)
+        self._basis = _Basis.found(self._highs.getBasis(), keys)
+        if scaled[-1] <= NOTHING:
+            return np.zeros(len(keys))
+        return np.maximum(scaled[:-1], 0.0) / scaled[-1]
+
+    def _once_more(self) -> None:
+        """From scratch, by the other method, with numbers scaled."""
+        self._highs.clearSolver()
+        self._highs.setOptionValue("simplex_strategy", DUAL)
+        self._highs.setOptionValue("simplex_scale_strategy", 2)
+        self._highs.run()
+        self._highs.setOptionValue("simplex_strategy", PRIMAL)
+        self._highs.setOptionValue("simplex_scale_strategy", 0)
+        if (status := self._highs.getModelStatus()) != OPTIMAL:
+            raise PlannerError(
+                f"got {self._highs.modelStatusToString(status)} of a balance, expected an optimum; "
+                "please report the configuration."
+            )
+
+    def _pass(self, matrix: Columns, weight: Array, hinges: int, most: float) -> None:
+        starts, rows, values = matrix
+        columns = len(starts)  # one more than rays: the last one is s
+        heavy = np.flatnonzero(weight)
+        cost, upper = np.zeros(columns), np.full(columns, highspy.kHighsInf)
+        cost[-1], upper[-1] = -1.0, most
+        limits = np.zeros(len(weight))
+        limits[:hinges] = 1.0
+        passed = self._highs.passModel(
+            columns,
+            len(weight),
+            len(rows) + len(heavy),
+            int(highspy.MatrixFormat.kColwise),
+            int(highspy.ObjSense.kMinimize),
+            0.0,
+            cost,
+            np.zeros(columns),
+            upper,
+            -limits,
+            limits,
+            starts,
+            np.append(rows, heavy).astype(np.int32),
+            np.append(values, weight[heavy]),
+            np.zeros(columns, dtype=np.int32),  # none of them is a whole number
+        )
+        if passed == highspy.HighsStatus.kError:
+            raise PlannerError("got a balance that the solver does not read, expected finite poses")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Basis:
+    """Where the simplex method ended.
+
+    Attributes:
+        basic: Keys of the rays in the basis.
+        last: Whether s is in it.
+        rows: State of every row.
+    """
+
+    basic: Ints
+    last: bool
+    rows: list[highspy.HighsBasisStatus]
+
+    @classmethod
+    def found(cls, basis: highspy.HighsBasis, keys: Ints) -> _Basis:
+        status = basis.col_status
+        basic = np.fromiter((each == BASIC for each in status), bool, len(status))
+        return cls(basic=keys[basic[:-1]], last=bool(basic[-1]), rows=basis.row_status)
+
+    def of(self, keys: Ints, rows: int) -> highspy.HighsBasis | None:
+        """The same with other rays; None where too few of its own are among them."""
+        if len(self.rows) != rows:
+            return None
+        basic = np.isin(keys, self.basic)
+        kept = int(basic.sum())
+        if kept < ALIKE * len(self.basic):
+            return None
+        begin = highspy.HighsBasis()
+        begin.valid = True
+        begin.alien = kept < len(self.basic)  # gaps are to be filled
+        begin.col_status = [BASIC if each else LOWER for each in [*basic.tolist(), self.last]]
+        begin.row_status = self.rows
+        return begin

@@ -1,0 +1,153 @@
+"""The table certificate: known torques, verdicts, and what it says beside them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from planner.certificate.table import FRICTIONLESS, TableCertificate, table_certificate
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.errors import InputError
+from planner.motion.frames import Frames
+from planner.motion.windows import Windows
+from tests.planner.chains import coil, line
+
+LIFTED = 0.3
+FRAMES = 5
+
+
+def moving(chain: Chain, hinge: int, most: float = LIFTED, low: float = 0.5) -> Frames:
+    """A chain that lies straight turns one hinge; its first module stays where it is."""
+    angles = np.zeros((FRAMES, len(chain.folded_rad)))
+    angles[:, hinge] = np.linspace(0.0, most, FRAMES)
+    poses = forward_kinematics(
+        chain.module, angles, root_position=np.tile([0.0, 0.0, low], (FRAMES, 1))
+    )
+    return Frames(
+        time_s=np.arange(FRAMES, dtype=np.float64),
+        phase=np.ones(FRAMES, dtype=np.uint8),
+        joint_angles_rad=angles,
+        root_position=poses.positions[:, chain.root],
+        root_wxyz=poses.wxyzs[:, chain.root],
+        joint_error_rad=np.full_like(angles, np.nan),
+    )
+
+
+def test_what_swings_on_the_table_asks_nothing_without_friction() -> None:
+    chain = line(7)
+    found = table_certificate(chain, moving(chain, 0))
+    assert found.on_table and found.rests
+    assert found.verdict == f"rests on a table within 0 w·p in frame 0 ({FRICTIONLESS})"
+    assert found.standing == (tuple(range(7)),) * FRAMES
+    assert found.clearance == pytest.approx(0.0, abs=1e-12)
+
+
+def test_friction_is_told_and_asks_something() -> None:
+    chain = line(7)
+    found = table_certificate(chain, moving(chain, 0), friction=0.1)
+    free = table_certificate(chain, moving(chain, 0), friction=0.1, base="free")
+    assert found.rests and "friction 0.1" in found.verdict
+    assert any("Coulomb friction of 0.1" in line for line in found.assumptions)
+    assert found.torque is not None and free.torque is not None
+    assert 0.0 < free.torque < found.torque < 0.1 * sum(np.hypot(j, 0.5) for j in range(1, 6))
+
+
+def test_an_arm_that_is_lifted_asks_what_its_weight_does() -> None:
+    # Upwards is a negative angle about y. Five modules behind the hinge, all in the air but in the
+    # first frame: cos a · 5 · 6 / 2.
+    chain = line(7)
+    found = table_certificate(
+        chain, moving(chain, 1, -LIFTED), module_kg=0.1, pitch_m=0.05, bound=20.0
+    )
+    angle = LIFTED / (FRAMES - 1)
+    assert found.torque == pytest.approx(15.0 * np.cos(angle), rel=1e-4)
+    assert found.frame == 1
+    assert found.torque_nm == pytest.approx(15.0 * np.cos(angle) * 0.1 * 9.81 * 0.05, rel=1e-4)
+    assert found.standing[-1] == (0, 1)
+    assert found.rests
+    refused = table_certificate(chain, moving(chain, 1, -LIFTED), bound=10.0)
+    assert not refused.rests
+    assert "expected at most 10 w·p" in refused.verdict
+
+
+def test_a_chain_that_would_tip_balances_in_no_way() -> None:
+    chain = line(7)
+    found = table_certificate(chain, moving(chain, 1, -LIFTED), base="free")
+    assert found.unbalanced == (1, 2, 3, 4)
+    assert found.torques == (0.0, None, None, None, None)
+    assert found.verdict.startswith("failed: nothing balances in 4 of 5 frames, first in frame 1")
+
+
+def test_what_goes_into_the_table_is_refused() -> None:
+    chain = line(7)
+    found = table_certificate(chain, moving(chain, 0, low=0.45))
+    assert found.clearance == pytest.approx(-0.05)
+    assert "0.05 of a pitch into the table" in found.verdict
+    smaller = table_certificate(chain, moving(chain, 0), module_size=0.9)
+    assert smaller.rests and smaller.clearance == pytest.approx(0.0, abs=1e-12)
+
+
+def test_frames_that_float_are_laid_down_and_never_rest() -> None:
+    chain = coil(8)
+    shares = np.linspace(0.0, 1.0, 40)
+    angles = shares[:, None] * chain.folded_rad
+    frames = Frames.of_phase(
+        "playback",
+        time_s=shares,
+        joint_angles_rad=angles,
+        root_position=np.zeros((40, 3)) + [0.0, 0.0, 30.0],
+        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (40, 1)),
+        joint_error_rad=np.full_like(angles, np.nan),
+    )
+    found = table_certificate(chain, frames, base="clamped")
+    assert not found.on_table and not found.rests
+    assert found.base == "free"
+    assert found.verdict.startswith("failed: it does not rest on a table, it floats")
+    assert FRICTIONLESS in found.verdict
+    assert found.torque is not None and 0.0 < found.torque < 15.0
+    assert found.torques[0] == found.torques[-1] == 0.0
+    as_windows = table_certificate(chain, Windows.of(chain, frames), on_table=False)
+    assert as_windows.torques == pytest.approx(found.torques, rel=1e-3, abs=0.011)
+
+
+def test_it_is_read_back_as_it_was_written() -> None:
+    chain = line(7)
+    for base in ("clamped", "free"):
+        found = table_certificate(chain, moving(chain, 1, -LIFTED), base=base, friction=0.2)
+        written = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+        assert TableCertificate.from_dict(written) == found
+    with pytest.raises(InputError, match="expected 'foldback-table/1'"):
+        TableCertificate.from_dict({"format": "foldback-plan/3"})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "where"),
+    [
+        ({"friction": -0.1}, "friction"),
+        ({"friction": float("nan")}, "friction"),
+        ({"module_kg": 0.0}, "module_kg"),
+        ({"pitch_m": -1.0}, "pitch_m"),
+        ({"module_size": 2.0}, "module_size"),
+        ({"bound": 0.0}, "bound"),
+        ({"base": "held"}, "base"),
+    ],
+)
+def test_what_cannot_be_is_refused(wrong: dict, where: str) -> None:
+    chain = line(4)
+    with pytest.raises(InputError) as refused:
+        table_certificate(chain, moving(chain, 0), **wrong)
+    assert refused.value.code == "bad-table"
+    assert refused.value.where == where
+
+
+def test_no_frames_and_none_that_are_numbers_are_refused() -> None:
+    chain = line(4)
+    frames = moving(chain, 0)
+    with pytest.raises(InputError, match="frames"):
+        table_certificate(chain, frames[:0])
+    frames.root_position[2] = np.nan
+    with pytest.raises(InputError, match="not finite"):
+        table_certificate(chain, frames)

@@ -1,0 +1,103 @@
+"""Chains that stand somewhere, and the same balance by a second formulation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import Poses
+from planner.chain.path import Path
+from planner.chain.statics import hinge_frames
+from planner.statics.balance import Standing
+from planner.statics.contacts import Contacts
+
+Array = NDArray[np.float64]
+
+
+def through(cells: list[tuple[int, int, int]]) -> Chain:
+    return Chain.from_path(Path.from_cells(cells, name="cells"))
+
+
+def standing(chain: Chain, lift: float = 0.5) -> tuple[Array, Array, Array]:
+    """Positions, rotations and angles of the folded chain; cells of z = 0 stand on the floor."""
+    poses = chain.folded_poses
+    return poses.positions + [0.0, 0.0, lift], poses.rotations, chain.folded_rad
+
+
+def by_joint_wrenches(
+    chain: Chain,
+    positions: Array,
+    rotations: Array,
+    angles: Array,
+    found: Contacts,
+    which: Array,
+    forces: Array,
+    clamped: int | None = None,
+) -> float:
+    """The smallest largest torque, every module balanced with all that its joints bear.
+
+    Unknowns are the pushes, then force and moment at every link, then the torque.
+    """
+    module, n, pushes = chain.module, len(chain), len(which)
+    axes, anchors = hinge_frames(chain, angles, Poses(positions=positions, rotations=rotations))
+    links = n - 1
+    unknowns = pushes + 6 * links + 1
+    balance, load = np.zeros((6 * n, unknowns)), np.zeros(6 * n)
+    load[2::6] = 1.0  # what bears a module's weight
+    for r in range(pushes):
+        c = int(which[r])
+        for body, sign in ((found.first[c], 1.0), (found.second[c], -1.0)):
+            if body >= 0:
+                arm = found.points[c] - positions[body]
+                balance[6 * body : 6 * body + 3, r] += sign * forces[r]
+                balance[6 * body + 3 : 6 * body + 6, r] += sign * np.cross(arm, forces[r])
+    for i in range(links):
+        joint = i - module.rigid_links
+        at = anchors[joint] if joint >= 0 else positions[i]
+        for k in range(6):
+            column = pushes + 6 * i + k
+            for body, sign in ((i + 1, 1.0), (i, -1.0)):
+                unit = sign * np.eye(3)[k % 3]
+                if k < 3:
+                    balance[6 * body : 6 * body + 3, column] += unit
+                    balance[6 * body + 3 : 6 * body + 6, column] += np.cross(
+                        at - positions[body], unit
+                    )
+                else:
+                    balance[6 * body + 3 : 6 * body + 6, column] += unit
+    rows = []
+    for joint in range(len(anchors)):
+        for axis in axes[joint]:
+            row = np.zeros(unknowns)
+            start = pushes + 6 * (joint + module.rigid_links) + 3
+            row[start : start + 3] = axis
+            rows += [row, -row]
+    limits = np.array(rows)
+    limits[:, -1] = -1.0
+    cost = np.zeros(unknowns)
+    cost[-1] = 1.0
+    if clamped is not None:
+        kept = np.ones(6 * n, dtype=bool)
+        kept[6 * clamped : 6 * clamped + 6] = False
+        balance, load = balance[kept], load[kept]
+    solved = linprog(
+        cost,
+        A_ub=limits,
+        b_ub=np.zeros(len(limits)),
+        A_eq=balance,
+        b_eq=load,
+        bounds=[(0, None)] * pushes + [(None, None)] * (6 * links) + [(0, None)],
+        method="highs",
+    )
+    return float(solved.fun) if solved.success else np.inf
+
+
+def out_of_balance(chain: Chain, positions: Array, stands: Standing) -> float:
+    """By how much the floor's forces don't bear the whole chain: force and moment."""
+    _, points, forces = stands.floor
+    force = forces.sum(axis=0) - [0.0, 0.0, len(chain)]
+    weights = np.tile([0.0, 0.0, -1.0], (len(chain), 1))
+    moment = np.cross(points, forces).sum(axis=0) + np.cross(positions, weights).sum(axis=0)
+    return float(max(np.abs(force).max(), np.abs(moment).max()))

@@ -1,0 +1,129 @@
+"""Where modules touch the floor and each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE, TETRAHEDRON
+from planner.statics.contacts import FLOOR, MODULE_GAP, contacts, solid_of
+from tests.planner.chains import line
+from tests.planner.statics.standing import standing, through
+
+
+def turned(axis: int, angle: float) -> np.ndarray:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[i, i] = matrix[j, j] = cosine
+    matrix[i, j], matrix[j, i] = -sine, sine
+    return matrix
+
+
+def two(at: tuple[float, float, float], turn: np.ndarray) -> np.ndarray:
+    """What cubes at the origin and elsewhere, with one far from both between them, touch at."""
+    positions = np.array([(0.0, 0.0, 9.0), (0.5, 0.5, 8.0), (*at[:2], at[2] + 9.0)])
+    found = contacts(CUBE, positions, np.array([np.eye(3), np.eye(3), turn]))
+    return np.column_stack([found.points - [0.0, 0.0, 9.0], found.normals, found.gaps])
+
+
+def test_faces_touch_at_the_corners_of_what_they_share() -> None:
+    found = two((0.25, 0.0, 1.0), np.eye(3))
+    assert sorted(map(tuple, found[:, :2].round(9))) == [
+        (-0.25, -0.5),
+        (-0.25, 0.5),
+        (0.5, -0.5),
+        (0.5, 0.5),
+    ]
+    assert np.allclose(found[:, 2:], [0.5, 0.0, 0.0, 1.0, 0.0])
+
+
+def test_a_gap_up_to_the_bound_counts_as_touching() -> None:
+    assert len(two((0.0, 0.0, 1.0 + MODULE_GAP - 1e-3), np.eye(3))) == 4
+    assert len(two((0.0, 0.0, 1.0 + MODULE_GAP + 1e-3), np.eye(3))) == 0
+
+
+def test_neighbours_across_an_edge_of_the_lattice_don_t_touch() -> None:
+    assert len(two((1.0, 0.0, 1.0), np.eye(3))) == 0
+    assert len(two((1.0, 1.0, 1.0), np.eye(3))) == 0
+
+
+def test_a_tilted_face_touches_with_its_lower_edge_only() -> None:
+    tilt = turned(1, 0.1)
+    height = 0.5 * (np.cos(0.1) + np.sin(0.1))
+    found = two((0.0, 0.0, 0.5 + height), tilt)
+    assert len(found) == 2
+    assert np.allclose(found[:, 2], 0.5, atol=1e-6)
+    assert np.allclose(np.abs(found[:, 1]), 0.5)
+
+
+def test_a_corner_on_a_face_is_one_point() -> None:
+    turn = turned(1, np.arctan(np.sqrt(0.5))) @ turned(0, np.pi / 4)
+    depth = (turn @ CUBE.vertices.T)[2].min()
+    found = two((0.1, 0.1, 0.5 - depth + 0.01), turn)
+    assert len(found) == 1
+    assert found[0, 6] == pytest.approx(0.01)
+    assert found[0, 2] == pytest.approx(0.505)
+
+
+def test_two_edges_that_cross_touch_between_them() -> None:
+    # One stands on an edge along x, the other lies with one along y: turned by 45° each.
+    positions = np.array([(0.0, 0.0, 9.0), (0.5, 0.5, 8.0), (0.1, 0.2, 9.0 + np.sqrt(2.0) + 0.02)])
+    rotations = np.array([turned(0, np.pi / 4), np.eye(3), turned(1, np.pi / 4)])
+    found = contacts(CUBE, positions, rotations)
+    pair = found.first == 2
+    assert pair.sum() == 1
+    assert found.points[pair][0] == pytest.approx([0.1, 0.0, 9.0 + np.sqrt(0.5) + 0.01])
+    assert found.normals[pair][0] == pytest.approx([0.0, 0.0, 1.0])
+    assert found.gaps[pair][0] == pytest.approx(0.02)
+
+
+def test_linked_cubes_don_t_touch_and_others_do() -> None:
+    chain = through([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    found = contacts(CUBE, *standing(chain)[:2])
+    pairs = {(a, b) for a, b in zip(found.first, found.second, strict=True) if b != FLOOR}
+    assert pairs == {(3, 0)}
+    assert found.on_floor.sum() == 16
+
+
+def test_smaller_modules_touch_at_the_same_places_moved_inwards() -> None:
+    chain = through([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    full = contacts(CUBE, *standing(chain)[:2])
+    small = contacts(CUBE, *standing(chain)[:2], size=0.9)
+    assert len(small) == len(full)
+    assert small.gaps[~small.on_floor] == pytest.approx(0.1)
+    assert np.abs(small.points[:, 2] - 0.5).max() == pytest.approx(0.45)
+
+
+def test_tetrahedra_touch_face_to_face_at_the_end_of_their_hinge_only() -> None:
+    chain = Chain.from_angles(TETRAHEDRON, np.array([np.pi / 2, 0.0]))
+    poses = chain.folded_poses
+    found = contacts(TETRAHEDRON, poses.positions + [0.0, 0.0, 9.0], poses.rotations)
+    assert set(zip(found.first.tolist(), found.second.tolist(), strict=True)) <= {(1, 0), (0, 1)}
+    assert len(found) == 3  # the ends of the hinge and the corner that is farthest from it
+    straight = Chain.from_angles(TETRAHEDRON, np.zeros(2)).folded_poses
+    apart = contacts(TETRAHEDRON, straight.positions + [0.0, 0.0, 9.0], straight.rotations)
+    arms = apart.points - [0.5, 0.0, 9.0]
+    near = (apart.first == 1) & (apart.second == 0) | (apart.first == 0) & (apart.second == 1)
+    assert np.abs(arms[near][:, :2]).max(initial=0.0) < 1e-6  # none but on the hinge itself
+
+
+def test_faces_are_those_of_the_hull() -> None:
+    for module, faces, edges, corners in ((CUBE, 6, 12, 4), (TETRAHEDRON, 4, 6, 3)):
+        solid = solid_of(module, 1.0)
+        assert (len(solid.normals), len(solid.edges), solid.loops.shape[1]) == (
+            faces,
+            edges,
+            corners,
+        )
+        for normal, loop in zip(solid.normals, solid.loops, strict=True):
+            p, q, r = solid.vertices[loop[:3]]
+            assert np.cross(q - p, r - q) @ normal > 0.0
+
+
+def test_the_floor_bears_corners_up_to_a_bound() -> None:
+    poses = line(3).folded_poses
+    for lift, count in ((0.515, 12), (0.525, 0)):
+        found = contacts(CUBE, poses.positions + [0.0, 0.0, lift], poses.rotations)
+        assert found.on_floor.sum() == count

@@ -1,0 +1,156 @@
+"""Friction with the floor: truths for a tail that is dragged, with the base clamped and free."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.rotations import wxyz_from_matrix
+from planner.statics.balance import Balance
+from planner.statics.friction import FANS, SIDES, Friction, drifting, rays, slips
+from tests.planner.chains import line
+from tests.planner.statics.standing import by_joint_wrenches, out_of_balance, standing
+
+Array = NDArray[np.float64]
+STEP = 1e-3
+
+
+def dragged(chain: Chain, coefficient: float, root: int = 0, step: float = STEP) -> Friction:
+    """The first upright hinge of a chain that lies straight turns; module ``root`` stays."""
+    angles = chain.folded_rad.copy()
+    angles[0] += step
+    poses = forward_kinematics(
+        chain.module,
+        angles,
+        root=root,
+        root_position=chain.folded_poses.positions[root] + [0.0, 0.0, 0.5],
+        root_wxyz=wxyz_from_matrix(chain.folded_poses.rotations[root]),
+    )
+    return Friction(coefficient=coefficient, positions=poses.positions, rotations=poses.rotations)
+
+
+@pytest.mark.parametrize("coefficient", [0.1, 0.3])
+def test_one_module_dragged_sideways(coefficient: float) -> None:
+    # It stands on one far corner, r = √(1.5² + 0.5²) from the hinge, as far as the level hinge does
+    # not carry it. There the floor pushes μ N 0.5 / r towards the front, half a pitch below that
+    # hinge: (1.5 + μ 0.25 / r) N = 1 − t, and t = μ r N.
+    chain = line(3)
+    at = standing(chain)
+    friction = dragged(chain, coefficient)
+    found = Balance(chain).solve(*at, friction=friction, clamped=0)
+    reach = np.hypot(1.5, 0.5)
+    lever = reach / (1.5 + coefficient * 0.25 / reach)
+    assert found.torque == pytest.approx(
+        coefficient * lever / (1.0 + coefficient * lever), rel=1e-4
+    )
+
+
+def test_a_tail_dragged_sideways_grows_as_its_square() -> None:
+    coefficient = 0.1
+    torques = []
+    for beyond in (4, 8):
+        chain = line(beyond + 2)
+        at = standing(chain)
+        friction = dragged(chain, coefficient)
+        found = Balance(chain).solve(*at, friction=friction, clamped=0)
+        which, forces = rays(found.contacts, friction, *at[:2])
+        expected = by_joint_wrenches(chain, *at, found.contacts, which, forces, 0)
+        assert found.torque == pytest.approx(expected, rel=1e-4)
+        torques.append(found.torque)
+        # Each module on its own, or carried by level hinges as far as that helps.
+        assert found.torque < coefficient * sum(np.hypot(j, 0.5) for j in range(1, beyond + 1))
+        assert found.torque > coefficient * beyond**2 / 4
+    assert 3.0 < torques[1] / torques[0] < 4.0
+
+
+def test_what_is_dragged_the_other_way_is_pushed_the_other_way() -> None:
+    chain = line(5)
+    at = standing(chain)
+    there = Balance(chain).solve(*at, friction=dragged(chain, 0.2), clamped=0)
+    back = Balance(chain).solve(*at, friction=dragged(chain, 0.2, step=-STEP), clamped=0)
+    assert there.torque == pytest.approx(back.torque)
+    assert np.allclose(there.forces[:, 1].sum(), -back.forces[:, 1].sum())
+
+
+def test_no_friction_and_none_at_all_are_the_same() -> None:
+    chain = line(4)
+    at = standing(chain)
+    assert Balance(chain).solve(*at, friction=dragged(chain, 0.0), clamped=0).torque == 0.0
+
+
+def test_a_corner_that_stays_is_held_in_a_pyramid_inside_the_cone() -> None:
+    chain = line(4)
+    positions, rotations, angles = standing(chain)
+    found = Balance(chain).solve(positions, rotations, angles)
+    friction = dragged(chain, 0.5)
+    which, forces = rays(found.contacts, friction, positions, rotations)
+    moved = slips(found.contacts, friction, positions, rotations)
+    still = found.contacts.first < 2
+    assert (np.linalg.norm(moved, axis=1) == 0.0).tolist() == still.tolist()
+    assert len(which) == SIDES * still.sum() + (~still).sum()
+    assert np.hypot(forces[:, 0], forces[:, 1]) == pytest.approx(np.full(len(which), 0.5))
+    slipping = ~still[which]
+    along = moved[which[slipping]]
+    assert ((along * forces[slipping, :2]).sum(axis=1) < 0.0).all()
+
+
+def test_a_free_chain_drifts_so_that_it_rubs_least() -> None:
+    chain = line(6)
+    positions, rotations, angles = standing(chain)
+    found = Balance(chain).solve(positions, rotations, angles)
+    friction = dragged(chain, 0.3)
+    pressures = np.full(found.contacts.on_floor.sum(), 0.25)
+
+    def work(one: Friction) -> float:
+        ways = slips(found.contacts, one, positions, rotations)
+        return float(np.linalg.norm(ways, axis=1) @ pressures)
+
+    free = drifting(found.contacts, friction, positions, rotations, pressures)
+    assert work(free) < work(friction)
+    rng = np.random.default_rng(0)
+    assert free.positions is not None and free.fan == FANS[0]
+    for _ in range(20):
+        shift = np.append(rng.normal(scale=0.1 * STEP, size=2), 0.0)
+        other = Friction(
+            coefficient=0.3, positions=free.positions + shift, rotations=free.rotations
+        )
+        assert work(free) <= work(other) * (1.0 + 1e-2)
+
+
+def test_a_free_chain_balances_while_it_drifts() -> None:
+    chain = line(6)
+    positions, rotations, angles = standing(chain)
+    balance = Balance(chain)
+    clamped = balance.solve(
+        positions, rotations, angles, friction=dragged(chain, 0.3), clamped=0
+    ).torque
+    for root in (0, 5):  # whichever module is said to stay
+        friction = dragged(chain, 0.3, root)
+        found = balance.solve(positions, rotations, angles, friction=friction)
+        assert 0.0 < found.torque <= clamped
+        assert out_of_balance(chain, positions, found) < 1e-4
+
+
+def test_friction_holds_a_chain_that_leans_outwards() -> None:
+    # Feet of an upturned V slide apart without it.
+    chain = line(6)
+    angles = np.zeros(len(chain.folded_rad))
+    angles[3] = 1.0  # the level hinge of the second joint
+    poses = forward_kinematics(chain.module, angles)
+    half = 0.5
+    turn = np.array(
+        [[np.cos(half), 0.0, -np.sin(half)], [0.0, 1.0, 0.0], [np.sin(half), 0.0, np.cos(half)]]
+    )
+    if (poses.positions @ turn.T)[2, 2] < (poses.positions @ turn.T)[0, 2]:
+        turn = turn.T
+    positions, rotations = poses.positions @ turn.T, turn @ poses.rotations
+    corners = chain.module.vertices @ np.swapaxes(rotations, 1, 2) + positions[:, None]
+    positions = positions - [0.0, 0.0, corners[..., 2].min()]
+    smooth = Balance(chain, floor_gap=1.0).solve(positions, rotations, angles)
+    rough = Balance(chain, floor_gap=1.0).solve(
+        positions, rotations, angles, friction=Friction(coefficient=1.0)
+    )
+    assert rough.balances and rough.torque < smooth.torque
