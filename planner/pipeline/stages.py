@@ -25,7 +25,6 @@ from planner.files import write_json, write_whole
 from planner.motion.frames import PHASES
 from planner.motion.timeline import TimelineWriter
 from planner.motion.windows import Windows
-from planner.pathfinding.prepare import prepare
 from planner.pipeline import attempts, manifest
 from planner.pipeline.attempt_folders import (
     CERTIFICATE,
@@ -55,6 +54,7 @@ from planner.pipeline.fold_directory import (
 )
 from planner.pipeline.parallel import Tries
 from planner.pipeline.preference import COMPUTING
+from planner.pipeline.prepare import prepare
 from planner.pipeline.request import SHORT_SEED
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
