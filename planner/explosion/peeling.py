@@ -205,9 +205,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         fresh = self.chain.folded_rad[hinges * first : hinges * self.first]
         self.unit = self.first - first
         self.first = first
-        self.field = self.core.distances(first)
-        self.finder.set_boxes(*self._boxes(first))
-        self.core_box = self.core.extent(first + FIXED - 1)
+        self._hold(first)
         self._build(np.concatenate([fresh, angles]), np.concatenate([0.0 * fresh, rates]))
         unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
         if first:
@@ -219,6 +217,12 @@ class Peeling(Explosion[Bend, PeelingParameters]):
             self.target = self.core.rotations[1][:, 0]
         if not self.aim.any():
             self.aim = self.target
+
+    def _hold(self, first: int) -> None:
+        """Makes the modules 0 to ``first`` what does not move."""
+        self.field = self.core.distances(first)
+        self.finder.set_boxes(*self._boxes(first))
+        self.core_box = self.core.extent(first + FIXED - 1)
 
     def _boxes(self, first: int) -> tuple[Array, Array]:
         """(B, 3) centres and half sides of what does not move: the modules 0 to ``first``."""
