@@ -157,6 +157,7 @@ class TablePeeling(Peeling):
         )
 
     def run(self, progress: Report, cancelled: Cancelled) -> Record:
+        """As any explosion, with what the guard has done."""
         return replace(super().run(progress, cancelled), table=self.guard.record())
 
     # The forces.
@@ -261,6 +262,7 @@ class TablePeeling(Peeling):
         return super()._clear(bends) and self.guard.holds(None, bends)
 
     def commit(self) -> None:
+        """Makes the steps so far final."""
         # Of a frame that does not hold, waiting would not make one that does.
         if super()._clear([self.snapshot()]) and self._settle():
             self.saved = (self.time_s, self.state.copy())
@@ -285,12 +287,14 @@ class TablePeeling(Peeling):
             self.state.scale_velocities(0.0)
 
     def accelerations(self) -> Acceleration | None:
+        """Under all forces; None when the run went back."""
         self._stiffen(self.window.positions)
         found = super().accelerations()
         self.contacts = 0  # the table is no reason to wait
         return found
 
     def look(self) -> Ended | None:
+        """Lets the next unit go when it may be; whether it is straight, or stuck."""
         if self._drawn_at is not None and self.steps > self._drawn_at + self.table.drawn_steps:
             self._calm(self.table)
         return "stalled" if self._exhausted else super().look()
@@ -365,6 +369,7 @@ class TablePeeling(Peeling):
         return self.pushes <= p.most_pushes or self._return()
 
     def stall_reason(self) -> str:
+        """How much of it is let go, and what the guard refuses."""
         if self._exhausted:
             return (
                 f"the chain is stuck with modules 0 to {self.first + 1} still folded: "

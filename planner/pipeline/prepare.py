@@ -248,9 +248,10 @@ def _check_for_table(cells: NDArray[np.int64]) -> None:
 
     faults = faults_of(cells)
     if faults:
+        why = " ".join(fault.detail for fault in faults)
         raise InputError(
             "not-for-a-table",
-            f"got a path in which a chain cannot fold on a table: {' '.join(fault.detail for fault in faults)} "
+            f"got a path in which a chain cannot fold on a table: {why} "
             "Expected one that goes up layer by layer; read it as voxels to have one found.",
         )
 

@@ -277,7 +277,7 @@ class TablePlaybackParameters:
     armature: float = 0.01
     firmness: float = 0.999
     gain: float = 5.0
-    spacing_rad: float = 0.1
+    spacing_rad: float = 0.06
     inertial_share: float = 0.2
     braking_share: float = 0.2
     fastest: float = 0.3
