@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 from functools import cache
 from typing import Final
@@ -14,21 +16,35 @@ from markupsafe import Markup
 from server.http.security import LISTED
 from server.pages.choice_words import PREFERENCE_WORDS
 from server.pages.setting_words import ROWS, SOURCES
-from web.static_files import scripts_of
+from web.static_files import scripts_of, text_of
 
-POLICY: Final = "; ".join(
-    (
-        "default-src 'none'",
-        "script-src 'self'",
-        "style-src 'self' 'unsafe-inline'",
-        "img-src 'self' data:",
-        "connect-src 'self'",
-        "frame-src 'self'",
-        "form-action 'self'",
-        "base-uri 'none'",
-        "frame-ancestors 'self'",
+THEME: Final = "js/theme.js"
+"""The one script that stands in pages: it runs before anything is painted."""
+
+
+@cache
+def policy_of_pages() -> str:
+    """What a page of ours may do; of scripts that stand in it only the one that we put there."""
+    theme = base64.b64encode(hashlib.sha256(text_of(THEME).encode()).digest()).decode()
+    return "; ".join(
+        (
+            "default-src 'none'",
+            f"script-src 'self' 'sha256-{theme}'",
+            "style-src 'self' 'unsafe-inline'",
+            "img-src 'self' data:",
+            "connect-src 'self'",
+            "frame-src 'self'",
+            "form-action 'self'",
+            "base-uri 'none'",
+            "frame-ancestors 'self'",
+        )
     )
-)
+
+
+@cache
+def theme_script() -> Markup:
+    """Light, dark or as the system, in the head of every page."""
+    return Markup("<script>{}</script>").format(Markup(text_of(THEME)))
 
 
 @cache
@@ -45,6 +61,7 @@ KNOWN: Final[dict[str, object]] = {
     "preferences": PREFERENCE_WORDS,
     "setting_sources": SOURCES,
     "entry": entry,
+    "theme_script": theme_script,
 }
 """Values that every template gets."""
 
@@ -61,7 +78,7 @@ def page(
         values: What the template is filled in with.
     """
     html = rendered(template, **values)
-    headers = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
+    headers = {"Content-Security-Policy": policy_of_pages(), "Cache-Control": "no-store"}
     if listed:
         headers |= LISTED
     return HTMLResponse(html, status_code=status_code, headers=headers)

@@ -218,10 +218,8 @@ def test_a_theme_is_kept_and_there_from_the_first_picture(page: Page) -> None:
     page.goto("/gallery")
     assert page.evaluate(GROUND) == light
     # It stands in the head before all that is painted, and is no module: those run later.
-    assert (
-        page.evaluate("() => document.querySelector('head script[src$=\"theme.js\"]').async")
-        is False
-    )
+    stands = "() => document.querySelector('head script:not([src])').type"
+    assert page.evaluate(stands) == ""
     assert page.evaluate("() => document.documentElement.dataset.theme") == "light"
     switch = page.get_by_role("button", name="Theme: light")
     switch.click()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -44,12 +43,10 @@ class Client:
             served: in a page that was downloaded.
         policy: Its Content-Security-Policy. The page has an origin of its own (``sandbox``): its
             scripts reach nothing of ours.
-        etag: Changes with it.
     """
 
     html: bytes
     policy: str
-    etag: str
 
 
 @cache
@@ -70,6 +67,5 @@ def client() -> Client:
         f'{html[:start]}<meta http-equiv="Content-Security-Policy" content="{ALLOWED}">'
         f"<script>{bridge}</script>{html[start:head]}<style>{STYLE}</style>{html[head:]}"
     )
-    data = html.encode()
     policy = f"{ALLOWED}; frame-ancestors 'self'; sandbox allow-scripts"
-    return Client(data, policy, f'"{hashlib.sha256(data).hexdigest()[:20]}"')
+    return Client(html.encode(), policy)
