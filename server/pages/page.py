@@ -7,6 +7,7 @@ import hashlib
 import json
 from functools import cache
 from typing import Final
+from urllib.parse import quote
 
 from fastapi import Request
 from fastapi.responses import HTMLResponse, Response
@@ -42,6 +43,12 @@ def policy_of_pages() -> str:
 
 
 @cache
+def icon() -> str:
+    """The picture in a browser's tab, as an address that holds it."""
+    return "data:image/svg+xml," + quote(text_of("icon.svg"), safe=" =:/'")
+
+
+@cache
 def theme_script() -> Markup:
     """Light, dark or as the system, in the head of every page."""
     return Markup("<script>{}</script>").format(Markup(text_of(THEME)))
@@ -49,8 +56,9 @@ def theme_script() -> Markup:
 
 @cache
 def entry(page_name: str) -> Markup:
-    """The entry module of a page, and all that it imports, to be fetched at the same time."""
-    first, *others = (f"/static/{name}" for name in scripts_of(f"js/pages/{page_name}.js"))
+    """The entry module of a page, and all that it needs at once, to be fetched at the same time."""
+    names = scripts_of(f"js/pages/{page_name}.js", later=False)
+    first, *others = (f"/static/{name}" for name in names)
     preloads = (Markup('<link rel="modulepreload" href="{}">').format(name) for name in others)
     script = Markup('<script type="module" src="{}"></script>').format(first)
     return Markup("").join((*preloads, script))
@@ -61,6 +69,7 @@ KNOWN: Final[dict[str, object]] = {
     "preferences": PREFERENCE_WORDS,
     "setting_sources": SOURCES,
     "entry": entry,
+    "icon": icon,
     "theme_script": theme_script,
 }
 """Values that every template gets."""

@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, Final
+from urllib.parse import quote
 
 from web.static_files import IMPORT, STATIC, imported, scripts_of, text_of
 from web.timeline.frame_batch import thinned, unpacked_bytes
@@ -24,6 +25,8 @@ ENTRY: Final = "js/pages/standalone.js"
 WORKER: Final = "js/viewer/sketch_worker.js"
 THEME: Final = "js/theme.js"
 STYLES: Final = ("css/base.css", "css/fold.css")
+PLAIN: Final = " !$&'()*+,-./:;=?@[]^_`{|}~"
+"""Characters that may stand in an address of data, besides letters and digits."""
 MOST_BYTES: Final = 48 * 2**20
 """Unpacked bytes of a batch; of a longer fold frames are left out, and the curves."""
 
@@ -85,7 +88,8 @@ def _address_of(name: str) -> str:
     def named(match: re.Match[str]) -> str:
         return f'{match[1]}"foldback/{imported(name, match[2])}"'
 
-    return f"data:text/javascript;base64,{_text(IMPORT.sub(named, text_of(name)).encode())}"
+    # Less than by base64: of a script few characters have to be written otherwise.
+    return f"data:text/javascript,{quote(IMPORT.sub(named, text_of(name)), safe=PLAIN)}"
 
 
 def _text(data: bytes) -> str:

@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 import { distanceNeeded } from "../../../web/static/js/viewer/camera.js";
+import { clearestSight } from "../../../web/static/js/viewer/viewpoint.js";
 import { Whole } from "../../../web/static/js/player/frames.js";
 import { Pair } from "../../../web/static/js/player/pair.js";
 import { Player } from "../../../web/static/js/player/player.js";
@@ -196,7 +197,7 @@ test("the camera goes to modules that are to be looked at, and back", async () =
   player.send({ do: "seek", frame: 120 });
   draw(200);
   const whole = player.follower.view;
-  player.lookAt([3, 4]);
+  player.lookAt([3, 4], clearestSight);
   draw(200);
   const seen = player.follower.view;
   const middle = [0, 1, 2].map((c) => ((player.shown.positions[9 + c] + player.shown.positions[12 + c]) / 2) * player.pitch);

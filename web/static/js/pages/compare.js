@@ -6,11 +6,11 @@ import { Timeline, Source } from "../player/timeline.js";
 import { showScale } from "../panels/legend.js";
 import { Pair } from "../player/pair.js";
 import { Player } from "../player/player.js";
+import { StandIn } from "../viewer/fallback.js";
 import { hasWebGL } from "../viewer/scene.js";
 import { Sketch } from "../viewer/sketch.js";
 import { Stage } from "../viewer/stage.js";
-import { toast } from "../panels/toast.js";
-import { copyText, element, get, radians } from "../lib/text.js";
+import { copyText, element, get, later, radians } from "../lib/text.js";
 
 const START_MS = 600; // two 3D views at once would keep both drawings waiting
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -26,12 +26,13 @@ const sides = facts.map(({ id, running }, k) => {
   const now = /** @type {HTMLElement} */ (side.querySelector(".side-now"));
   const sketch = new Sketch(canvas);
   const stage = new Stage(frame, {
-    open: () => player.standIn?.takeOver(),
+    open: () => standIn.takeOver(),
     touch: () => { if (player.is.follow) pair.send({ do: "set", follow: false }); },
     pick: (origin, direction) => player.pick(origin, direction),
   });
+  const standIn = new StandIn(canvas, stage, sketch);
   const player = new Player(new Timeline(new Source(`/folds/${id}`), { over: !running }), {
-    stage, sketch, calm, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
+    stage, standIn, sketch, calm, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(frame);
   player.on("state", (/** @type {State} */ { error_rad: error }) => {
@@ -59,4 +60,6 @@ get("through").onclick = () => {
   get("through").setAttribute("aria-pressed", String(on));
   for (const { stage } of sides) stage.seeThrough(on);
 };
-get("share").onclick = () => copyText(location.href, () => toast("Link copied"), () => toast(location.href));
+const toast = later(() => import("../panels/toast.js"), () => {});
+const say = (/** @type {string} */ text) => toast((part) => part.toast(text));
+get("share").onclick = () => copyText(location.href, () => say("Link copied"), () => say(location.href));
