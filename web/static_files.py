@@ -23,6 +23,17 @@ def text_of(name: str) -> str:
     return (STATIC / name).read_text(encoding="utf-8")
 
 
+COMMENT: Final = re.compile(
+    r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n", re.MULTILINE | re.DOTALL
+)
+"""Lines of a script that are comments alone; types stand in those of ``/**``."""
+
+
+def code_of(name: str) -> str:
+    """A script without its comments, a quarter of it, which no browser needs."""
+    return COMMENT.sub("", text_of(name))
+
+
 def imported(name: str, address: str) -> str:
     """The path of the script that ``name`` imports from a relative address."""
     return normpath(str(PurePosixPath(name).parent / address))

@@ -17,7 +17,7 @@ from markupsafe import Markup
 from server.http.security import LISTED
 from server.pages.choice_words import PREFERENCE_WORDS
 from server.pages.setting_words import ROWS, SOURCES
-from web.static_files import scripts_of, text_of
+from web.static_files import code_of, scripts_of, text_of
 
 THEME: Final = "js/theme.js"
 """The one script that stands in pages: it runs before anything is painted."""
@@ -26,7 +26,7 @@ THEME: Final = "js/theme.js"
 @cache
 def policy_of_pages() -> str:
     """What a page of ours may do; of scripts that stand in it only the one that we put there."""
-    theme = base64.b64encode(hashlib.sha256(text_of(THEME).encode()).digest()).decode()
+    theme = base64.b64encode(hashlib.sha256(code_of(THEME).encode()).digest()).decode()
     return "; ".join(
         (
             "default-src 'none'",
@@ -51,7 +51,7 @@ def icon() -> str:
 @cache
 def theme_script() -> Markup:
     """Light, dark or as the system, in the head of every page."""
-    return Markup("<script>{}</script>").format(Markup(text_of(THEME)))
+    return Markup("<script>{}</script>").format(Markup(code_of(THEME)))
 
 
 @cache

@@ -14,7 +14,7 @@ from fastapi.responses import Response
 
 from server.http.compression import Asset
 from server.http.security import LISTED
-from web.static_files import STATIC
+from web.static_files import STATIC, code_of
 
 router = APIRouter(include_in_schema=False)
 
@@ -62,7 +62,9 @@ def _static(name: str) -> Asset:
     path = _paths()[name]
     kinds = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
     kind = kinds.get(path.suffix) or mimetypes.guess_type(path.name)[0]
-    return Asset.of(path.read_bytes(), kind or "application/octet-stream")
+    ours = path.suffix == ".js" and path.is_relative_to(STATIC)
+    data = code_of(name).encode() if ours else path.read_bytes()
+    return Asset.of(data, kind or "application/octet-stream")
 
 
 @cache

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
-from web.static_files import text_of
+from web.static_files import code_of
 
 # The page unpacks its own program into an inline script, and asks nobody for anything.
 ALLOWED: Final = "; ".join(
@@ -55,7 +55,7 @@ def client() -> Client:
 
     See ``static/js/viewer/bridge.js``; read once.
     """
-    bridge = text_of("js/viewer/bridge.js")
+    bridge = code_of("js/viewer/bridge.js")
     # Found without importing it: the page alone needs none of its server.
     installed = find_spec("viser")
     assert installed is not None and installed.origin is not None

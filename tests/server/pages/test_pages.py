@@ -12,12 +12,12 @@ import httpx
 from fastapi import FastAPI
 
 from server.http.compression import Asset
-from server.pages import benchmarks, static
+from server.pages import same_for_all, static
 
 
 def get(path: str, **headers: str) -> httpx.Response:
     app = FastAPI()
-    app.include_router(benchmarks.router)
+    app.include_router(same_for_all.router)
     app.include_router(static.router)
 
     async def ask() -> httpx.Response:
