@@ -1,4 +1,4 @@
-"""Weights: how many requests a page takes, and how many bytes, as a browser fetches it first."""
+"""Weights: how many requests and bytes each page takes of a browser that has seen none."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from playwright.sync_api import Browser, Request, sync_playwright
+from playwright.sync_api import Browser, Page, Request, ViewportSize, sync_playwright
 
 from tests.benchmarks.tables import Section
 from tests.browser.conftest import FLAGS
@@ -15,110 +15,115 @@ from tests.server.service import Service
 from tests.tools import CHROMIUM
 
 SHAPES: Final = ("wrench-24", "wrench-80")
-SIZE: Final = {"width": 1366, "height": 768}
+SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
 REST_MS: Final = 1500
 """How long nothing may be fetched until a page is taken to be all there."""
+UNCOVERED: Final = "() => document.getElementById('cover').classList.contains('gone')"
 SEEN: Final = {
-    "fold": "() => document.getElementById('cover').classList.contains('gone')",
-    "embed": "() => document.getElementById('cover').classList.contains('gone')",
-    "compare": "() => document.querySelectorAll('.side .sketch').length === 2 && "
-    "!document.getElementById('play').disabled",
+    "fold": UNCOVERED,
+    "embed": UNCOVERED,
+    "compare": "() => !document.getElementById('play').disabled",
     "landing": "() => document.getElementById('hero').classList.contains('moving')",
-    "editor": "() => document.querySelectorAll('#grid [role=gridcell]').length > 0",
+    "editor": "() => document.querySelector('#grid [role=gridcell]') !== null",
 }
-"""When a page shows what it is for; others do when they are loaded."""
+"""When a page shows what it is for; others do when all of them is there."""
+BEFORE: Final = {
+    "landing": (40, 553.4),
+    "gallery": (50, 524.7),
+    "fold": (46, 1356.0),
+    "embed": (37, 1277.0),
+    "compare": (39, 1344.0),
+    "editor": (10, 41.61),
+    "paper": (29, 488.2),
+    "API": (8, 1809.0),
+    "standalone": (1, 1347.0),
+}
+"""Requests and kB of pages at commit 346fd94; others were not there."""
 
 
 def weights(reference_seconds: float) -> Section:
     """Opens each page in a browser that has seen none before."""
     del reference_seconds
     section = Section(name="weights")
-    chromium = CHROMIUM.get()
     with (
         tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder,
         sync_playwright() as playwright,
     ):
         service = Service(Path(folder) / "data", prewarm=True).start()
-        browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM.get(), args=FLAGS)
         try:
-            section.rows += [
-                _weighed(browser, str(service.http.base_url), name, path)
-                for name, path in _pages(service)
-            ]
+            for name, path in _pages(service):
+                section.rows.append(_weighed(browser, f"{service.http.base_url}{path}", name))
         finally:
             browser.close()
             service.stop()
+    for row in section.rows:
+        requests, kilobytes = row["requests"], row["kB"]
+        before = BEFORE.get(row["page"])
+        section.add(
+            f"{row['page']}: requests until it is seen, and all that is sent",
+            f"{requests}, {kilobytes:.0f} kB",
+            "a page that was not there" if before is None else f"≤ {before[0]}, {before[1]:.0f} kB",
+            None if before is None else requests <= before[0] and kilobytes <= before[1],
+        )
     return section
 
 
 def _pages(service: Service) -> Iterator[tuple[str, str]]:
-    a, b = (service.http.post("/api/folds", data={"shape": shape}).json()["id"] for shape in SHAPES)
-    for fold in (a, b):
-        service.wait_over(fold)
-    cells = service.http.get(f"/shapes/{SHAPES[0]}.svg")
-    assert cells.is_success
+    small, fold = (service.fold(shape=shape)["id"] for shape in SHAPES)
+    for each in (small, fold):
+        service.wait_over(each)
     yield from {
         "landing": "/",
         "gallery": "/gallery",
-        "fold": f"/folds/{b}",
-        "embed": f"/embed/{b}",
-        "compare": f"/compare?a={a}&b={b}",
+        "fold": f"/folds/{fold}",
+        "embed": f"/embed/{fold}",
+        "compare": f"/compare?a={small}&b={fold}",
         "editor": "/shapes/new",
         "paper": "/paper",
         "API": "/docs",
         "my folds": "/my-folds",
         "benchmarks": "/benchmarks",
         "privacy": "/privacy",
-        "standalone": f"/folds/{b}/standalone.html",
+        "standalone": f"/folds/{fold}/standalone.html",
     }.items()
 
 
-def _weighed(browser: Browser, origin: str, name: str, path: str) -> dict[str, Any]:
-    """What a page takes until it shows what it is for, and until it rests."""
-    if name == "standalone":
-        return {"page": name, **_file(browser, origin + path)}
-    context = browser.new_context(viewport=SIZE)
-    done: list[Request] = []
-    context.on("requestfinished", lambda request: done.append(request))
+def _weighed(browser: Browser, address: str, name: str) -> dict[str, Any]:
+    """What a page takes until it shows what it is for, and in all."""
+    context = browser.new_context(viewport=SIZE, base_url=address)
     sent: list[str] = []
+    done: list[Request] = []
     context.on("request", lambda request: sent.append(request.url))
-    page = context.new_page()
-    answer = page.goto(origin + path)
-    if answer is None or not answer.ok:
+    context.on("requestfinished", lambda request: done.append(request))
+    if name == "standalone":  # a download, which is the whole page
+        size = len(context.request.get(address).body()) / 1e3
         context.close()
-        return {"page": name, "requests": 0, "at rest": 0, "kB": 0.0, "kB unpacked": 0.0}
+        return {"page": name, "requests": 1, "in all": 1, "kB": size, "kB unpacked": size}
+    page = context.new_page()
+    page.goto(address)
+    first = None
     if name in SEEN:
         page.wait_for_function(SEEN[name], polling=20, timeout=90_000)
-    first = len(sent)
-    count = -1
-    while count != len(done):
-        count = len(done)
-        page.wait_for_timeout(REST_MS)
+        first = len(sent)
+    _rest(page, done)
     sizes = [request.sizes() for request in done]
-    got = sum(size["responseBodySize"] + size["responseHeadersSize"] for size in sizes)
-    unpacked = 0
-    for request in done:
-        found = request.response()
-        if found is not None and found.ok:
-            unpacked += len(found.body())
-    if DUMP:
-        for request, size in zip(done, sizes):
-            print(name, request.url.removeprefix(origin)[:60], size["responseBodySize"])
+    packed = sum(size["responseBodySize"] + size["responseHeadersSize"] for size in sizes)
+    answers = [request.response() for request in done]
+    unpacked = sum(len(answer.body()) for answer in answers if answer is not None and answer.ok)
     context.close()
     return {
         "page": name,
-        "requests": first,
-        "at rest": len(sent),
-        "kB": got / 1e3,
+        "requests": len(sent) if first is None else first,
+        "in all": len(sent),
+        "kB": packed / 1e3,
         "kB unpacked": unpacked / 1e3,
     }
 
 
-DUMP = True
-
-
-def _file(browser: Browser, address: str) -> dict[str, Any]:
-    """The same of a page that is one file."""
-    answer = browser.new_context().request.get(address)
-    size = len(answer.body()) / 1e3
-    return {"page": "standalone", "requests": 1, "at rest": 1, "kB": size, "kB unpacked": size}
+def _rest(page: Page, done: list[Request]) -> None:
+    """Until nothing has been fetched for a while."""
+    count = -1
+    while count != len(done):
+        count = len(done)
+        page.wait_for_timeout(REST_MS)
