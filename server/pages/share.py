@@ -51,7 +51,9 @@ async def embedded(request: Request, fold_id: str) -> Response:
     found = await find_fold(request, fold_id)
     if found is None:
         answer = not_found_page(
-            "There is no such fold", "The link may be incomplete, or the fold was deleted."
+            "There is no such fold",
+            "The link may be incomplete, or the fold was deleted.",
+            service=viewing_of(request).jobs is not None,
         )
     else:
         # Who may see the one need not have the link of the other.
@@ -72,7 +74,9 @@ async def compare(
     sides = [await find_fold(request, fold_id) for fold_id in (a, b)]
     if None in sides:
         return not_found_page(
-            "One of these folds is not there", "The link may be incomplete, or it was deleted."
+            "One of these folds is not there",
+            "The link may be incomplete, or it was deleted.",
+            service=viewing_of(request).jobs is not None,
         )
     facts = [await asyncio.to_thread(fold_facts, side) for side in sides if side is not None]
     return page(

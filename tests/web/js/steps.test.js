@@ -31,6 +31,17 @@ test("the next change is where a hinge has turned by what one sees, or another p
   assert.deepEqual([nextChange(partly, 0, 1), nextChange(partly, 2, 1), nextChange(partly, 4, -1)].map(({ frame }) => frame), [2, 3, 2]);
 });
 
+test("a search for a change goes on from a frame that was not here", () => {
+  const angles = [0, 0.01, 0.02, 0.06, 0.06];
+  const partly = timeline([0, 1, null, null, 4], angles);
+  const stopped = nextChange(partly, 0, 1);
+  assert.equal(stopped.frame, 2);
+  assert.deepEqual(nextChange(partly, 2, 1, stopped.from), stopped);
+  const there = timeline([0, 1, 2, 3, 4], angles);
+  assert.deepEqual(nextChange(there, 2, 1, stopped.from), { frame: 3, from: null });
+  assert.deepEqual(nextChange(there, 3, 1), { frame: 4, from: null });
+});
+
 test("of windows the hinges outside of them are looked at as well", async () => {
   const { timeline: peeled } = await recorded(vectors.peeled);
   assert.ok(peeled.windowed);

@@ -58,7 +58,7 @@ function show(now) {
   get("verdict").textContent = now.verdict.text;
   get("verdict").dataset.tone = now.verdict.tone;
   drawer.facts(now);
-  get("compare").hidden = now.running;
+  get("compare").hidden = !now.comparable;
   get("refold").hidden = !now.refoldable;
   get("smooth").hidden = !now.smoothable;
   if (listing) downloads((it) => it.facts(now));

@@ -42,6 +42,8 @@ const source = {
 
 // Curves only; what is told of single modules would make the file many times as long.
 class StoredFigures extends Figures {
+  lacking = "not in a downloaded page";
+
   /**
    * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
    * @param {string} query

@@ -11,6 +11,8 @@ export class Figures extends Emitter {
   constructor(id) {
     super();
     this.under = `/folds/${id}/figures`;
+    /** @type {string | null} why nothing is known of single modules, where that is so */
+    this.lacking = null;
     /** @type {Curves | null} */
     this.plots = null;
     /** @type {Map<number, FigurePart>} */
