@@ -13,6 +13,7 @@ from fastapi import FastAPI
 
 from server.http.compression import Asset
 from server.pages import same_for_all, static
+from tests.server.service import SNAKE, Service, bearer
 
 
 def get(path: str, **headers: str) -> httpx.Response:
@@ -67,6 +68,25 @@ def test_what_would_not_shrink_is_sent_as_it_is() -> None:
     asset = Asset.of(random.Random(0).randbytes(4000), "image/webp")
     assert asset.packed is None
     assert Asset.of(b"x" * 4000, "text/css").packed is not None
+
+
+def test_nothing_that_holds_a_secret_is_packed(desk: Service) -> None:
+    fold = desk.fold(SNAKE, seed="301")
+    own = {**bearer(fold["owner_token"]), "Accept-Encoding": "gzip"}
+    for path in (
+        f"/folds/{fold['id']}",
+        f"/folds/{fold['id']}/facts",
+        f"/api/folds/{fold['id']}",
+        "/api/mine/folds",
+        "/gallery?q=guess",
+        f"/compare?a={fold['id']}&b={fold['id']}",
+    ):
+        answer = desk.http.get(path, headers=own)
+        assert answer.status_code == 200, path
+        assert "content-encoding" not in answer.headers, path
+    same = [desk.http.get("/my-folds", headers=h) for h in (own, {"Accept-Encoding": "gzip"})]
+    assert same[0].headers["content-encoding"] == "gzip"
+    assert same[0].content == same[1].content
 
 
 def test_of_scripts_in_a_page_only_the_theme_s_runs() -> None:
