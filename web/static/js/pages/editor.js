@@ -1,7 +1,6 @@
 // The editor: a grid for one layer, the tools, the drawing beside it, and the way to a preview or a fold.
 import { checked, told } from "../editor/cell_path.js";
 import { HINTS, Hand } from "../editor/hand.js";
-import { draw } from "../editor/isometric.js";
 import { Painting, SIZES, cellOf, keyOf, keysOf } from "../editor/painting.js";
 import { imported, resized } from "../editor/shape_tools.js";
 import { Sheet } from "../editor/sheet.js";
@@ -74,7 +73,7 @@ function show(drawn = true) {
   get("size").value = String(painting.size);
   get("empty").hidden = cells > 0;
   if (drawn) {
-    draw(get("model"), painting, layer, drawing);
+    if (cells) picturing(({ draw }) => draw(get("model"), painting, layer, drawing));
     drawnAt = performance.now();
   }
   count(cells);
@@ -109,7 +108,8 @@ function count(cells) {
   look(Boolean(found?.whole && ready));
 }
 
-// What is sent, read and saved, and letters, are loaded by who uses them.
+// The drawing, what is sent, read and saved, and letters are loaded when they are used.
+const picturing = later(() => import("../editor/isometric.js"), say);
 const exchanging = later(() => import("../editor/exchange.js"), (text) => { hand.refused = text; show(); });
 const writing = later(() => import("../editor/letters.js"), say);
 
