@@ -51,6 +51,16 @@ def test_a_frame_is_typed(page: Page) -> None:
     page.keyboard.type("31")  # over what was there
     page.keyboard.press("Enter")
     at(page, 30)
+    # The keyboard is the page's again: space plays.
+    expect(page.locator("body")).to_be_focused()
+    page.keyboard.press("Space")
+    page.wait_for_function("() => foldback.player.is.playing")
+    page.keyboard.press("Space")
+    seek(page, 30)
+    page.locator("#r-frame").focus()
+    page.keyboard.press("Enter")
+    expect(field).to_be_focused()
+    page.keyboard.press("Escape")
     expect(page.locator("#r-frame")).to_be_focused()
     page.keyboard.press("g")
     field.fill("99999")

@@ -12,12 +12,34 @@ import { Sketch } from "../viewer/sketch.js";
 import { Stage } from "../viewer/stage.js";
 import { copyText, element, get, later, radians } from "../lib/text.js";
 
+const LOOK_MS = 2000; // at what is said of a fold that is not over
 const START_MS = 600; // two 3D views at once would keep both drawings waiting
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 /** @type {Facts[]} */
 const facts = JSON.parse(get("facts").textContent);
 /** @type {Promise<boolean>} */
 const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_MS); });
+
+/**
+ * What is said of a fold, until it is over.
+ * @param {string} id
+ * @param {HTMLElement} verdict
+ * @param {Timeline} timeline
+ */
+async function follow(id, verdict, timeline) {
+  for (let running = true; running;) {
+    await new Promise((done) => { setTimeout(done, LOOK_MS); });
+    const answer = await fetch(`/folds/${id}/facts`).catch(() => null);
+    if (answer?.status === 404) return; // it is deleted
+    if (!answer?.ok) continue;
+    /** @type {Facts} */
+    const now = await answer.json();
+    verdict.textContent = now.verdict.text;
+    verdict.dataset.tone = now.verdict.tone;
+    running = now.running;
+  }
+  timeline.finish();
+}
 
 const sides = facts.map(({ id, running }, k) => {
   const side = get(`side-${k}`);
@@ -38,6 +60,7 @@ const sides = facts.map(({ id, running }, k) => {
   player.on("state", (/** @type {State} */ { error_rad: error }) => {
     now.textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
   });
+  if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player.timeline);
   webgl.then((there) => setTimeout(() => { if (there) frame.src = "/view"; }, 1500 * k));
   return { player, stage };
 });
