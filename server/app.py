@@ -43,16 +43,14 @@ from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
 from server.pages import (
-    api_docs,
-    benchmarks,
     fold,
     gallery,
     landing,
-    my_folds,
     paper,
     pictures,
     preview,
     privacy,
+    same_for_all,
     shape_drawings,
     share,
     static,
@@ -82,14 +80,12 @@ ROUTERS: Final = (
     shapes,
     health,
     landing,
-    benchmarks,
+    same_for_all,
     shape_drawings,
     fold,
     static,
-    api_docs,
     paper,
     gallery,
-    my_folds,
     frames,
     share,
     pictures,
@@ -146,7 +142,7 @@ def create_app(
             "max_part_size": LARGEST_FIELD_BYTES,
         },
         openapi_url="/api/openapi.json",
-        # FastAPI's own pages load scripts from elsewhere; ours is in server/pages/api_docs.py.
+        # FastAPI's own pages load scripts from elsewhere; ours is in server/pages/same_for_all.py.
         docs_url=None,
         redoc_url=None,
     )

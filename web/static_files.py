@@ -9,13 +9,29 @@ from posixpath import normpath
 from typing import Final
 
 STATIC: Final = Path(__file__).parent / "static"
-IMPORT: Final = re.compile(r'(\bfrom\s+|\bimport\s+)"(\.{1,2}/[a-z_/]+\.js)"')
-"""A static import: the words before the address, and the address."""
+IMPORT: Final = re.compile(
+    r'(\bfrom\s+|\bimport\s+|\bimport\()"(\.{1,2}/[a-z_/]+\.js)"(?!\)\.[A-Z])'
+)
+"""An import, of a type no: the words before the address, and the address.
+
+``import(`` stands before what is loaded when it is first used.
+"""
 
 
 def text_of(name: str) -> str:
     """The text of a file, by its path below ``static``."""
     return (STATIC / name).read_text(encoding="utf-8")
+
+
+COMMENT: Final = re.compile(
+    r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n", re.MULTILINE | re.DOTALL
+)
+"""Lines of a script that are comments alone; types stand in those of ``/**``."""
+
+
+def code_of(name: str) -> str:
+    """A script without its comments, a quarter of it, which no browser needs."""
+    return COMMENT.sub("", text_of(name))
 
 
 def imported(name: str, address: str) -> str:
@@ -24,11 +40,17 @@ def imported(name: str, address: str) -> str:
 
 
 @cache
-def scripts_of(entry: str) -> tuple[str, ...]:
-    """The paths of all scripts that one needs, itself first, none twice."""
+def scripts_of(entry: str, *, later: bool = True) -> tuple[str, ...]:
+    """The paths of all scripts that one needs, itself first, none twice.
+
+    Args:
+        entry: The one.
+        later: Whether those are among them that are only loaded when they are used.
+    """
     found = [entry]
     for name in found:
-        addresses = (match[2] for match in IMPORT.finditer(text_of(name)))
+        matches = IMPORT.finditer(text_of(name))
+        addresses = (match[2] for match in matches if later or match[1] != "import(")
         found += [
             path
             for path in dict.fromkeys(imported(name, a) for a in addresses)

@@ -277,6 +277,7 @@ interface Facts {
   refold: Form;
   smoothable: boolean;
   smoothing: Smoothing | null;
+  comparable: boolean;
   compare: Way[];
   embed: string | null;
   kept: string | null;

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+from functools import cache
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Query, Request
@@ -18,6 +19,7 @@ from fastapi.responses import Response
 from planner.errors import TimelineError
 from planner.pipeline.attempt_folders import TIMELINE, result
 from server.api.finding import find_now, viewing_of
+from server.http.compression import Asset
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING
@@ -37,16 +39,15 @@ BINARY: Final = "application/octet-stream"
 @router.get("/view")
 async def view(request: Request) -> Response:
     """Viser's client, to be framed by a page of ours."""
-    page = await asyncio.to_thread(client)
-    headers = {
-        "Content-Security-Policy": page.policy,
-        "Cache-Control": "no-cache",
-        "ETag": page.etag,
-        "X-Frame-Options": "SAMEORIGIN",
-    }
-    if request.headers.get("if-none-match") == page.etag:
-        return Response(status_code=304, headers=headers)
-    return Response(page.html, media_type="text/html", headers=headers)
+    page = await asyncio.to_thread(view_page)
+    headers = {"Content-Security-Policy": client().policy, "X-Frame-Options": "SAMEORIGIN"}
+    return page.response(request, headers)
+
+
+@cache
+def view_page() -> Asset:
+    """Viser's client, as browsers are sent it."""
+    return Asset.of(client().html, "text/html")
 
 
 @router.get("/folds/{fold_id}/bundle")

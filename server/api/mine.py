@@ -13,11 +13,20 @@ from pydantic import BaseModel, Field
 
 from server.api.folds import Bearer, Here, needed, problems
 from server.api.movies import MovieBody
-from server.api.schemas import Fold, FoldsMade, PreviewMade, PreviewsMade, moment
-from server.errors import Forbidden, TooMany
+from server.api.schemas import (
+    Fold,
+    FoldsMade,
+    KeyReplaced,
+    KeyWanted,
+    PreviewMade,
+    PreviewsMade,
+    moment,
+)
+from server.errors import Forbidden, Malformed, TooMany
 from server.http.client_address import address_of
 from server.jobs.movies import MovieState
-from server.store.owned import folds_made, forget_preview, previews_made
+from server.store.folds import new_token
+from server.store.owned import folds_made, forget_preview, previews_made, replace_token
 from server.store.shown import ShownFold, shown_name
 
 router = APIRouter(prefix="/api/mine", tags=["mine"])
@@ -126,3 +135,16 @@ def get_my_movies(context: Here, token: Holder) -> MoviesMade:
             for row, fold in context.movies.made(token)
         ]
     )
+
+
+@router.post(
+    "/key",
+    summary="Replace a key that others may know",
+    responses=problems(400, 401, 422, 429),
+)
+def post_my_key(context: Here, token: Holder, wanted: KeyWanted | None = None) -> KeyReplaced:
+    """All that was made with this token moves to another one, and is closed to this one."""
+    new = (wanted.owner_token if wanted is not None else None) or new_token()
+    if new == token:
+        raise Malformed("same-key", "got the key that is to be replaced; send another, or none.")
+    return KeyReplaced(owner_token=new, folds=replace_token(context.store, token, new))

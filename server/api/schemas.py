@@ -20,6 +20,9 @@ Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
 LONGEST_NAME: Final = 200
 
+TOKEN: Final = r"^[!-~]{24,200}$"
+"""Tokens that somebody may choose for himself."""
+
 
 class ProblemBody(BaseModel):
     """A problem, as RFC 9457 has it."""
@@ -232,9 +235,29 @@ class FoldChanges(BaseModel):
     )
     owner_token: str | None = Field(
         default=None,
-        pattern=r"^[!-~]{24,200}$",
+        pattern=TOKEN,
         description="Whose it is from now on: another token of one's own.",
     )
+
+
+class KeyWanted(BaseModel):
+    """The key that takes the place of another one."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    owner_token: str | None = Field(
+        default=None,
+        pattern=TOKEN,
+        description="One that is kept already, so that it is known though the answer gets lost. "
+        "Without it one is made.",
+    )
+
+
+class KeyReplaced(BaseModel):
+    """The new key, and what moved to it."""
+
+    owner_token: str = Field(description="It is not told again.")
+    folds: int = Field(description="How many moved.")
 
 
 class FoldsMade(BaseModel):

@@ -29,7 +29,7 @@ from planner.pipeline.unfinished import stopped_where
 from server.api import frames as timelines
 from server.files.artifacts import Artifacts
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
-from server.pages import api_docs, benchmarks, fold, share, static
+from server.pages import fold, share, static
 from server.store.shown import Found, ShownFold
 from web.timeline.views import TimelineViews
 
@@ -132,8 +132,6 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
 
     app.include_router(fold.router)
     app.include_router(static.router)
-    app.include_router(benchmarks.router)
-    app.include_router(api_docs.router)
     app.include_router(timelines.router)
     app.include_router(share.router)
     app.add_middleware(SameOrigin)

@@ -132,6 +132,7 @@ class FoldFacts(TypedDict):
     refold: Form
     smoothable: bool
     smoothing: Smoothing | None
+    comparable: bool
     compare: list[Suggestion]
     embed: str | None
     kept: str | None
@@ -187,6 +188,7 @@ def fold_facts(
         "refold": _published(row) if row.preset == "paper" else {},
         "smoothable": api and _smoothable(row, summary),
         "smoothing": _smoothing(found if api else None, summary),
+        "comparable": api and not running,
         "compare": _compare(found) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
         "kept": kept,

@@ -40,7 +40,9 @@ def _fold_page(request: Request, fold_id: str) -> Response:
     found = find_now(request, fold_id)
     if found is None:
         return not_found_page(
-            "There is no such fold", "The link may be incomplete, or the fold was deleted."
+            "There is no such fold",
+            "The link may be incomplete, or the fold was deleted.",
+            service=viewing_of(request).jobs is not None,
         )
     mark(request, found.row)
     facts = _facts(request, found)

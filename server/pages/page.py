@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 from functools import cache
 from typing import Final
+from urllib.parse import quote
 
 from fastapi import Request
 from fastapi.responses import HTMLResponse, Response
@@ -14,27 +17,48 @@ from markupsafe import Markup
 from server.http.security import LISTED
 from server.pages.choice_words import PREFERENCE_WORDS
 from server.pages.setting_words import ROWS, SOURCES
-from web.static_files import scripts_of
+from web.static_files import code_of, scripts_of, text_of
 
-POLICY: Final = "; ".join(
-    (
-        "default-src 'none'",
-        "script-src 'self'",
-        "style-src 'self' 'unsafe-inline'",
-        "img-src 'self' data:",
-        "connect-src 'self'",
-        "frame-src 'self'",
-        "form-action 'self'",
-        "base-uri 'none'",
-        "frame-ancestors 'self'",
+THEME: Final = "js/theme.js"
+"""The one script that stands in pages: it runs before anything is painted."""
+
+
+@cache
+def policy_of_pages() -> str:
+    """What a page of ours may do; of scripts that stand in it only the one that we put there."""
+    theme = base64.b64encode(hashlib.sha256(code_of(THEME).encode()).digest()).decode()
+    return "; ".join(
+        (
+            "default-src 'none'",
+            f"script-src 'self' 'sha256-{theme}'",
+            "style-src 'self' 'unsafe-inline'",
+            "img-src 'self' data:",
+            "connect-src 'self'",
+            "frame-src 'self'",
+            "form-action 'self'",
+            "base-uri 'none'",
+            "frame-ancestors 'self'",
+        )
     )
-)
+
+
+@cache
+def icon() -> str:
+    """The picture in a browser's tab, as an address that holds it."""
+    return "data:image/svg+xml," + quote(text_of("icon.svg"), safe=" =:/'")
+
+
+@cache
+def theme_script() -> Markup:
+    """Light, dark or as the system, in the head of every page."""
+    return Markup("<script>{}</script>").format(Markup(code_of(THEME)))
 
 
 @cache
 def entry(page_name: str) -> Markup:
-    """The entry module of a page, and all that it imports, to be fetched at the same time."""
-    first, *others = (f"/static/{name}" for name in scripts_of(f"js/pages/{page_name}.js"))
+    """The entry module of a page, and all that it needs at once, to be fetched at the same time."""
+    names = scripts_of(f"js/pages/{page_name}.js", later=False)
+    first, *others = (f"/static/{name}" for name in names)
     preloads = (Markup('<link rel="modulepreload" href="{}">').format(name) for name in others)
     script = Markup('<script type="module" src="{}"></script>').format(first)
     return Markup("").join((*preloads, script))
@@ -45,6 +69,8 @@ KNOWN: Final[dict[str, object]] = {
     "preferences": PREFERENCE_WORDS,
     "setting_sources": SOURCES,
     "entry": entry,
+    "icon": icon,
+    "theme_script": theme_script,
 }
 """Values that every template gets."""
 
@@ -61,7 +87,7 @@ def page(
         values: What the template is filled in with.
     """
     html = rendered(template, **values)
-    headers = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
+    headers = {"Content-Security-Policy": policy_of_pages(), "Cache-Control": "no-store"}
     if listed:
         headers |= LISTED
     return HTMLResponse(html, status_code=status_code, headers=headers)

@@ -1,4 +1,4 @@
-"""Previews: the page that shows a shape before it is folded, its 3D view, and the editor."""
+"""Previews: the page that shows a shape before it is folded, and its 3D view."""
 
 from __future__ import annotations
 
@@ -22,13 +22,6 @@ router = APIRouter(include_in_schema=False)
 
 BINARY: Final = "application/octet-stream"
 KEPT: Final = "private, max-age=3600"
-
-
-@router.get("/shapes/new", response_class=HTMLResponse)
-async def editor(request: Request) -> Response:
-    """The editor: cells painted layer by layer, and the path through them."""
-    facts = {"most_modules": context_of(request).settings.max_modules}
-    return page("editor.html", facts_json=script_json(facts))
 
 
 @router.get("/previews/{preview_id}", response_class=HTMLResponse)

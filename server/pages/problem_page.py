@@ -20,10 +20,21 @@ HEADINGS: Final = {
 PAWN: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
 
 
-def not_found_page(heading: str, text: str, *, status_code: int = 404) -> Response:
-    """A page that says in words why there is nothing to see."""
+def not_found_page(
+    heading: str, text: str, *, status_code: int = 404, service: bool = True
+) -> Response:
+    """A page that says in words why there is nothing to see.
+
+    Args:
+        heading: What it is about, in a few words.
+        text: Why, in a sentence or two.
+        status_code: Of the answer.
+        service: Whether there are other pages that it can lead to.
+    """
     drawing = isometric_svg(PAWN)
-    return page("message.html", status_code, heading=heading, text=text, drawing=drawing)
+    return page(
+        "message.html", status_code, heading=heading, text=text, drawing=drawing, service=service
+    )
 
 
 def problem_page(problem: Problem) -> Response:

@@ -17,10 +17,11 @@ from fastapi.responses import FileResponse, HTMLResponse, Response
 from planner.errors import TimelineError
 from planner.pipeline.attempt_folders import TIMELINE, result
 from server.api.finding import find_fold, viewing_of
+from server.api.frames import view_page
 from server.errors import Conflict
 from server.http.client_address import address_of
 from server.pages.facts import FoldFacts, fold_facts
-from server.pages.page import POLICY, page, rendered, script_json
+from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import not_found_page
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING, Found
@@ -39,12 +40,9 @@ OF: Final = f"{TIMELINE}/zarr.json"
 @router.get("/embed/view")
 async def embedded_view(request: Request) -> Response:
     """Viser's client, for a frame in a frame."""
-    page = await asyncio.to_thread(client)
-    policy = page.policy.replace("frame-ancestors 'self'", _ancestors(request))
-    headers = {"Content-Security-Policy": policy, "Cache-Control": "no-cache", "ETag": page.etag}
-    if request.headers.get("if-none-match") == page.etag:
-        return Response(status_code=304, headers=headers)
-    return Response(page.html, media_type="text/html", headers=headers)
+    page = await asyncio.to_thread(view_page)
+    policy = client().policy.replace("frame-ancestors 'self'", _ancestors(request))
+    return page.response(request, {"Content-Security-Policy": policy})
 
 
 @router.get("/embed/{fold_id}", response_class=HTMLResponse)
@@ -53,13 +51,15 @@ async def embedded(request: Request, fold_id: str) -> Response:
     found = await find_fold(request, fold_id)
     if found is None:
         answer = not_found_page(
-            "There is no such fold", "The link may be incomplete, or the fold was deleted."
+            "There is no such fold",
+            "The link may be incomplete, or the fold was deleted.",
+            service=viewing_of(request).jobs is not None,
         )
     else:
         # Who may see the one need not have the link of the other.
         facts = await asyncio.to_thread(fold_facts, replace(found, recorded=None))
         answer = page("embed.html", facts=facts, facts_json=script_json(facts), details=False)
-    policy = POLICY.replace("frame-ancestors 'self'", _ancestors(request))
+    policy = policy_of_pages().replace("frame-ancestors 'self'", _ancestors(request))
     answer.headers["Content-Security-Policy"] = policy
     return answer
 
@@ -74,7 +74,9 @@ async def compare(
     sides = [await find_fold(request, fold_id) for fold_id in (a, b)]
     if None in sides:
         return not_found_page(
-            "One of these folds is not there", "The link may be incomplete, or it was deleted."
+            "One of these folds is not there",
+            "The link may be incomplete, or it was deleted.",
+            service=viewing_of(request).jobs is not None,
         )
     facts = [await asyncio.to_thread(fold_facts, side) for side in sides if side is not None]
     return page(

@@ -12,8 +12,9 @@ from typing import Final
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
+from server.http.compression import Asset
 from server.http.security import LISTED
-from web.static_files import STATIC
+from web.static_files import STATIC, code_of
 
 router = APIRouter(include_in_schema=False)
 
@@ -38,14 +39,10 @@ async def robots() -> Response:
 @router.get("/static/{name:path}")
 async def static_file(request: Request, name: str) -> Response:
     """A style sheet, a script or a picture."""
-    found = _static().get(name)
+    found = _static(name) if name in _paths() else None
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")
-    data, kind, etag = found
-    headers = {"ETag": etag, "Cache-Control": "no-cache", **LISTED}
-    if request.headers.get("if-none-match") == etag:
-        return Response(status_code=304, headers=headers)
-    return Response(data, media_type=kind, headers=headers)
+    return found.response(request, LISTED)
 
 
 def etag_response(
@@ -61,14 +58,18 @@ def etag_response(
 
 
 @cache
-def _static() -> dict[str, tuple[bytes, str, str]]:
+def _static(name: str) -> Asset:
+    path = _paths()[name]
     kinds = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
-    found: dict[str, tuple[bytes, str, str]] = {}
+    kind = kinds.get(path.suffix) or mimetypes.guess_type(path.name)[0]
+    ours = path.suffix == ".js" and path.is_relative_to(STATIC)
+    data = code_of(name).encode() if ours else path.read_bytes()
+    return Asset.of(data, kind or "application/octet-stream")
+
+
+@cache
+def _paths() -> dict[str, Path]:
+    """Where the files are, by their names in addresses."""
     swagger_dir = Path(str(files("fastapi_offline"))) / "static"
     ours = {path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*.*"))}
-    for name, path in {**ours, **{name: swagger_dir / name for name in SWAGGER}}.items():
-        data = path.read_bytes()
-        kind = kinds.get(path.suffix) or mimetypes.guess_type(path.name)[0]
-        etag = f'"{hashlib.sha256(data).hexdigest()[:20]}"'
-        found[name] = (data, kind or "application/octet-stream", etag)
-    return found
+    return {**ours, **{name: swagger_dir / name for name in SWAGGER}}

@@ -16,7 +16,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.store.folds import Store, hash_of, rows_of
-from server.store.tables import FoldRow, PreviewRow
+from server.store.tables import FoldRow, MovieRow, PreviewRow
 
 MOST_PREVIEWS: Final = 50
 """Previews in a list, at most."""
@@ -88,6 +88,23 @@ def change_fold(
     )
     with store.changing() as session:
         return bool(rows_of(session.execute(own.values(**values))))
+
+
+def replace_token(store: Store, token: str, new_token: str) -> int:
+    """Moves all that is a token's to another one, at once; tells how many folds its holder made.
+
+    An upload that is sent again is a fold of its own then, as after ``change_fold``.
+    """
+    old, new = hash_of(token), hash_of(new_token)
+    owned = sa.update(FoldRow).where(FoldRow.owner == old)
+    with store.changing() as session:
+        session.execute(owned.where(FoldRow.public.is_(False)).values(content_key=None))
+        session.execute(owned.values(owner=new))
+        made = sa.update(FoldRow).where(FoldRow.maker == old).values(maker=new)
+        moved = rows_of(session.execute(made))
+        for rows, column in ((PreviewRow, PreviewRow.owner), (MovieRow, MovieRow.token_hash)):
+            session.execute(sa.update(rows).where(column == old).values({column: new}))
+    return moved
 
 
 def note_preview(store: Store, preview: PreviewRow, *, sent: bool, keep_s: float) -> None:

@@ -19,6 +19,7 @@ from tests.benchmarks.portfolio import portfolio
 from tests.benchmarks.scaling import scaling
 from tests.benchmarks.service.movies import movies
 from tests.benchmarks.service.remaining import remaining
+from tests.benchmarks.service.weights import weights
 from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.speed import speed
 from tests.benchmarks.success_map.seeds import seeds
@@ -49,6 +50,7 @@ SECTIONS = {
     "long-folds": long_folds,
     "movies": movies,
     "remaining": remaining,
+    "weights": weights,
     "direct": direct,
     "paper": paper,
 }

@@ -164,7 +164,21 @@ def test_folds_that_are_verified_and_failed(visit: Visit, service: Service) -> N
         if tone == "bad":  # what came out at once has nothing to tell of attempts
             page.locator("#tab-attempts").click()
             assert findings(page) == {}
+            continue
+        page.locator("#tab-downloads").click()
+        page.locator("#panel-downloads .downloads a").first.wait_for()
+        assert findings(page) == {}
+        for way, dialog in (("share", "sharing"), ("compare", "compare-dialog")):
+            page.locator(f"#{way}").click()
+            expect(page.locator(f"#{dialog}")).to_be_visible()
+            assert findings(page) == {}
+            page.keyboard.press("Escape")
     assert findings(visit("/gallery?status=verified")) == {}
+    both = f"a={folds['good']['id']}&b={folds['bad']['id']}"
+    for path in (f"/compare?{both}", f"/embed/{folds['good']['id']}"):
+        page = visit(path)
+        expect(page.locator("#play")).to_be_enabled()
+        assert findings(page) == {}
 
 
 def test_a_fold_that_is_running(visit: Visit, service: Service) -> None:

@@ -52,9 +52,9 @@ def seek(page: Page, frame: int) -> None:
 
 
 def shown_frame(page: Page) -> int:
-    found = re.search(r"Frame (\d+) of", page.locator("#r-frame").inner_text())
+    found = re.search(r"Frame ([\d\s]+) of", page.locator("#r-frame").inner_text())
     assert found
-    return int(found[1]) - 1
+    return int(re.sub(r"\s", "", found[1])) - 1
 
 
 def redness(image: np.ndarray) -> float:

@@ -158,3 +158,38 @@ def test_a_browser_is_forgotten_and_early_folds_are_carried_over(
     expect(page.get_by_text("Nothing here yet")).to_be_visible()
     assert page.evaluate("Object.keys(localStorage)") == []
     assert service.http.get(f"/folds/{early['id']}").status_code == 200
+
+
+def test_a_key_that_got_about_is_replaced(visit: Visit, service: Service) -> None:
+    leaked = new_token()
+    fold = service.fold(SNAKE, seed="951", token=leaked)["id"]
+    page = holding(visit, leaked)
+    expect(page.locator("#folds li")).to_have_count(1)
+    # Where no answer comes nothing is lost: both are kept until one is known to hold it.
+    page.route("**/api/mine/key", lambda route: route.abort())
+    page.get_by_role("button", name="New key").click()
+    page.locator("#confirm-yes").click()
+    expect(page.locator("#key-message")).to_contain_text("may still be the old one")
+    expect(page.locator("#keys li")).to_have_count(1)
+    assert key_of(page) == leaked
+    page.get_by_role("button", name="Remove").click()
+    page.unroute("**/api/mine/key")
+
+    page.get_by_role("button", name="New key").click()
+    expect(page.locator("#confirm-text")).to_contain_text("The old one opens nothing")
+    page.locator("#confirm-yes").click()
+    expect(page.locator("#key-message")).to_contain_text("the old key opens nothing any more")
+    expect(page.locator("#folds li")).to_have_count(1)
+    expect(page.locator("#keys li")).to_have_count(0)
+    key = key_of(page)
+    assert key != leaked
+    assert page.evaluate(f"localStorage.getItem('foldback:owner:{fold}')") == key
+    listed = [
+        service.http.get("/api/mine/folds", headers=bearer(token)).json()["total"]
+        for token in (leaked, key)
+    ]
+    assert listed == [0, 1]
+    page.locator("#folds").get_by_role("button", name="Delete").click()
+    page.locator("#confirm-yes").click()
+    expect(page.locator("#folds li")).to_have_count(0)
+    assert service.http.get(f"/api/folds/{fold}").status_code == 404

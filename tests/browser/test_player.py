@@ -51,6 +51,16 @@ def test_a_frame_is_typed(page: Page) -> None:
     page.keyboard.type("31")  # over what was there
     page.keyboard.press("Enter")
     at(page, 30)
+    # The keyboard is the page's again: space plays.
+    expect(page.locator("body")).to_be_focused()
+    page.keyboard.press("Space")
+    page.wait_for_function("() => foldback.player.is.playing")
+    page.keyboard.press("Space")
+    seek(page, 30)
+    page.locator("#r-frame").focus()
+    page.keyboard.press("Enter")
+    expect(field).to_be_focused()
+    page.keyboard.press("Escape")
     expect(page.locator("#r-frame")).to_be_focused()
     page.keyboard.press("g")
     field.fill("99999")
@@ -139,7 +149,7 @@ def test_a_part_is_looped_over_and_linked_to(page: Page) -> None:
     assert to == pytest.approx(half + 1, abs=1)
     keep(page, "loop")
     page.locator("#share").click()
-    assert page.locator("#share-link").input_value().endswith(f"&from=22&to={to}")
+    expect(page.locator("#share-link")).to_have_value(re.compile(rf"&from=22&to={to}$"))
     page.keyboard.press("Escape")
     page.wait_for_url(re.compile(rf"&from=22&to={to}$"))
     page.reload()
@@ -218,10 +228,8 @@ def test_a_theme_is_kept_and_there_from_the_first_picture(page: Page) -> None:
     page.goto("/gallery")
     assert page.evaluate(GROUND) == light
     # It stands in the head before all that is painted, and is no module: those run later.
-    assert (
-        page.evaluate("() => document.querySelector('head script[src$=\"theme.js\"]').async")
-        is False
-    )
+    stands = "() => document.querySelector('head script:not([src])').type"
+    assert page.evaluate(stands) == ""
     assert page.evaluate("() => document.documentElement.dataset.theme") == "light"
     switch = page.get_by_role("button", name="Theme: light")
     switch.click()

@@ -28,9 +28,19 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
     seek(page, 30)
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 7 })")
     page.locator("#share").click()
-    link = page.locator("#share-link").input_value()
+    shown = page.locator("#share-link")
+    expect(shown).to_have_value(re.compile(rf"/folds/{wrench}#frame=31&module=7$"))
+    link = shown.input_value()
     keep(page, "share")
-    assert link.endswith(f"/folds/{wrench}#frame=31&module=7")
+    page.keyboard.press("Escape")
+    page.evaluate("() => { location.hash = '#frame=12&from=8&to=20'; }")
+    expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
+    expect(page.locator("#range-to")).to_have_attribute("aria-valuenow", "20")
+    assert page.evaluate("() => window.foldback.player.selected") is None
+    page.evaluate("() => { location.hash = '#frame=31&module=7'; }")
+    expect(page.locator("#panel-module h2")).to_contain_text("Module 7")
+    expect(page.locator("#range-part.whole")).to_be_attached()
+    page.locator("#share").click()
     page.locator("#share-here").uncheck()
     assert page.locator("#share-link").input_value().endswith(f"/folds/{wrench}")
 
@@ -43,6 +53,7 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
 def test_a_fold_in_somebody_else_s_page(visit: Visit, blog: Blog, wrench: str) -> None:
     page = visit(f"/folds/{wrench}#frame=12", view=False)
     page.locator("#share").click()
+    expect(page.locator("#share-embed")).to_have_value(re.compile("iframe"))
     blog.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
     reader = visit(blog.origin, width=640, height=400)
     inside = reader.frame_locator("iframe")
@@ -110,6 +121,8 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
     page.wait_for_url("**/compare?a=*&b=*")
     direct = page.url.rsplit("b=", 1)[1]
     service.wait_over(direct)
+    # What is said of it follows, though the page was opened before it was over.
+    expect(page.locator("#side-1 .verdict")).to_have_text(re.compile("verified"))
     page.context.unroute(VIEW)
     page.reload()
     sides = [page.locator(f"#side-{k}") for k in range(2)]
@@ -121,6 +134,7 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
     assert told
     assert "One frame back" in told
     assert "0.1 s" not in told  # the two have different times
+    assert "Ten frames back, forward" in told
     frames = "() => [0, 1].map((k) => document.getElementById(`side-${k}`).textContent)"
     page.keyboard.press("End")
     expect(page.locator("#r-folded")).to_have_text("100 %")
@@ -129,6 +143,10 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
     keep(page, "compare")
     page.keyboard.press("Home")
     expect(page.locator("#r-phase")).to_have_text("Explosion")
+    page.keyboard.press("Shift+ArrowRight")
+    expect(page.locator("#scrub")).to_have_value("10")
+    page.keyboard.press("Shift+ArrowLeft")
+    expect(page.locator("#scrub")).to_have_value("0")
     before = page.evaluate(frames)
     page.keyboard.press("End")
     assert page.evaluate(frames) != before

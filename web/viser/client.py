@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
-from web.static_files import text_of
+from web.static_files import code_of
 
 # The page unpacks its own program into an inline script, and asks nobody for anything.
 ALLOWED: Final = "; ".join(
@@ -44,12 +43,10 @@ class Client:
             served: in a page that was downloaded.
         policy: Its Content-Security-Policy. The page has an origin of its own (``sandbox``): its
             scripts reach nothing of ours.
-        etag: Changes with it.
     """
 
     html: bytes
     policy: str
-    etag: str
 
 
 @cache
@@ -58,7 +55,7 @@ def client() -> Client:
 
     See ``static/js/viewer/bridge.js``; read once.
     """
-    bridge = text_of("js/viewer/bridge.js")
+    bridge = code_of("js/viewer/bridge.js")
     # Found without importing it: the page alone needs none of its server.
     installed = find_spec("viser")
     assert installed is not None and installed.origin is not None
@@ -70,6 +67,5 @@ def client() -> Client:
         f'{html[:start]}<meta http-equiv="Content-Security-Policy" content="{ALLOWED}">'
         f"<script>{bridge}</script>{html[start:head]}<style>{STYLE}</style>{html[head:]}"
     )
-    data = html.encode()
     policy = f"{ALLOWED}; frame-ancestors 'self'; sandbox allow-scripts"
-    return Client(data, policy, f'"{hashlib.sha256(data).hexdigest()[:20]}"')
+    return Client(html.encode(), policy)

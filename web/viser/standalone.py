@@ -13,8 +13,9 @@ import re
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, Final
+from urllib.parse import quote
 
-from web.static_files import IMPORT, STATIC, imported, scripts_of, text_of
+from web.static_files import IMPORT, STATIC, code_of, imported, scripts_of, text_of
 from web.timeline.frame_batch import thinned, unpacked_bytes
 from web.timeline.view import TimelineView
 from web.viser.client import client
@@ -24,6 +25,8 @@ ENTRY: Final = "js/pages/standalone.js"
 WORKER: Final = "js/viewer/sketch_worker.js"
 THEME: Final = "js/theme.js"
 STYLES: Final = ("css/base.css", "css/fold.css")
+PLAIN: Final = " !$&'()*+,-./:;=?@[]^_`{|}~"
+"""Characters that may stand in an address of data, besides letters and digits."""
 MOST_BYTES: Final = 48 * 2**20
 """Unpacked bytes of a batch; of a longer fold frames are left out, and the curves."""
 
@@ -47,7 +50,7 @@ def standalone_html(
     stride = max(1, -(-unpacked_bytes(timeline) // MOST_BYTES))
     parts = {
         "client": client().html.decode(),
-        "worker": text_of(WORKER),
+        "worker": code_of(WORKER),
         "bundle": _text(bundle_of(timeline.chain, timeline.stretch)),
         "batch": _text(thinned(timeline, stride)),
         "curves": None if curves is None or stride > 1 else _text(curves),
@@ -56,7 +59,7 @@ def standalone_html(
     styles = "".join(text_of(name) for name in STYLES)
     return render(
         styles=styles,
-        theme=text_of(THEME),
+        theme=code_of(THEME),
         imports=_script_json({"imports": _imports()}),
         entry=f"foldback/{ENTRY}",
         parts=_script_json(parts),
@@ -85,7 +88,8 @@ def _address_of(name: str) -> str:
     def named(match: re.Match[str]) -> str:
         return f'{match[1]}"foldback/{imported(name, match[2])}"'
 
-    return f"data:text/javascript;base64,{_text(IMPORT.sub(named, text_of(name)).encode())}"
+    # Less than by base64: of a script few characters have to be written otherwise.
+    return f"data:text/javascript,{quote(IMPORT.sub(named, code_of(name)), safe=PLAIN)}"
 
 
 def _text(data: bytes) -> str:

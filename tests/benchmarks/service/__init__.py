@@ -1,1 +1,1 @@
-"""What a service does for those who wait: the time that it says is left, and movies."""
+"""What a service does for visitors: the time that it says is left, movies, weights of pages."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
@@ -81,7 +82,7 @@ def test_friction_counts_in_the_guard() -> None:
     assert certificate.torque <= 1.2 * found.table.bound
 
 
-def test_a_record_says_what_was_taken_back(tmp_path, record: Record) -> None:
+def test_a_record_says_what_was_taken_back(tmp_path: FilePath, record: Record) -> None:
     record.save(tmp_path / "record.npz")
     assert Record.load(tmp_path / "record.npz").table == record.table
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -10,12 +12,13 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
 from planner.motion.frames import Frames
 from planner.motion.timeline import TimelineWriter
-from server.cli.play import row_of
+from server.cli.play import create_player_app, row_of
 from server.pages.failures import failure
 from tests.planner.peels import snake
 
@@ -64,6 +67,29 @@ def test_what_came_to_no_plan_says_how_far_it_came(directory: Path) -> None:
     assert (found["heading"], found["text"]) == ("Not finished", "It was still on its way.")
     assert len(found["modules"]) > 2
     assert sorted(directory.iterdir()) == before
+
+
+def test_its_pages_lead_to_none_that_are_not_there(directory: Path) -> None:
+    app = create_player_app(directory)
+
+    async def found() -> tuple[dict[str, set[int]], dict[str, Any]]:
+        transport = httpx.ASGITransport(app=app)
+        async with (
+            app.router.lifespan_context(app),
+            httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as http,
+        ):
+            statuses: dict[str, set[int]] = {}
+            for path in ("/folds/fold", "/folds/other", "/embed/other", "/compare?a=fold&b=other"):
+                page = (await http.get(path)).text
+                # What a dialog says that nothing here opens leads nowhere, and is not seen.
+                seen = re.sub(r"<dialog.*?</dialog>", "", page, flags=re.DOTALL)
+                links = set(re.findall(r'(?:href|src)="(/[^"#]*)', seen))
+                statuses[path] = {(await http.get(link)).status_code for link in links}
+            return statuses, (await http.get("/folds/fold/facts")).json()
+
+    statuses, facts = asyncio.run(found())
+    assert {status for each in statuses.values() for status in each} <= {200, 307}
+    assert (facts["comparable"], facts["refoldable"], facts["smoothable"]) == (False,) * 3
 
 
 @pytest.mark.processes

@@ -28,6 +28,7 @@ def test_the_description_is_valid_and_complete(desk: Service) -> None:
         "/api/mine/folds",
         "/api/mine/previews",
         "/api/mine/movies",
+        "/api/mine/key",
     } <= set(paths)
     operations = [o for methods in paths.values() for o in methods.values()]
     ids = [operation["operationId"] for operation in operations]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
@@ -39,6 +40,63 @@ def test_a_key_is_kept_by_nobody(desk: Service) -> None:
     assert token not in desk.log.read_text()
     kept = [path for path in desk.data_dir.rglob("*") if path.is_file()]
     assert kept and not [path for path in kept if token.encode() in path.read_bytes()]
+
+
+def test_a_key_that_got_about_opens_nothing_once_it_is_replaced(desk: Service) -> None:
+    leaked = new_token()
+    fold = desk.fold(SNAKE, seed="203", token=leaked)
+    shared = desk.fold(shape="guitar", token=leaked)
+    sent = desk.http.post(
+        "/api/shapes/preview",
+        data={"full": "false"},
+        files={"file": ("part.json", json.dumps(SNAKE))},
+        headers=bearer(leaked),
+    ).json()
+    answer = desk.http.post("/api/mine/key", headers=bearer(leaked))
+    assert (answer.status_code, answer.headers["cache-control"]) == (200, "no-store")
+    key, folds = answer.json()["owner_token"], answer.json()["folds"]
+    assert key != leaked and folds == 1 + (not shared["existing"])
+    assert leaked not in answer.text
+
+    here = f"/api/folds/{fold['id']}"
+    for what in LISTS:
+        listed = desk.http.get(f"/api/mine/{what}", headers=bearer(leaked)).json()
+        assert listed[what] == [], what
+    for method, path, body in (
+        ("PATCH", here, {"name": "Taken"}),
+        ("DELETE", here, None),
+        ("POST", f"{here}/cancel", None),
+        ("DELETE", f"/api/mine/previews/{sent['id']}", None),
+    ):
+        refused = desk.http.request(method, path, json=body, headers=bearer(leaked))
+        assert refused.status_code == 403, path
+    made = {each["id"] for each in mine(desk, key, "folds")}
+    assert fold["id"] in made and len(made) == folds
+    assert [each["id"] for each in mine(desk, key, "previews")] == [sent["id"]]
+    # The old one takes nothing back, nor does it move what is another's now.
+    assert desk.http.post("/api/mine/key", headers=bearer(leaked)).json()["folds"] == 0
+    again = desk.http.post("/api/mine/key", json={"owner_token": key}, headers=bearer(leaked))
+    assert (again.status_code, again.json()["folds"]) == (200, 0)
+    assert {each["id"] for each in mine(desk, key, "folds")} == made
+    assert desk.fold(SNAKE, seed="203", token=leaked)["id"] != fold["id"]
+
+
+def test_what_is_no_key_replaces_none(desk: Service) -> None:
+    token = new_token()
+    fold = desk.fold(SNAKE, seed="204", token=token)
+    here = "/api/mine/key"
+    assert desk.http.post(here).status_code == 401
+    for body in ({"owner_token": "short"}, {"owner_token": "é" * 30}, {"token": "a" * 30}, [1]):
+        assert desk.http.post(here, json=body, headers=bearer(token)).status_code == 422, body
+    same = desk.http.post(here, json={"owner_token": token}, headers=bearer(token))
+    assert (same.status_code, same.json()["code"]) == (400, "same-key")
+    foreign = {**bearer(token), "Origin": "https://elsewhere.example"}
+    assert desk.http.post(here, headers=foreign).status_code == 403
+    assert [each["id"] for each in mine(desk, token, "folds")] == [fold["id"]]
+
+
+def mine(desk: Service, token: str, what: str) -> list[dict[str, Any]]:
+    return desk.http.get(f"/api/mine/{what}", headers=bearer(token)).json()[what]
 
 
 def test_the_page_is_the_same_for_all_and_no_search_engine_s(desk: Service) -> None:

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import hashlib
+import random
 import re
 
 import httpx
 from fastapi import FastAPI
 
-from server.pages import benchmarks, static
+from server.http.compression import Asset
+from server.pages import same_for_all, static
+from tests.server.service import SNAKE, Service, bearer
 
 
-def get(path: str) -> httpx.Response:
+def get(path: str, **headers: str) -> httpx.Response:
     app = FastAPI()
-    app.include_router(benchmarks.router)
+    app.include_router(same_for_all.router)
     app.include_router(static.router)
 
     async def ask() -> httpx.Response:
         transport = httpx.ASGITransport(app=app)
         async with httpx.AsyncClient(transport=transport, base_url="http://here") as client:
-            return await client.get(path)
+            return await client.get(path, headers=headers)
 
     return asyncio.run(ask())
 
@@ -40,3 +45,53 @@ def test_the_success_map_is_on_a_page_and_there() -> None:
         assert f">{method}</text>" in drawn.text
         assert method in page.text
     assert "3 of 3 verified" in drawn.text
+
+
+def test_scripts_and_styles_are_sent_packed_to_who_takes_them_so() -> None:
+    for path in ("/static/js/player/player.js", "/static/css/fold.css", "/static/success-map.svg"):
+        plain = get(path, **{"Accept-Encoding": "identity"})
+        packed = get(path, **{"Accept-Encoding": "br, gzip"})
+        assert "content-encoding" not in plain.headers
+        assert packed.headers["content-encoding"] == "gzip"
+        assert packed.content == plain.content
+        assert int(packed.headers["content-length"]) < 0.5 * len(plain.content)
+        assert {each.headers["vary"] for each in (plain, packed)} == {"Accept-Encoding"}
+        # Who keeps the one is not told that it is the other.
+        tags = [each.headers["etag"] for each in (plain, packed)]
+        assert tags[0] != tags[1]
+        asked = {"Accept-Encoding": "gzip", "If-None-Match": tags[1]}
+        assert get(path, **asked).status_code == 304
+        assert get(path, **{**asked, "If-None-Match": tags[0]}).status_code == 200
+
+
+def test_what_would_not_shrink_is_sent_as_it_is() -> None:
+    asset = Asset.of(random.Random(0).randbytes(4000), "image/webp")
+    assert asset.packed is None
+    assert Asset.of(b"x" * 4000, "text/css").packed is not None
+
+
+def test_nothing_that_holds_a_secret_is_packed(desk: Service) -> None:
+    fold = desk.fold(SNAKE, seed="301")
+    own = {**bearer(fold["owner_token"]), "Accept-Encoding": "gzip"}
+    for path in (
+        f"/folds/{fold['id']}",
+        f"/folds/{fold['id']}/facts",
+        f"/api/folds/{fold['id']}",
+        "/api/mine/folds",
+        "/gallery?q=guess",
+        f"/compare?a={fold['id']}&b={fold['id']}",
+    ):
+        answer = desk.http.get(path, headers=own)
+        assert answer.status_code == 200, path
+        assert "content-encoding" not in answer.headers, path
+    same = [desk.http.get("/my-folds", headers=h) for h in (own, {"Accept-Encoding": "gzip"})]
+    assert same[0].headers["content-encoding"] == "gzip"
+    assert same[0].content == same[1].content
+
+
+def test_of_scripts_in_a_page_only_the_theme_s_runs() -> None:
+    page = get("/benchmarks")
+    (script,) = re.findall(r"<script>(.*?)</script>", page.text, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    (policy,) = re.findall(r"script-src ([^;]+)", page.headers["Content-Security-Policy"])
+    assert policy == f"'self' 'sha256-{digest}'"

@@ -10,6 +10,7 @@ const figuresOf = (modules, joints) => ({
     torque: new Float32Array(joints).fill(-0.3),
     clearance: Float32Array.from({ length: modules }, (_, i) => (i === 3 ? -0.01 : 0.2)),
   }),
+  lacking: null,
   largest: (name) => ({ position_error: 0.034, torque: 1.7 })[name],
 });
 
@@ -54,10 +55,15 @@ test("every colouring has a scale in numbers", async () => {
 
 test("what is not measured yet is grey", async () => {
   const { timeline } = await recorded();
-  const nothing = { row: () => null, largest: () => 0 };
+  const nothing = { row: () => null, largest: () => 0, lacking: null };
   const { unknown } = timeline.bundle.header.colours;
   for (const key of ["position", "torque", "clearance"]) {
     const colours = colouring(key, timeline, nothing).of(timeline.snapshot(0));
     assert.deepEqual([...colours.subarray(0, 3)], unknown, key);
   }
+  assert.equal(colouring("clearance", timeline, nothing).legend().none, "not measured yet");
+  assert.equal(colouring("clearance", timeline, { ...nothing, lacking: "not here" }).legend().none, "not here");
+  const { timeline: peeled } = await recorded(vectors.peeled);
+  for (const key of ["torque", "clearance"]) assert.equal(colouring(key, peeled, nothing).legend().none, "known of the whole chain only");
+  assert.equal(colouring("position", peeled, nothing).legend().none, "not recorded");
 });

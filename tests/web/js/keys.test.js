@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
-import { bring, broughtKeys, dropKey, foldsApart, forgetKeys, isKey, keepToken, keysHere, ownKey, tokenOf, useKey } from "../../../web/static/js/lib/keys.js";
+import { bring, broughtKeys, dropKey, foldsApart, forgetKeys, isKey, keepToken, keysHere, newKey, ownKey, replaceOwn, tokenOf, useKey } from "../../../web/static/js/lib/keys.js";
 import { FoldList } from "../../../web/static/js/lib/made.js";
 import { span } from "../../../web/static/js/lib/text.js";
 
@@ -38,6 +38,19 @@ test("a key that is brought stands beside the browser's own, which it becomes wh
   assert.deepEqual([keysHere(), tokenOf("theirs"), tokenOf("mine")], [[own], null, own]);
   forgetKeys();
   assert.deepEqual(Object.keys(localStorage), []);
+});
+
+test("a new key takes the place of the browser's own, and of nothing else", () => {
+  const own = ownKey();
+  bring(OTHER);
+  keepToken("mine", own);
+  keepToken("theirs", OTHER);
+  const made = newKey();
+  assert.notEqual(made, own);
+  bring(made);
+  assert.deepEqual(keysHere(), [own, OTHER, made]); // until it is known to hold them
+  replaceOwn(made);
+  assert.deepEqual([keysHere(), tokenOf("mine"), tokenOf("theirs")], [[made, OTHER], made, OTHER]);
 });
 
 test("folds with tokens of their own are known", () => {

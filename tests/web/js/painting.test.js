@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { LETTERS, letterCells } from "../../../web/static/js/editor/letters.js";
+import { letterCells } from "../../../web/static/js/editor/letters.js";
 import { visible } from "../../../web/static/js/editor/isometric.js";
 import { MOST_STEPS, Painting, SIZES, cellOf, cellsOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
 import { random } from "./vectors.js";
@@ -98,8 +98,7 @@ test("what is kept is taken as far as it is a painting", () => {
 });
 
 test("every letter is one piece", () => {
-  assert.equal(LETTERS.length, 26);
-  for (const letter of LETTERS) {
+  for (const letter of "ABCDEFGHIJKLMNOPQRSTUVWXYZ") {
     const painting = new Painting();
     stroke(painting, letterCells(letter).map(([row, column]) => [row, column, 0]));
     assert.equal(painting.pieces(), 1, letter);

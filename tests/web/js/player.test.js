@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 import { distanceNeeded } from "../../../web/static/js/viewer/camera.js";
+import { clearestSight } from "../../../web/static/js/viewer/viewpoint.js";
 import { Whole } from "../../../web/static/js/player/frames.js";
 import { Pair } from "../../../web/static/js/player/pair.js";
 import { Player } from "../../../web/static/js/player/player.js";
@@ -196,7 +197,7 @@ test("the camera goes to modules that are to be looked at, and back", async () =
   player.send({ do: "seek", frame: 120 });
   draw(200);
   const whole = player.follower.view;
-  player.lookAt([3, 4]);
+  player.lookAt([3, 4], clearestSight);
   draw(200);
   const seen = player.follower.view;
   const middle = [0, 1, 2].map((c) => ((player.shown.positions[9 + c] + player.shown.positions[12 + c]) / 2) * player.pitch);
@@ -205,6 +206,32 @@ test("the camera goes to modules that are to be looked at, and back", async () =
   draw(200);
   close(player.follower.view.target, whole.target, { atol: 0.1 * player.pitch });
   close([player.follower.view.distance], [whole.distance], { rtol: 0.05 });
+});
+
+test("the next change is looked for in frames that come in later, unless one goes elsewhere", async () => {
+  const { player, timeline } = await shown();
+  const there = timeline.row;
+  const change = (hidden) => {
+    timeline.row = there;
+    player.send({ do: "seek", frame: 0 });
+    timeline.row = (frame) => (frame >= hidden ? null : there.call(timeline, frame));
+    player.send({ do: "change", way: 1 });
+    return player.playhead.frame;
+  };
+  const found = change(Infinity);
+  const half = Math.floor(found / 2);
+  assert.ok(half > 0);
+  assert.equal(change(half), half);
+  player.send({ do: "change", way: 1 }); // pressed again, it looks for the same
+  assert.equal(player.playhead.frame, half);
+  timeline.row = there;
+  timeline.tell("loaded");
+  assert.equal(player.playhead.frame, found);
+  change(half);
+  player.send({ do: "step", by: -1 });
+  timeline.row = there;
+  timeline.tell("loaded");
+  assert.equal(player.playhead.frame, half - 1);
 });
 
 function head(last = 239, growing = false) {

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { KEYS, nameOf } from "../../../web/static/js/player/keys.js";
-import { after, nextChange } from "../../../web/static/js/player/steps.js";
+import { after, nextChange } from "../../../web/static/js/player/playhead.js";
 import { close, recorded, vectors } from "./vectors.js";
 
 // Frames at these times, of one hinge; a time of null is a frame that is not here yet.
@@ -25,10 +25,21 @@ test("where frames are not here yet a step of time takes them for as long as the
 test("the next change is where a hinge has turned by what one sees, or another phase begins", () => {
   const angles = [0, 0.02, 0.04, 0.06, 0.06, 0.06, 0.06];
   const turns = timeline(angles.map((_, k) => k), angles, [0, 0, 0, 0, 0, 1, 1]);
-  assert.deepEqual([0, 0.5, 3, 5, 6].map((frame) => nextChange(turns, frame, 1)), [3, 3, 5, 6, 6]);
-  assert.deepEqual([6, 4.5, 3, 1, 0].map((frame) => nextChange(turns, frame, -1)), [4, 4, 0, 0, 0]);
+  assert.deepEqual([0, 0.5, 3, 5, 6].map((frame) => nextChange(turns, frame, 1).frame), [3, 3, 5, 6, 6]);
+  assert.deepEqual([6, 4.5, 3, 1, 0].map((frame) => nextChange(turns, frame, -1).frame), [4, 4, 0, 0, 0]);
   const partly = timeline([0, 1, null, 3, 4]);
-  assert.deepEqual([nextChange(partly, 0, 1), nextChange(partly, 2, 1), nextChange(partly, 4, -1)], [2, 3, 2]);
+  assert.deepEqual([nextChange(partly, 0, 1), nextChange(partly, 2, 1), nextChange(partly, 4, -1)].map(({ frame }) => frame), [2, 3, 2]);
+});
+
+test("a search for a change goes on from a frame that was not here", () => {
+  const angles = [0, 0.01, 0.02, 0.06, 0.06];
+  const partly = timeline([0, 1, null, null, 4], angles);
+  const stopped = nextChange(partly, 0, 1);
+  assert.equal(stopped.frame, 2);
+  assert.deepEqual(nextChange(partly, 2, 1, stopped.from), stopped);
+  const there = timeline([0, 1, 2, 3, 4], angles);
+  assert.deepEqual(nextChange(there, 2, 1, stopped.from), { frame: 3, from: null });
+  assert.deepEqual(nextChange(there, 3, 1), { frame: 4, from: null });
 });
 
 test("of windows the hinges outside of them are looked at as well", async () => {
@@ -41,7 +52,7 @@ test("of windows the hinges outside of them are looked at as well", async () => 
     for (const way of [1, -1]) {
       let k = frame;
       do k += way; while (k > 0 && k < peeled.last && !turned(k));
-      assert.equal(nextChange(peeled, frame, way), Math.min(Math.max(k, 0), peeled.last));
+      assert.equal(nextChange(peeled, frame, way).frame, Math.min(Math.max(k, 0), peeled.last));
     }
   }
 });

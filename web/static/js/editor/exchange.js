@@ -1,7 +1,7 @@
 // What the editor gives the service and gets from it: files, cells of files, and paths through cells.
 import { ownKey, proof } from "../lib/keys.js";
-import { UNREACHABLE } from "../lib/fold_request.js";
-import { element, refusal } from "../lib/text.js";
+export { askForFold } from "../lib/fold_request.js";
+import { UNREACHABLE, element, refusal } from "../lib/text.js";
 import { neighbours, through } from "./cell_path.js";
 import { cellOf, cellsOf, keyOf, keysOf, parts } from "./painting.js";
 

@@ -11,7 +11,7 @@ export const HINTS = {
   fill: ["Click a region of this layer: empty cells that hang together are filled, painted ones removed.", ""],
   box: ["Drag from corner to corner, or click two of them, in any layers; from a painted cell, to remove.", ""],
   move: ["Drag the shape, or press.", "Arrow keys, Page Up and Page Down move it as well."],
-  path: ["Drag from an end, cell by cell; back again to undo. The cells that may come next are framed.",
+  path: ["Drag from cell to cell, on from an end; back again to undo. Cells that may come next are framed; Complete finds the rest.",
     "Shift with arrow keys, Page Up and Page Down draws as well; X cuts, Backspace takes back."],
 };
 

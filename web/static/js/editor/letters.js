@@ -9,8 +9,6 @@ const ROWS = {
   Z: "1f 03 0e 18 1f",
 };
 
-export const LETTERS = Object.keys(ROWS);
-
 // Cells (row, column) of a letter.
 /**
  * @param {string} letter

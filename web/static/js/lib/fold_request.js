@@ -1,9 +1,7 @@
 // Asking for a fold.
 import { keepToken, ownKey, proof } from "./keys.js";
-import { refusal, wordsOf } from "./text.js";
+import { UNREACHABLE, refusal, wordsOf } from "./text.js";
 import { STOPPED, posted } from "./upload.js";
-
-export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
 
 // Asks for a fold with form data or plain fields, and keeps the token that proves whose it is.
 // Throws an Error with words for people when it was refused.

@@ -36,8 +36,19 @@ export const isKey = (text) => KEY.test(text);
 export function ownKey() {
   const known = kept(OWN);
   if (known) return known;
-  const made = btoa(String.fromCharCode(...crypto.getRandomValues(new Uint8Array(BYTES)))).replaceAll("+", "-").replaceAll("/", "_");
+  const made = newKey();
   return keep(OWN, made) ? made : null;
+}
+
+export const newKey = () => btoa(String.fromCharCode(...crypto.getRandomValues(new Uint8Array(BYTES)))).replaceAll("+", "-").replaceAll("/", "_");
+
+// What was made with its own key is a new one's now, which was kept beside it until then.
+/** @param {string} made */
+export function replaceOwn(made) {
+  const old = kept(OWN);
+  for (const [id, token] of ofFolds()) if (token === old) keepToken(id, made);
+  keep(BROUGHT, JSON.stringify(broughtKeys().filter((key) => key !== made)));
+  keep(OWN, made);
 }
 
 // Those that were brought here.

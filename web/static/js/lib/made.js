@@ -1,7 +1,6 @@
 // What was made with the keys of this browser, as the service lists it.
-import { UNREACHABLE } from "./fold_request.js";
 import { proof } from "./keys.js";
-import { refusal } from "./text.js";
+import { UNREACHABLE, refusal } from "./text.js";
 
 const FOLDS = "/api/mine/folds";
 const GONE = new Set([403, 404]);

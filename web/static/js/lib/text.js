@@ -1,4 +1,4 @@
-// Numbers and stages in words.
+// Numbers and stages in words, and what else most scripts use: elements, events, parts loaded later.
 /** @type {Record<string, string>} */
 export const PHASES = { explosion: "Explosion", unfolding: "Unfolding", playback: "Playback" };
 
@@ -113,6 +113,48 @@ export function element(name, attributes = {}, ...children) {
   }
   made.append(...children.filter((child) => child !== null));
   return made;
+}
+
+// Something that tells what is: events with a name and a detail.
+export class Emitter extends EventTarget {
+  /**
+   * @param {string} name
+   * @param {unknown} [detail]
+   */
+  tell(name, detail = null) { this.dispatchEvent(new CustomEvent(name, { detail })); }
+
+  /**
+   * @template Told
+   * @param {string} name
+   * @param {(detail: Told) => void} heard
+   */
+  on(name, heard) { this.addEventListener(name, (event) => heard(/** @type {CustomEvent<Told>} */ (event).detail)); }
+}
+
+export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
+
+// Something that is loaded when it is first used; what is made of it comes back. Where that fails,
+// `refused` is told why, nothing comes back, and the next use tries again.
+/**
+ * @template Part
+ * @param {() => Promise<Part>} load
+ * @param {(text: string) => void} refused
+ * @returns {<Made>(use: (part: Part) => Made | Promise<Made>) => Promise<Made | undefined>}
+ */
+export function later(load, refused) {
+  /** @type {Promise<Part> | null} */
+  let loading = null;
+  return async (use) => {
+    let part;
+    try {
+      part = await (loading ??= load());
+    } catch {
+      loading = null;
+      refused(UNREACHABLE);
+      return undefined;
+    }
+    return use(part);
+  };
 }
 
 /**

@@ -6,18 +6,40 @@ import { Timeline, Source } from "../player/timeline.js";
 import { showScale } from "../panels/legend.js";
 import { Pair } from "../player/pair.js";
 import { Player } from "../player/player.js";
+import { StandIn } from "../viewer/fallback.js";
 import { hasWebGL } from "../viewer/scene.js";
 import { Sketch } from "../viewer/sketch.js";
 import { Stage } from "../viewer/stage.js";
-import { toast } from "../panels/toast.js";
-import { copyText, element, get, radians } from "../lib/text.js";
+import { copyText, element, get, later, radians } from "../lib/text.js";
 
+const LOOK_MS = 2000; // at what is said of a fold that is not over
 const START_MS = 600; // two 3D views at once would keep both drawings waiting
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 /** @type {Facts[]} */
 const facts = JSON.parse(get("facts").textContent);
 /** @type {Promise<boolean>} */
 const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_MS); });
+
+/**
+ * What is said of a fold, until it is over.
+ * @param {string} id
+ * @param {HTMLElement} verdict
+ * @param {Timeline} timeline
+ */
+async function follow(id, verdict, timeline) {
+  for (let running = true; running;) {
+    await new Promise((done) => { setTimeout(done, LOOK_MS); });
+    const answer = await fetch(`/folds/${id}/facts`).catch(() => null);
+    if (answer?.status === 404) return; // it is deleted
+    if (!answer?.ok) continue;
+    /** @type {Facts} */
+    const now = await answer.json();
+    verdict.textContent = now.verdict.text;
+    verdict.dataset.tone = now.verdict.tone;
+    running = now.running;
+  }
+  timeline.finish();
+}
 
 const sides = facts.map(({ id, running }, k) => {
   const side = get(`side-${k}`);
@@ -26,17 +48,19 @@ const sides = facts.map(({ id, running }, k) => {
   const now = /** @type {HTMLElement} */ (side.querySelector(".side-now"));
   const sketch = new Sketch(canvas);
   const stage = new Stage(frame, {
-    open: () => player.standIn?.takeOver(),
+    open: () => standIn.takeOver(),
     touch: () => { if (player.is.follow) pair.send({ do: "set", follow: false }); },
     pick: (origin, direction) => player.pick(origin, direction),
   });
+  const standIn = new StandIn(canvas, stage, sketch);
   const player = new Player(new Timeline(new Source(`/folds/${id}`), { over: !running }), {
-    stage, sketch, calm, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
+    stage, standIn, sketch, calm, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(frame);
   player.on("state", (/** @type {State} */ { error_rad: error }) => {
     now.textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
   });
+  if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player.timeline);
   webgl.then((there) => setTimeout(() => { if (there) frame.src = "/view"; }, 1500 * k));
   return { player, stage };
 });
@@ -59,4 +83,6 @@ get("through").onclick = () => {
   get("through").setAttribute("aria-pressed", String(on));
   for (const { stage } of sides) stage.seeThrough(on);
 };
-get("share").onclick = () => copyText(location.href, () => toast("Link copied"), () => toast(location.href));
+const toast = later(() => import("../panels/toast.js"), () => {});
+const say = (/** @type {string} */ text) => toast((part) => part.toast(text));
+get("share").onclick = () => copyText(location.href, () => say("Link copied"), () => say(location.href));

@@ -1,14 +1,10 @@
 // The editor: a grid for one layer, the tools, the drawing beside it, and the way to a preview or a fold.
-import { askForFold } from "../lib/fold_request.js";
-import { asked, completed, pathFile, read, save, voxelFile } from "../editor/exchange.js";
 import { checked, told } from "../editor/cell_path.js";
 import { HINTS, Hand } from "../editor/hand.js";
-import { draw } from "../editor/isometric.js";
-import { LETTERS, letterCells } from "../editor/letters.js";
 import { Painting, SIZES, cellOf, keyOf, keysOf } from "../editor/painting.js";
 import { imported, resized } from "../editor/shape_tools.js";
 import { Sheet } from "../editor/sheet.js";
-import { duration, element, get, whole, wordsOf } from "../lib/text.js";
+import { duration, element, get, later, whole, wordsOf } from "../lib/text.js";
 
 /** @type {{ most_modules: number }} */
 const facts = JSON.parse(get("facts").textContent);
@@ -77,7 +73,7 @@ function show(drawn = true) {
   get("size").value = String(painting.size);
   get("empty").hidden = cells > 0;
   if (drawn) {
-    draw(get("model"), painting, layer, drawing);
+    if (cells) picturing(({ draw }) => draw(get("model"), painting, layer, drawing));
     drawnAt = performance.now();
   }
   count(cells);
@@ -109,8 +105,13 @@ function count(cells) {
   const ready = cells > 0 && !large && (found ? found.whole : pieces === 1 && !few);
   get("complete").disabled = !cells || Boolean(found?.whole) || large;
   get("preview").disabled = get("fold").disabled = !ready || sending;
-  look(found?.whole && ready ? pathFile(named(), painting.state) : null);
+  look(Boolean(found?.whole && ready));
 }
+
+// The drawing, what is sent, read and saved, and letters are loaded when they are used.
+const picturing = later(() => import("../editor/isometric.js"), say);
+const exchanging = later(() => import("../editor/exchange.js"), (text) => { hand.refused = text; show(); });
+const writing = later(() => import("../editor/letters.js"), say);
 
 /** @param {string} text */
 function say(text) {
@@ -123,22 +124,23 @@ const named = () => get("name").value.trim() || "My shape";
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let timer;
 let shown = "";
-/** @param {File | null} file */
-function look(file) {
-  const path = file ? painting.path.join() : "";
+/** @param {boolean} ready */
+function look(ready) {
+  const path = ready ? painting.path.join() : "";
   if (path === shown) return;
   shown = path;
   clearTimeout(timer);
   get("checked").textContent = "";
-  if (!file) return;
+  if (!ready) return;
+  const { state } = painting;
   timer = setTimeout(async () => {
-    const said = await asked({ file, full: false }).then(
+    const said = await exchanging(({ asked, pathFile }) => asked({ file: pathFile(named(), state), full: false }).then(
       ({ knot, expected_s: s }) => (knot?.verdict === "knotted"
         ? { text: "The path is knotted: such a chain cannot be pulled straight.", tone: "bad" }
         : { text: `Folds in ${duration(s)}.`, tone: "" }),
       (error) => ({ text: wordsOf(error), tone: "bad" }),
-    );
-    if (path !== shown) return;
+    ));
+    if (path !== shown || !said) return;
     get("checked").textContent = said.text;
     get("checked").dataset.tone = said.tone;
   }, CHECK_MS);
@@ -236,7 +238,8 @@ get("complete").onclick = async () => {
   const [state, drawn] = [{ ...painting.state, cells: painting.cells.slice() }, hand.drawn];
   let refused = "";
   try {
-    const found = await completed(state, drawn);
+    const found = await exchanging(({ completed }) => completed(state, drawn));
+    if (found === undefined) return;
     // What was drawn meanwhile is not drawn over.
     if (painting.path !== drawn.path) return;
     if (found) hand.step(() => hand.follow(found));
@@ -251,9 +254,9 @@ get("complete").onclick = async () => {
   show();
 };
 for (const input of all('[name="exact"]')) input.addEventListener("change", () => show());
-for (const letter of LETTERS) {
-  const button = element("button", { type: "button", "aria-label": `Letter ${letter}` }, letter);
-  button.onclick = () => {
+for (const button of /** @type {NodeListOf<HTMLElement>} */ (get("letters").querySelectorAll("button"))) {
+  const letter = button.textContent;
+  button.onclick = () => writing(({ letterCells }) => {
     hand.step(() => {
       painting.paint(keysOf(painting.cells), false);
       const margin = Math.floor((painting.size - 5) / 2);
@@ -261,8 +264,7 @@ for (const letter of LETTERS) {
     });
     get("name").value = `Letter ${letter}`;
     turn(0);
-  };
-  get("letters").append(button);
+  });
 }
 for (const size of SIZES) get("size").append(element("option", { value: size }, `${size}×${size}×${size}`));
 get("size").onchange = () => {
@@ -288,8 +290,9 @@ async function open(source) {
   const cells = Math.min(facts.most_modules, Math.max(LEAST, Math.round(Number(get("mesh-cells").value)) || 160));
   get("mesh-cells").value = String(cells);
   try {
-    const report = await read(source, cells);
+    const report = await exchanging(({ read }) => read(source, cells));
     if (turnOf !== reading) return;
+    if (!report) { tell(""); return; }
     const ordered = report.kind === "path" || report.kind === "chain";
     const found = imported(report.cells, { ordered, least: SIZES[0] });
     hand.step(() => painting.become(found));
@@ -320,21 +323,25 @@ addEventListener("drop", (event) => {
   if (file) open({ file });
 });
 const fileName = (/** @type {string} */ end) => `${named().replaceAll(/[^\p{L}\p{N} _-]+/gu, "").trim() || "shape"}.${end}`;
-get("save-cells").onclick = () => save(voxelFile(named(), painting.state), fileName("voxels.json"));
-get("save-path").onclick = () => save(pathFile(named(), painting.state), fileName("path.json"));
+get("save-cells").onclick = () => exchanging(({ save, voxelFile }) => save(voxelFile(named(), painting.state), fileName("voxels.json")));
+get("save-path").onclick = () => exchanging(({ save, pathFile }) => save(pathFile(named(), painting.state), fileName("path.json")));
 
 // Sending. `ask` sends the file and says why that could not be, or nothing.
-/** @param {(form: { file: File }) => Promise<string>} ask */
+/** @param {(form: { file: File }, exchange: typeof import("../editor/exchange.js")) => Promise<string>} ask */
 async function send(ask) {
   sending = true;
   const how = choice();
   show();
-  hand.refused = await ask({ file: how === "path" ? pathFile(named(), painting.state) : voxelFile(named(), painting.state, how === "no") });
-  if (!hand.refused) return; // the page is being left
+  const refused = await exchanging((exchange) => {
+    const { pathFile, voxelFile } = exchange;
+    return ask({ file: how === "path" ? pathFile(named(), painting.state) : voxelFile(named(), painting.state, how === "no") }, exchange);
+  });
+  if (refused === "") return; // the page is being left
+  if (refused) hand.refused = refused;
   sending = false;
   show();
 }
-get("preview").onclick = () => send(async (form) => {
+get("preview").onclick = () => send(async (form, { asked }) => {
   try {
     location.href = (await asked(form)).links.page;
     return "";
@@ -342,7 +349,7 @@ get("preview").onclick = () => send(async (form) => {
     return wordsOf(error);
   }
 });
-get("fold").onclick = () => send(askForFold);
+get("fold").onclick = () => send((form, { askForFold }) => askForFold(form));
 
 get("mesh-cells").max = String(facts.most_modules);
 sheet.build(painting.size);

@@ -1,29 +1,41 @@
 // The fold page.
-import { askForFold } from "../lib/fold_request.js";
-import { showChoice } from "../panels/choice.js";
-import { Companions } from "../panels/companions.js";
 import { Drawer } from "../panels/drawer.js";
-import { Failure } from "../panels/failure.js";
 import { Figures } from "../player/figures.js";
+import { ModulePanel } from "../panels/module_panel.js";
+import { Plots } from "../panels/plots.js";
 import { Source } from "../player/timeline.js";
-import { Progress } from "../panels/progress.js";
-import { Share } from "../panels/share.js";
-import { Downloads } from "../panels/downloads.js";
 import { toast } from "../panels/toast.js";
 import { view } from "../viewer/fold_view.js";
-import { get } from "../lib/text.js";
+import { get, later } from "../lib/text.js";
 
 /** @type {Facts} */
-const facts = JSON.parse(get("facts").textContent);
+let facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const drawer = new Drawer(toast);
 const { timeline, player, place, bar } = view({
   over: !facts.running,
-  source: new Source(`/folds/${facts.id}`), figures, drawer, load: (frame) => { frame.src = "/view"; },
+  source: new Source(`/folds/${facts.id}`), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.src = "/view"; },
 });
-const downloads = new Downloads(get("panel-downloads"));
-const failure = new Failure({ player, bar, drawer });
-const companions = new Companions(toast);
+
+// Parts that most visitors do not use.
+const asking = later(() => import("../lib/fold_request.js"), toast);
+const choosing = later(() => import("../panels/choice.js"), toast);
+const companions = later(() => import("../panels/companions.js").then(({ Companions }) => new Companions(toast)), toast);
+const downloads = later(() => import("../panels/downloads.js").then(({ Downloads }) => new Downloads(get("panel-downloads"))), toast);
+const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
+const progress = later(() => import("../panels/progress.js"), toast);
+const share = later(() => import("../panels/share.js").then(({ Share }) => new Share(facts, place, toast)), toast);
+let listing = false; // what can be downloaded, which is looked at
+
+get("share").onclick = () => share((it) => it.open(facts));
+const beside = (/** @type {"compare" | "refold" | "smooth"} */ way) => companions((it) => { it.facts(facts); return it[way](); });
+get("compare").onclick = () => beside("compare");
+get("refold").onclick = () => beside("refold");
+get("smooth").onclick = () => beside("smooth");
+drawer.onChosen = (tab) => {
+  listing ||= tab === "downloads";
+  if (tab === "downloads") downloads((it) => it.facts(facts));
+};
 
 /**
  * @param {string} text
@@ -41,15 +53,18 @@ function cover(text, more = "", button = null) {
 
 /** @param {Facts} now */
 function show(now) {
+  facts = now;
   get("name").textContent = now.name;
   get("verdict").textContent = now.verdict.text;
   get("verdict").dataset.tone = now.verdict.tone;
   drawer.facts(now);
-  companions.facts(now);
-  downloads.facts(now);
-  share.facts(now);
-  failure.facts(now);
-  showChoice(now.choice, drawer);
+  get("compare").hidden = !now.comparable;
+  get("refold").hidden = !now.refoldable;
+  get("smooth").hidden = !now.smoothable;
+  if (listing) downloads((it) => it.facts(now));
+  if (now.failure || now.attempts.length > 1) failing((it) => it.facts(now));
+  const { choice } = now;
+  if (choice) choosing(({ showChoice }) => showChoice(choice, drawer));
   if (!now.running) { timeline.finish(); figures.begin(); }
   const { again, problem } = now;
   get("again").hidden = !again;
@@ -71,12 +86,11 @@ function show(now) {
 async function tryAgain({ form }) {
   const buttons = [get("again"), get("cover-button")];
   for (const button of buttons) button.disabled = true;
-  const refused = await askForFold(form);
-  if (!refused) return;
-  toast(refused);
+  const refused = await asking(({ askForFold }) => askForFold(form));
+  if (refused === "") return;
+  if (refused) toast(refused);
   for (const button of buttons) button.disabled = false;
 }
 
-const share = new Share(facts, place, toast);
 show(facts);
-new Progress(facts, { onDone: show, toast });
+if (facts.running) progress(({ Progress }) => new Progress(facts, { onDone: show, toast }));

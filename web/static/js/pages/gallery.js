@@ -1,10 +1,11 @@
 // The gallery: shows the shapes that are wanted, and keeps what is wanted in the address.
-import { askForFold } from "../lib/fold_request.js";
-import { get } from "../lib/text.js";
+import { get, later } from "../lib/text.js";
 
 const sieve = get("sieve");
 const cards = /** @type {HTMLElement[]} */ ([...get("cards").children]);
 const DEBOUNCE_MS = 250;
+const say = (/** @type {string} */ text) => { get("message").textContent = text; };
+const asking = later(() => import("../lib/fold_request.js"), say);
 
 function wanted() {
   const form = new FormData(sieve);
@@ -74,10 +75,10 @@ for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelecto
     event.preventDefault();
     if (card.getAttribute("aria-busy")) return;
     card.setAttribute("aria-busy", "true");
-    get("message").textContent = "";
-    const refused = await askForFold({ shape: card.dataset.shape ?? "" });
+    say("");
+    const refused = await asking(({ askForFold }) => askForFold({ shape: card.dataset.shape ?? "" }));
+    if (refused) say(refused);
     card.removeAttribute("aria-busy");
-    get("message").textContent = refused;
-    if (refused) get("message").scrollIntoView({ block: "center" });
+    if (get("message").textContent) get("message").scrollIntoView({ block: "center" });
   };
 }

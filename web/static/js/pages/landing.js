@@ -1,11 +1,7 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
-import { UNREACHABLE, askForFold } from "../lib/fold_request.js";
-import { ownKey, proof } from "../lib/keys.js";
-import { STOPPED, posted } from "../lib/upload.js";
 import { playHero } from "../player/hero.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
-import { Sending } from "../panels/sending.js";
-import { get, refusal, wordsOf } from "../lib/text.js";
+import { UNREACHABLE, get, later, refusal, wordsOf } from "../lib/text.js";
 
 const drop = get("drop");
 const message = get("drop-message");
@@ -13,7 +9,11 @@ const hero = get("hero");
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const player = playHero(hero, get("sketch"), { calm });
 
-const sending = new Sending(get("sending"));
+const asking = later(() => import("../lib/fold_request.js"), (text) => say(text, "bad"));
+const uploading = later(async () => {
+  const [{ Sending }, upload, keys] = await Promise.all([import("../panels/sending.js"), import("../lib/upload.js"), import("../lib/keys.js")]);
+  return { sending: new Sending(get("sending")), ...upload, ...keys };
+}, (text) => say(text, "bad"));
 const NO_PATH = new Set(["repeated-cell"]);
 
 /**
@@ -35,9 +35,9 @@ async function start(fields, label) {
   const resting = player.send({ do: "pause" });
   const preset = get("preset").value;
   const settings = preset === "paper" ? changed() : {};
-  const problem = await askForFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" });
-  if (!problem) return;
-  say(refused(problem), "bad");
+  const problem = await asking(({ askForFold }) => askForFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" }));
+  if (problem === "") return;
+  if (problem) say(refused(problem), "bad");
   if (resting && !calm) player.send({ do: "play" });
 }
 
@@ -46,7 +46,16 @@ async function start(fields, label) {
  * @param {File} file
  * @param {boolean} asVoxels
  */
-async function send(file, asVoxels = false) {
+function send(file, asVoxels = false) {
+  return uploading((parts) => sent(file, asVoxels, parts));
+}
+
+/**
+ * @param {File} file
+ * @param {boolean} asVoxels
+ * @param {typeof import("../lib/upload.js") & typeof import("../lib/keys.js") & { sending: import("../panels/sending.js").Sending }} parts
+ */
+async function sent(file, asVoxels, { sending, posted, STOPPED, proof, ownKey }) {
   say(`Reading ${file.name}…`);
   offer(null);
   const form = new FormData();

@@ -3,9 +3,10 @@ import { Timeline, Recording } from "../player/timeline.js";
 import { Pair } from "../player/pair.js";
 import { Player } from "../player/player.js";
 import { Sketch } from "../viewer/sketch.js";
-import { PHASES, element, radians, seconds } from "../lib/text.js";
+import { PHASES, element, later, radians, seconds } from "../lib/text.js";
 
 const SPEED = 1.2;
+const sight = later(() => import("../viewer/viewpoint.js"), () => {});
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 /**
@@ -70,7 +71,7 @@ class Showing {
     const { frame, modules } = stuckAt(this.figure);
     this.when(() => {
       this.head.send({ do: "seek", frame });
-      for (const player of this.players) player.lookAt(modules);
+      sight(({ clearestSight }) => { for (const player of this.players) player.lookAt(modules, clearestSight); });
     });
   }
 

@@ -1,10 +1,9 @@
 // The preview page: options in the panel, their report in figures, and the scene that shows it.
-import { UNREACHABLE, askForFold } from "../lib/fold_request.js";
 import { ownKey, proof } from "../lib/keys.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL } from "../viewer/scene.js";
-import { duration, element, get, refusal, sentence, whole } from "../lib/text.js";
+import { UNREACHABLE, duration, element, get, later, refusal, sentence, whole } from "../lib/text.js";
 
 /** @type {{ id: string, most_modules: number }} */
 const facts = JSON.parse(get("facts").textContent);
@@ -113,6 +112,8 @@ function problem(text) {
   get("problem").hidden = !text;
   get("problem").textContent = text;
 }
+
+const asking = later(() => import("../lib/fold_request.js"), problem);
 
 // One request at a time; what was chosen meanwhile is asked for next.
 async function look() {
@@ -393,10 +394,12 @@ get("fold").onclick = async () => {
   body.set("prefer", get("prefer").value);
   if (preset === "paper") for (const [key, value] of Object.entries(changed())) body.set(key, value);
   if (report.as_voxels) body.set("as_voxels", "true");
-  const said = await askForFold(body);
-  if (!said) return;
-  problem(said); // takes its room first, so that the field is seen beside it
-  problem(refused(said));
+  const said = await asking(({ askForFold }) => askForFold(body));
+  if (said === "") return;
+  if (said) {
+    problem(said); // takes its room first, so that the field is seen beside it
+    problem(refused(said));
+  }
   button.disabled = false;
   button.textContent = `Fold ${whole(report.modules)} modules`;
 };

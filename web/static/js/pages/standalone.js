@@ -1,6 +1,8 @@
 // A whole fold in one file: everything that the page needs is in the page.
 import { decode } from "../lib/columns.js";
 import { Drawer } from "../panels/drawer.js";
+import { ModulePanel } from "../panels/module_panel.js";
+import { Plots } from "../panels/plots.js";
 import { Figures } from "../player/figures.js";
 import { Sketch } from "../viewer/sketch.js";
 import { toast } from "../panels/toast.js";
@@ -40,6 +42,8 @@ const source = {
 
 // Curves only; what is told of single modules would make the file many times as long.
 class StoredFigures extends Figures {
+  lacking = "not in a downloaded page";
+
   /**
    * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
    * @param {string} query
@@ -54,5 +58,5 @@ Sketch.script = URL.createObjectURL(new Blob([parts.worker], { type: "text/javas
 const figures = new StoredFigures("");
 const drawer = new Drawer(toast);
 drawer.facts(parts.facts);
-view({ source, figures, drawer, load: (frame) => { frame.srcdoc = parts.client; } });
+view({ source, figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.srcdoc = parts.client; } });
 figures.begin();

@@ -150,13 +150,12 @@ function table({ plans, columns }) {
       ...plan.cells.map((text) => element("td", {}, text)))))));
 }
 
-// Shows it in its tab, which is then the first to be seen; nothing where there was no choice.
+// Shows it in its tab, which is then the first to be seen.
 /**
- * @param {Choice | null} choice
+ * @param {Choice} choice
  * @param {import("./drawer.js").Drawer} drawer
  */
 export function showChoice(choice, drawer) {
-  if (!choice) { get("choice").replaceChildren(); return; }
   const plot = element("figure", { class: "choice-plot" });
   const buttons = /** @type {Axis[]} */ (Object.keys(AXES)).map((axis) => {
     const button = element("button", { class: "chip", type: "button" }, AXES[axis].name);

@@ -1,17 +1,13 @@
 // Where one goes from a fold: beside another one, or on into another shape.
-import { UNREACHABLE, askForFold, foldAsked } from "../lib/fold_request.js";
+import { askForFold, foldAsked } from "../lib/fold_request.js";
 import { changed, open, refused } from "./paper_settings.js";
 import { Sending } from "./sending.js";
-import { element, get, wordsOf } from "../lib/text.js";
-
+import { UNREACHABLE, element, get, wordsOf } from "../lib/text.js";
 
 export class Companions {
   /** @param {(text: string) => void} toast */
   constructor(toast) {
     this.toast = toast;
-    get("compare").onclick = () => { this.fillCompare(); get("compare-dialog").showModal(); };
-    get("refold").onclick = () => { this.fillRefold(); get("refold-dialog").showModal(); };
-    get("smooth").onclick = () => this.smooth();
     get("refold-file").onchange = () => this.refoldInto(get("refold-file"));
     this.sending = new Sending(get("refold-sending"));
     this.id = "";
@@ -27,9 +23,16 @@ export class Companions {
     this.id = facts.id;
     this.others = facts.compare;
     this.published = facts.refold;
-    get("compare").hidden = facts.running;
-    get("refold").hidden = !facts.refoldable;
-    get("smooth").hidden = !facts.smoothable;
+  }
+
+  compare() {
+    this.fillCompare();
+    get("compare-dialog").showModal();
+  }
+
+  refold() {
+    this.fillRefold();
+    get("refold-dialog").showModal();
   }
 
   fillCompare() {

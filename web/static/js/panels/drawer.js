@@ -9,6 +9,8 @@ export class Drawer {
   /** @param {(text: string) => void} toast */
   constructor(toast) {
     this.toast = toast;
+    /** @type {(tab: string) => void} */
+    this.onChosen = () => {};
     get("details").onclick = () => this.open(Boolean(get("drawer").hidden));
     get("drawer-close").onclick = () => this.close();
     addEventListener("keydown", (event) => this.key(event));
@@ -61,6 +63,7 @@ export class Drawer {
       get(`tab-${other}`).tabIndex = chosen ? 0 : -1;
       get(`panel-${other}`).hidden = !chosen;
     }
+    this.onChosen(name);
   }
 
   /** @param {Facts} facts */

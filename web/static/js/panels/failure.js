@@ -1,5 +1,6 @@
 // Why a fold is not verified: a card over the view, the modules where it sticks, and all attempts.
 import { element, get } from "../lib/text.js";
+import { clearestSight } from "../viewer/viewpoint.js";
 
 const NAMED = 4; // modules that are named one by one
 const SVG = "http://www.w3.org/2000/svg";
@@ -29,7 +30,7 @@ export class Failure {
     this.found = frames ? failure : null;
     get("stuck").hidden = !this.found;
     this.bar.sticksAt(this.found);
-    get("tab-attempts").hidden = attempts.length < (failure ? 1 : 2);
+    get("tab-attempts").hidden = false;
     get("stuck-attempts").hidden = !attempts.length;
     get("stuck-attempts").textContent = attempts.length === 1 ? "The attempt" : `All ${attempts.length} attempts`;
     get("attempts").replaceChildren(...this.panel(failure, attempts));
@@ -62,7 +63,7 @@ export class Failure {
     if (!this.found) return;
     const { frame, modules } = this.found;
     this.player.send({ do: "seek", ...(frame === null ? { percent: 100 } : { frame }) });
-    this.player.lookAt(modules);
+    this.player.lookAt(modules, clearestSight);
     if (narrow.matches) this.unfold(false);
   }
 

@@ -1,6 +1,6 @@
 // The key of this browser: shown when asked for, taken elsewhere, and keys that were brought here.
-import { MOST_KEYS, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, ownKey, useKey } from "../lib/keys.js";
-import { allDeleted, asked } from "../lib/made.js";
+import { MOST_KEYS, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, newKey, ownKey, replaceOwn, useKey } from "../lib/keys.js";
+import { Refusal, allDeleted, asked } from "../lib/made.js";
 import { copyText, element, get, wordsOf } from "../lib/text.js";
 import { confirmed } from "./confirm.js";
 import { toast } from "./toast.js";
@@ -15,6 +15,7 @@ export class KeyPanel {
     get("key-show").onclick = () => this.show(Boolean(get("key-shown").hidden));
     get("key-copy").onclick = () => copyText(get("key").value, () => toast("Key copied"), () => get("key").select());
     get("key-form").onsubmit = (event) => { event.preventDefault(); this.add(get("key-paste").value.trim()); };
+    get("key-new").onclick = () => this.renew();
     get("delete-all").onclick = () => this.deleteAll();
     get("forget").onclick = () => this.forget();
     this.list();
@@ -76,6 +77,27 @@ export class KeyPanel {
     this.show(false);
     this.list();
     await this.changed();
+  }
+
+  // A key in place of one that got about. It is kept here before it is sent: should the answer get lost,
+  // what has moved is listed all the same.
+  async renew() {
+    const old = ownKey();
+    if (old === null) { this.say("This browser keeps nothing for this site, so it has no key."); return; }
+    if (broughtKeys().length >= MOST_KEYS) { this.say(`There are ${MOST_KEYS} keys of others here, the most there may be; remove one first.`); return; }
+    const sure = await confirmed("Make a new key?", "What you have made moves to a new key. The old one opens nothing of it any more, for whoever has it and in your other browsers, until you add the new key there.", "New key");
+    if (!sure) return;
+    const made = newKey();
+    bring(made);
+    try {
+      await asked("POST", "/api/mine/key", old, { owner_token: made });
+      replaceOwn(made);
+      this.say("Done: the old key opens nothing any more.");
+    } catch (error) {
+      if (error instanceof Refusal && error.final) dropKey(made);
+      this.say(`The key may still be the old one. ${wordsOf(error)}`);
+    }
+    await this.again();
   }
 
   async deleteAll() {

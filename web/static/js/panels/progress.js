@@ -30,7 +30,7 @@ export class Progress {
     this.pollTimer = null;
     /** @type {ProgressTold | null} */
     this.now = null;
-    if (facts.running) this.listen();
+    this.listen();
     get("cancel").onclick = () => this.cancel();
   }
 

@@ -13,7 +13,6 @@ export class Share {
     this.place = place;
     this.toast = toast;
     this.dialog = get("sharing");
-    get("share").onclick = () => this.open();
     get("share-here").onchange = () => this.fill();
     for (const name of /** @type {const} */ (["share-link", "share-embed"])) {
       const button = /** @type {HTMLElement | null} */ (this.dialog.querySelector(`[data-copy=${name}]`));
@@ -23,14 +22,11 @@ export class Share {
     this.embed = facts.embed;
   }
 
-  // What there is without a server, once there is something.
+  // With what there is without a server, once there is something.
   /** @param {Facts} facts */
-  facts({ files }) {
+  open({ files }) {
     get("share-files").hidden = !files.length;
     get("share-list").replaceChildren(...files.map(file));
-  }
-
-  open() {
     this.fill();
     this.dialog.showModal();
     get("share-link").select();

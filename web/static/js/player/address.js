@@ -41,6 +41,7 @@ export class Place {
     for (const kind of ["pointerdown", "keydown", "input"]) {
       addEventListener(kind, () => { this.acted = true; }, { capture: true });
     }
+    addEventListener("hashchange", () => this.follow());
     player.on("state", (/** @type {State} */ { frame, playing, live, growing }) => {
       if (playing || live || !this.acted) return;
       this.note({ frame: growing ? null : Math.round(frame), ...this.range });
@@ -59,6 +60,16 @@ export class Place {
     const begin = frame ?? this.range.from;
     if (begin !== null) this.player.send({ do: "seek", frame: begin });
     return frame !== null;
+  }
+
+  // The same when the address was changed while the page is open: what it does not name any more goes.
+  follow() {
+    const { module, from, to } = placeIn(location.hash);
+    this.acted = true;
+    if (module === null) this.player.send({ do: "select", module });
+    const looped = this.range.from !== null || this.range.to !== null;
+    if (looped && from === null && to === null) this.player.send({ do: "set", from, to });
+    this.go();
   }
 
   // The frames that are looped over.

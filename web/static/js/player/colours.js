@@ -61,7 +61,7 @@ const largest = (/** @type {Floats} */ values) => Array.from(values).reduce((mos
  * @property {((value: number) => boolean) | null} [bad] what is as red as an error
  */
 
-/** @typedef {Pick<import("./figures.js").Figures, "row" | "largest">} Measured */
+/** @typedef {Pick<import("./figures.js").Figures, "row" | "largest" | "lacking">} Measured */
 
 export class Colouring {
   // `values` tells a figure of each module at a moment, `high` the end of the scale.
@@ -143,21 +143,24 @@ export function colouring(key, timeline, figures) {
     if (version !== timeline.version) [known, version] = [scaled(timeline, made.values), timeline.version];
     return known;
   };
+  const lacking = figures?.lacking ?? null;
+  // Of long folds clearances and torques are told of the whole chain, which the plots show.
+  const none = lacking ?? (timeline.windowed ? "known of the whole chain only" : "not measured yet");
   const measured = (/** @type {FigureName} */ name) => figures?.largest(name) ?? 0;
   /** @type {Record<string, () => Colouring>} */
   const makers = {
     error: () => per((shown) => timeline.moduleErrors(shown.errors), radians, { high: () => timeline.errorScale, ramp: "ramp_error" }),
     "error-even": () => per((shown) => timeline.moduleErrors(shown.errors), radians, { high: () => timeline.errorScale }),
     position: () => per((shown) => figures?.row(shown.low)?.position_error ?? unknown(), (v) => `${round(v)} pitch`, {
-      high: () => roundUp(measured("position_error")),
+      high: () => roundUp(measured("position_error")), none: lacking ?? "not recorded",
     }),
     speed: () => per((shown) => timeline.carried(timeline.speeds(shown.frame), (a, b) => Math.max(Math.abs(a), Math.abs(b))), (v) => `${round(v)} rad/s`),
     torque: () => per((shown) => {
       const torques = figures?.row(shown.low)?.torque;
       return torques ? timeline.carried(torques, (a, b) => Math.max(Math.abs(a), Math.abs(b))) : unknown();
-    }, newtonMetres, { high: () => roundUp(measured("torque")) }),
+    }, newtonMetres, { high: () => roundUp(measured("torque")), none }),
     clearance: () => per((shown) => figures?.row(shown.low)?.clearance ?? unknown(), (v) => `${round(v)} pitch`, {
-      high: NEAR, bad: (v) => v < 0, none: "not measured yet",
+      high: NEAR, bad: (v) => v < 0, none,
     }),
     chain: () => per(() => Float32Array.from({ length: chain.modules }, (_, i) => i), (v) => `Module ${Math.round(v)}`, { high: chain.modules - 1, none: null }),
   };

@@ -1,6 +1,6 @@
 // Figures of a fold, frame by frame, that are worked out after it: clearances, torques, position errors.
 import { decode } from "../lib/columns.js";
-import { Emitter } from "../lib/emitter.js";
+import { Emitter } from "../lib/text.js";
 
 const KEPT = 24; // stretches
 const AT_ONCE = 2;
@@ -11,6 +11,8 @@ export class Figures extends Emitter {
   constructor(id) {
     super();
     this.under = `/folds/${id}/figures`;
+    /** @type {string | null} why nothing is known of single modules, where that is so */
+    this.lacking = null;
     /** @type {Curves | null} */
     this.plots = null;
     /** @type {Map<number, FigurePart>} */

@@ -20,7 +20,9 @@ export class FrameField {
     this.field = get("frame");
     this.frame = 0;
     this.frames = 0;
-    this.button.onclick = () => this.open();
+    /** @type {HTMLElement | null} where the keyboard was before, but for a button that was clicked */
+    this.before = null;
+    this.button.onclick = ({ detail }) => this.open(detail > 0);
     this.field.onkeydown = (event) => this.key(event);
     this.field.oninput = () => this.refuse("");
     this.field.onblur = () => this.close(frameIn(this.field.value, this.frames)); // some keyboards have no Enter
@@ -36,8 +38,11 @@ export class FrameField {
 
   get words() { return `Frame ${whole(this.frame + 1)} of ${whole(this.frames)}`; }
 
-  open() {
+  // `clicked` says that a pointer has opened it, which leaves the keyboard to the page.
+  open(clicked = false) {
     if (!this.frames) return;
+    const { activeElement } = document;
+    this.before = !clicked && activeElement instanceof HTMLElement ? activeElement : null;
     this.player.send({ do: "pause" });
     this.refuse("");
     this.field.value = String(this.frame + 1);
@@ -58,7 +63,7 @@ export class FrameField {
       return;
     }
     this.close(frame);
-    this.button.focus();
+    this.before?.focus();
   }
 
   // Says why it does not go there; nothing when all is well.

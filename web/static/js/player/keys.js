@@ -25,6 +25,7 @@ const TABLE = [
   { shown: ["Space"], text: "Play or pause", does: { " ": send({ do: "toggle" }) } },
   { shown: ["←", "→"], text: "One frame back, forward", held: true, says: frame, does: { ArrowLeft: send({ do: "step", by: -1 }), ArrowRight: send({ do: "step", by: 1 }) } },
   { shown: ["Shift ←", "Shift →"], text: "0.1 s back, forward", held: true, says: frame, there: alone, does: { "Shift+ArrowLeft": send({ do: "pass", seconds: -0.1 }), "Shift+ArrowRight": send({ do: "pass", seconds: 0.1 }) } },
+  { shown: ["Shift ←", "Shift →"], text: "Ten frames back, forward", held: true, says: frame, there: (it) => !alone(it), does: { "Shift+ArrowLeft": send({ do: "step", by: -10 }), "Shift+ArrowRight": send({ do: "step", by: 10 }) } },
   { shown: [",", "."], text: "1 s back, forward", held: true, says: frame, there: alone, does: { ",": send({ do: "pass", seconds: -1 }), ".": send({ do: "pass", seconds: 1 }) } },
   { shown: ["P", "N"], text: "Visible change before, after", held: true, says: frame, there: alone, does: { p: send({ do: "change", way: -1 }), n: send({ do: "change", way: 1 }) } },
   { shown: ["Home", "End"], text: "First frame, last frame", says: frame, does: { Home: send({ do: "seek", percent: 0 }), End: send({ do: "seek", percent: 100 }) } },

@@ -1,7 +1,7 @@
 // Two folds on one playhead: each goes through a phase in step with the other, however many frames it
 // has there; one that has no such phase waits.
 import { Playhead } from "./playhead.js";
-import { Emitter } from "../lib/emitter.js";
+import { Emitter } from "../lib/text.js";
 
 /** @typedef {import("./player.js").Player} Player */
 

@@ -6,11 +6,8 @@
 import { Follower, anglesOf, blended, distanceNeeded, fewPoints, framing, outward, positionOf } from "../viewer/camera.js";
 import { colouring } from "./colours.js";
 import { picked } from "../lib/kinematics.js";
-import { Playhead } from "./playhead.js";
-import { after, nextChange } from "./steps.js";
-import { clearestSight } from "../viewer/viewpoint.js";
-import { StandIn } from "../viewer/fallback.js";
-import { Emitter } from "../lib/emitter.js";
+import { Playhead, after, nextChange } from "./playhead.js";
+import { Emitter } from "../lib/text.js";
 
 const LONGEST_TICK_S = 0.2;
 const TELL_MS = 200;
@@ -38,21 +35,22 @@ function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
 /** @typedef {import("./timeline.js").Timeline} Timeline */
 /** @typedef {import("../viewer/stage.js").Stage} Stage */
 /** @typedef {import("../viewer/sketch.js").Sketch} Sketch */
+/** @typedef {typeof import("../viewer/viewpoint.js").clearestSight} Sight */
 
 export class Player extends Emitter {
-  // Shows on `stage`, for which `sketch` may stand in; without a stage on the sketch alone. For who
-  // wants little to move, the camera is where a frame that is sought asks for it at once.
+  // Shows on `stage`, for which `standIn` may draw, or on the sketch alone. For who wants little to
+  // move, the camera is where a frame that is sought asks for it at once.
   /**
    * @param {Timeline} timeline
-   * @param {{ stage?: Stage | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean }} shownOn
+   * @param {{ stage?: Stage | null, standIn?: import("../viewer/fallback.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean }} shownOn
    */
-  constructor(timeline, { stage = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false }) {
+  constructor(timeline, { stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false }) {
     super();
     this.calm = calm;
     this.timeline = timeline;
     this.stage = stage;
     this.sketch = sketch;
-    this.standIn = stage && sketch ? new StandIn(sketch.canvas, stage, sketch) : null;
+    this.standIn = standIn;
     if (this.standIn) {
       this.standIn.busy = () => this.busy;
       this.standIn.painted = () => this.tell("painted", this.shown?.frame);
@@ -69,7 +67,10 @@ export class Player extends Emitter {
     this.marked = [];
     /** @type {number[] | null} */
     this.looked = null;
-    this.seeks = false;
+    /** @type {Sight | null} */
+    this.sight = null;
+    /** @type {{ way: number, from: Row } | null} of a change that may lie in frames that are not here yet */
+    this.search = null;
     /** @type {Snapshot | null} */
     this.shown = null;
     this.told = "";
@@ -91,7 +92,10 @@ export class Player extends Emitter {
     timeline.on("waiting", () => { this.shown = null; this.tell("waiting"); });
     timeline.on("begun", () => this.begin());
     timeline.on("grew", () => this.grew());
-    timeline.on("loaded", () => { if (this.shown && !this.shown.exact) this.show(true); });
+    timeline.on("loaded", () => {
+      this.searchOn();
+      if (this.shown && !this.shown.exact) this.show(true);
+    });
     if (timeline.chain) queueMicrotask(() => this.begin());
   }
 
@@ -126,8 +130,31 @@ export class Player extends Emitter {
    */
   sought(message) {
     const { timeline, playhead: { frame } } = this;
+    const { search } = this;
+    this.search = null;
     if (message.do === "pass") return { do: "seek", frame: after(timeline, frame, message.seconds) };
-    return message.do === "change" ? { do: "seek", frame: nextChange(timeline, frame, message.way) } : message;
+    if (message.do !== "change") return message;
+    if (search?.way === message.way && !timeline.row(frame)) { this.search = search; return { do: "seek", frame }; }
+    return { do: "seek", frame: this.changeFrom(frame, message.way) };
+  }
+
+  /**
+   * @param {number} frame
+   * @param {number} way
+   * @param {Row | null} start of a search that goes on
+   */
+  changeFrom(frame, way, start = null) {
+    const { frame: found, from } = nextChange(this.timeline, frame, way, start);
+    this.search = from && { way, from };
+    return found;
+  }
+
+  // The frame where it stopped is here now, perhaps.
+  searchOn() {
+    const { search, timeline, playhead: { frame } } = this;
+    if (!search || !timeline.row(frame)) return;
+    this.playhead.do({ do: "seek", frame: this.changeFrom(frame, search.way, search.from) });
+    this.show();
   }
 
   get is() { return this.playhead.is; }
@@ -147,9 +174,13 @@ export class Player extends Emitter {
     this.show(true);
   }
 
-  // Has the camera follow some modules instead of the whole chain; none for all again.
-  /** @param {number[]} modules */
-  lookAt(modules) {
+  // Has the camera follow some modules instead of the whole chain, from where `sight` says that they are
+  // seen best; none for all again.
+  /**
+   * @param {number[]} modules
+   * @param {Sight | null} sight
+   */
+  lookAt(modules, sight = null) {
     if (!modules.length && !this.looked) return;
     this.looked = modules.length ? modules : null;
     if (this.looked && !this.is.follow) {
@@ -157,17 +188,20 @@ export class Player extends Emitter {
       this.takeOver();
     }
     this.direction = null;
-    this.seeks = Boolean(this.looked);
+    this.sight = this.looked && sight;
     this.goals.clear();
     this.show(true);
   }
 
-  // From where the modules to look at are seen best; once more when their frame is there.
-  /** @param {Snapshot} shown */
-  seek(shown) {
+  // Once more when the frame of the modules to look at is there.
+  /**
+   * @param {Snapshot} shown
+   * @param {Sight} sight
+   */
+  seek(shown, sight) {
     const { azimuth_rad: azimuth, elevation_rad: elevation } = this.timeline.bundle.header.camera;
-    this.direction = clearestSight(shown.positions, this.looked ?? [], [azimuth, elevation], outward);
-    this.seeks = !shown.exact;
+    this.direction = sight(shown.positions, this.looked ?? [], [azimuth, elevation], outward);
+    if (shown.exact) this.sight = null;
     this.goals.clear();
   }
 
@@ -195,6 +229,7 @@ export class Player extends Emitter {
   begin() {
     const { timeline, playhead } = this;
     this.shown = null;
+    this.search = null;
     this.colourBy(colouring(this.colouring?.key ?? "error", timeline, this.colouring?.figures));
     this.follower = new Follower();
     this.goals.clear();
@@ -259,7 +294,7 @@ export class Player extends Emitter {
       const shown = timeline.snapshot(frame);
       if (!shown) return;
       this.shown = shown;
-      if (this.seeks) this.seek(shown);
+      if (this.sight) this.seek(shown, this.sight);
       this.aim();
       this.changed = true;
       if (this.selected !== null && moved) this.tellModule();

@@ -11,6 +11,9 @@ const SLOWEST_FPS = 12;
 const FASTEST_FPS = 240; // a long timeline takes longer, else its modules fly by
 const CATCH_UP_S = 0.4;
 const HOLD_S = 1.2;
+const SEEN_RAD = 0.05; // a hinge that has turned by more shows it
+
+/** @typedef {import("./timeline.js").Timeline} Timeline */
 
 export class Playhead {
   // `timeline` tells its `last` frame and whether it is `growing`.
@@ -129,4 +132,59 @@ export class Playhead {
 
   // The frame to show: a whole one where in-betweens would not be seen.
   get shown() { return this.coarse && this.is.playing ? Math.round(this.frame) : this.frame; }
+}
+
+// Steps that are not told in frames.
+
+// The frame so many seconds from one, between two where need be. Where frames are not here yet they are
+// taken for as long as the last one that is.
+/**
+ * @param {Timeline} timeline
+ * @param {number} frame
+ * @param {number} seconds
+ */
+export function after(timeline, frame, seconds) {
+  const way = Math.sign(seconds);
+  const end = way > 0 ? timeline.last : 0;
+  let here = frame;
+  let left = Math.abs(seconds);
+  let length = 0; // of a frame, in seconds
+  while (left > 1e-9 && here !== end) {
+    const low = way > 0 ? Math.floor(here) : Math.ceil(here) - 1;
+    const [a, b] = [timeline.row(low), timeline.row(low + 1)];
+    if (a && b) length = b.time_s - a.time_s;
+    else if (!length) return Math.min(Math.max(here + way, 0), timeline.last); // nothing is known of these
+    const share = way > 0 ? low + 1 - here : here - low; // of this frame that is still ahead
+    if (share * length > left) return here + (way * left) / length;
+    left -= share * length;
+    here = way > 0 ? low + 1 : low;
+  }
+  return here;
+}
+
+// The next frame, `way` 1 on or -1 back, at which some hinge has turned by what one sees since this one,
+// or another phase goes on; the end when none is found before. A search that meets a frame that is not
+// here stops there: it goes on from that frame with the row that it told as `from`.
+/**
+ * @param {Timeline} timeline
+ * @param {number} frame
+ * @param {number} way
+ * @param {Row | null} from
+ * @returns {{ frame: number, from: Row | null }}
+ */
+export function nextChange(timeline, frame, way, from = null) {
+  const { how, last } = timeline;
+  const begin = way > 0 ? Math.floor(frame) : Math.ceil(frame);
+  const start = from ?? timeline.row(begin);
+  let k = from ? begin : begin + way;
+  for (; start && k > 0 && k < last; k += way) {
+    const row = timeline.row(k);
+    if (!row) return { frame: k, from: start };
+    if (row.phase !== start.phase) break;
+    const [first, end] = timeline.differing(start, row);
+    let turned = 0;
+    for (let j = first; j < end && turned <= SEEN_RAD; j++) turned = Math.abs(how.angle(row, j) - how.angle(start, j));
+    if (turned > SEEN_RAD) break;
+  }
+  return { frame: Math.min(Math.max(k, 0), last), from: null };
 }

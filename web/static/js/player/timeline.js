@@ -3,7 +3,7 @@
 import { decode } from "../lib/columns.js";
 import { Whole, Window } from "./frames.js";
 import { Kinematics } from "../lib/kinematics.js";
-import { Emitter } from "../lib/emitter.js";
+import { Emitter } from "../lib/text.js";
 import { touching } from "./touching.js";
 
 const AT_ONCE = 2; // requests

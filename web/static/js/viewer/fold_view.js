@@ -4,10 +4,9 @@ import { Bar } from "../player/bar.js";
 import { Timeline } from "../player/timeline.js";
 import { Keys } from "../player/keys.js";
 import { Legend } from "../panels/legend.js";
-import { ModulePanel } from "../panels/module_panel.js";
 import { Place } from "../player/address.js";
 import { Player } from "../player/player.js";
-import { Plots } from "../panels/plots.js";
+import { StandIn } from "./fallback.js";
 import { hasWebGL } from "./scene.js";
 import { Sketch } from "./sketch.js";
 import { Stage } from "./stage.js";
@@ -18,22 +17,30 @@ const START_DELAY_MS = 1500;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 /**
+ * The drawer, and what fills its panels.
+ * @typedef {object} Details
+ * @property {import("../panels/drawer.js").Drawer} drawer
+ * @property {typeof import("../panels/module_panel.js").ModulePanel} ModulePanel
+ * @property {typeof import("../panels/plots.js").Plots} Plots
+ */
+
+/**
  * @typedef {object} Viewed
  * @property {TimelineSource} source
  * @property {import("../player/figures.js").Figures} figures
  * @property {(frame: HTMLIFrameElement) => void} load
  * @property {boolean} [over]
- * @property {import("../panels/drawer.js").Drawer | null} [drawer]
+ * @property {Details | null} [details]
  * @property {boolean} [play]
  */
 
-// `load` begins to load viser's client into the frame; `drawer` is shown when a module is selected.
+// `load` begins to load viser's client into the frame; the drawer is shown when a module is selected.
 /** @param {Viewed} viewed */
-export function view({ source, figures, load, over = true, drawer = null, play = !calm }) {
+export function view({ source, figures, load, over = true, details = null, play = !calm }) {
   const timeline = new Timeline(source, { over });
   const frame = get("view");
   const stage = new Stage(frame, {
-    open: () => player.standIn?.takeOver(),
+    open: () => standIn.takeOver(),
     pick: (origin, direction) => player.pick(origin, direction),
     touch: () => { if (player.is.follow) player.send({ do: "set", follow: false }); },
   });
@@ -42,13 +49,14 @@ export function view({ source, figures, load, over = true, drawer = null, play =
     get("cover").classList.add("gone");
     setTimeout(start3d, DRAW_MS);
   });
-  const player = new Player(timeline, { stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm });
-  if (player.standIn) player.standIn.onOpen = () => get("cover").classList.add("gone");
-  const plots = get("panel-plots") ? new Plots(get("panel-plots"), player, figures) : null;
+  const standIn = new StandIn(sketch.canvas, stage, sketch);
+  standIn.onOpen = () => get("cover").classList.add("gone");
+  const player = new Player(timeline, { stage, standIn, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm });
+  const plots = details && new details.Plots(get("panel-plots"), player, figures);
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
   const place = new Place(player);
   new Legend(player, figures);
-  const panel = get("panel-module") ? new ModulePanel(get("panel-module"), player, figures, () => drawer?.openAt("module")) : null;
+  const panel = details && new details.ModulePanel(get("panel-module"), player, figures, () => details.drawer.openAt("module"));
   get("through").onclick = () => {
     const on = get("through").getAttribute("aria-pressed") !== "true";
     get("through").setAttribute("aria-pressed", String(on));

@@ -1,0 +1,64 @@
+"""Compression: what is the same for everybody is packed once, for all browsers that take it so.
+
+Answers that are made for one question are left to what stands in front of the service. Where a
+secret and a stranger's words share an answer, its packed length tells of the secret; what is packed
+here holds neither.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Self
+
+from fastapi import Request
+from fastapi.responses import Response
+
+WORTH: Final = 0.9
+"""What is packed is sent so when it is smaller than this part of what it was."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asset:
+    """What a browser is sent until the service is another one.
+
+    Attributes:
+        data: As it is.
+        packed: The same by gzip; None where that is hardly less.
+        kind: Its media type.
+        etag: Changes with it.
+    """
+
+    data: bytes
+    packed: bytes | None
+    kind: str
+    etag: str
+
+    @classmethod
+    def of(cls, data: bytes, kind: str) -> Self:
+        """Packs something."""
+        packed = gzip.compress(data, mtime=0)
+        return cls(
+            data=data,
+            packed=packed if len(packed) < WORTH * len(data) else None,
+            kind=kind,
+            etag=hashlib.sha256(data).hexdigest()[:20],
+        )
+
+    def response(self, request: Request, headers: Mapping[str, str] | None = None) -> Response:
+        """The answer to somebody, who may have it already; ``headers`` besides its own."""
+        takes = "gzip" in request.headers.get("accept-encoding", "")
+        packed = self.packed if takes else None
+        told = {
+            "ETag": f'"{self.etag}"' if packed is None else f'"{self.etag}-gzip"',
+            "Cache-Control": "no-cache",
+            **({} if self.packed is None else {"Vary": "Accept-Encoding"}),
+            **(headers or {}),
+        }
+        if request.headers.get("if-none-match") == told["ETag"]:
+            return Response(status_code=304, headers=told)
+        if packed is not None:
+            told["Content-Encoding"] = "gzip"
+        return Response(self.data if packed is None else packed, media_type=self.kind, headers=told)

@@ -1,0 +1,71 @@
+"""Scripts as browsers get them: without comments, and only those that a page needs at once."""
+
+from __future__ import annotations
+
+import re
+from difflib import SequenceMatcher
+
+import pytest
+
+from web.static_files import COMMENT, STATIC, code_of, scripts_of, text_of
+
+SCRIPTS = sorted(path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js"))
+WRITTEN = """\
+// What it is for.
+import { get } from "./text.js"; // which is there
+
+/**
+ * @param {string} text
+ */
+export function say(text) {
+  /** @type {HTMLElement | null} */ (get("a"))?.focus();
+  /** @type {number} */
+  let count = 0; /* of words */
+  // Why.
+  return `https://${text}`;
+}
+"""
+SENT = """\
+import { get } from "./text.js"; // which is there
+
+export function say(text) {
+  /** @type {HTMLElement | null} */ (get("a"))?.focus();
+  let count = 0; /* of words */
+  return `https://${text}`;
+}
+"""
+
+
+def test_only_lines_that_are_comments_go() -> None:
+    assert COMMENT.sub("", WRITTEN) == SENT
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_no_line_of_a_script_goes_that_does_something(name: str) -> None:
+    lines, kept = text_of(name).splitlines(), code_of(name).splitlines()
+    gone: list[str] = []
+    inside = False
+    for what, begin, end, other, last in SequenceMatcher(
+        None, lines, kept, autojunk=False
+    ).get_opcodes():
+        assert what in ("equal", "delete"), lines[begin:end]
+        gone += lines[begin:end] if what == "delete" else []
+        if what == "delete":
+            assert not inside, f"a text over several lines: {lines[begin]}"
+        for line in kept[other:last]:
+            inside ^= len(re.findall(r"(?<!\\)`", line)) % 2 == 1
+    assert all(re.match(r"\s*(//|/\*\*|\*)", line) for line in gone), gone
+
+
+def test_a_page_needs_at_once_what_is_imported_and_later_the_rest() -> None:
+    at_once = scripts_of("js/pages/fold.js", later=False)
+    all_of_them = scripts_of("js/pages/fold.js")
+    assert {"js/player/player.js", "js/panels/plots.js"} <= set(at_once)
+    assert "js/panels/downloads.js" in set(all_of_them) - set(at_once)
+    assert at_once[0] == all_of_them[0] == "js/pages/fold.js"
+    # Types that come from a script need nothing of it.
+    assert scripts_of("js/panels/failure.js") == (
+        "js/panels/failure.js",
+        "js/lib/text.js",
+        "js/viewer/viewpoint.js",
+    )
