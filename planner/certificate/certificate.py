@@ -289,7 +289,7 @@ def _on_table(chain: Chain, playback: Playback, parameters: Parameters) -> Table
     if isinstance(reference, Windows):
         frames = reference
     elif isinstance(frames, Frames):
-        frames = replace(frames, joint_angles_rad=reference)
+        frames = replace(frames, joint_angles_rad=reference).clamped(chain)
     return table_certificate(
         chain,
         frames,

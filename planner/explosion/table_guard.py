@@ -24,7 +24,7 @@ from planner.statics.contacts import table_height
 from planner.statics.friction import Friction
 
 Array = NDArray[np.float64]
-SUNK: Final = 0.012
+SUNK: Final = 0.01
 """Pitches that a module may lie in the table: a simulated one gives."""
 FORGIVEN: Final = 0.2
 """Refusals that count no more for each time that frames were kept."""
@@ -133,7 +133,9 @@ class Guard:
             # What drags on the floor needs a hold: the first module is fixed to the table.
             how["clamped"] = 0
             how["friction"] = Friction(
-                self._parameters.friction, earlier.poses.positions, earlier.poses.rotations
+                coefficient=self._parameters.friction,
+                positions=earlier.poses.positions,
+                rotations=earlier.poses.rotations,
             )
         if not self._balance.within(self.bound, positions, rotations, placed.angles, **how):
             self.why = f"some hinge had to bear more than {self.bound:.2f} w·p"

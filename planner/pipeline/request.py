@@ -216,9 +216,8 @@ class Request:
         if self.strategy not in STRATEGY_OPTIONS:
             raise unknown_strategy(self.strategy)
         found = replace(found, strategy=self.strategy)
-        if self.strategy == BASELINE or self.world == "table":
-            # One joint at a time, which no smooth curve does, is played back by kinematics alone;
-            # and so is what is not to be simulated floating.
+        if self.strategy == BASELINE:
+            # One joint at a time, which no smooth curve does, is played back by kinematics alone.
             found = replace(found, playback=replace(found.playback, dynamic_up_to=1))
         if self.prefer == "time":
             found = replace(found, playback=replace(found.playback, paced_by="speed"))

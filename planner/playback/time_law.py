@@ -112,6 +112,12 @@ def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
     return _smoothed(z)
 
 
+def bounded_profile(u: Array, a: Array, b: Array, ceiling: Array) -> Array:
+    """(U,) the z = u̇² that keeps torques a ü + b u̇² up to 1 and is never above a (U,) ceiling."""
+    most = np.minimum(ceiling, 1.0 / np.maximum(np.abs(b).max(axis=1), 1e-12))
+    return _smoothed(torque_passes(a, b, most, u[1] - u[0]))
+
+
 def _smoothed(z: Array) -> Array:
     """A smooth profile that stays in the valleys of z and keeps its linear rise at both ends."""
     width = int(2 * SMOOTHING) + 1

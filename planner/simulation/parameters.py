@@ -220,7 +220,8 @@ class TableParameters(PeelingParameters):
         unbent: Sum of all bends of the window below which the next unit may be let go, except of
             the joints next to the core.
         drawn_steps: Steps for which forces that were drawn anew last.
-        most_pushes: Times without progress in a row after which it has stalled.
+        most_pushes: Times without progress in a row after which it goes back to an earlier release.
+        most_returns: Times that it does so without getting farther, before it has stalled.
         friction: μ between modules and floor.
     """
 
@@ -244,8 +245,44 @@ class TableParameters(PeelingParameters):
     refusals: int = 8
     unbent: float = 1.5
     drawn_steps: int = 200
-    most_pushes: int = 16
+    most_pushes: int = 14
+    most_returns: int = 1
     friction: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TablePlaybackParameters:
+    """How a chain is folded on a table, in natural units: module mass, pitch and gravity are 1.
+
+    Time is in √(pitch / gravity), 32 ms for a pitch of 1 cm; torques are in w·p.
+
+    Attributes:
+        step: Time step.
+        geom_size: Collision hull as a fraction of the full module.
+        contact_time: ``solref[0]`` of contacts.
+        armature: Rotor inertia of every hinge.
+        firmness: ``solimp`` of the motors: 1 would not give at all below their limit.
+        gain: Rate of a motor for one radian that is left, per unit of time.
+        spacing_rad: Distance of the reference's control points along the record.
+        inertial_share: Share of the motors' limit that may go into speeding up and slowing down.
+        braking_share: Share of it with which a hinge that lags may be stopped again.
+        fastest: Largest rate of a hinge, in radians per unit of time.
+        frame_rad: Turn of the fastest hinge between two frames that are kept.
+        settle: Time that is left at the end.
+    """
+
+    step: float = 0.04
+    geom_size: float = 0.98
+    contact_time: float = 0.08
+    armature: float = 0.01
+    firmness: float = 0.999
+    gain: float = 5.0
+    spacing_rad: float = 0.06
+    inertial_share: float = 0.2
+    braking_share: float = 0.2
+    fastest: float = 0.3
+    frame_rad: float = 0.05
+    settle: float = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

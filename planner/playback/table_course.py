@@ -1,0 +1,87 @@
+"""Table course: what a chain that is folded on a table follows, and how fast.
+
+The record of an explosion in reverse, drawn as a smooth curve. The speed along it is the largest
+that keeps the torques of speeding up and slowing down within a share of the motors' limit, which
+leaves the rest for weights.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.motion.windows import Windows
+from planner.playback.time_law import bounded_profile, duration, law_from_profile
+from planner.playback.window_course import WindowCurve
+from planner.simulation.parameters import TablePlaybackParameters
+from planner.simulation.table_body import TableBody
+
+Array = NDArray[np.float64]
+FEWEST_STEPS: Final = 100
+"""Steps of a course, at least."""
+SAMPLES_A_RAD: Final = 100
+"""Samples of the time law for each radian of the curve's length …"""
+MOST_SAMPLES: Final = 2**14
+"""… or fewer."""
+FEWEST_SAMPLES: Final = 128
+
+
+class TableCourse:
+    """Angles at every step, from straight to folded.
+
+    Args:
+        chain: The chain.
+        record: Of its explosion on the table, from folded on.
+        parameters: Of the playback.
+        body: For the torques that speeding up takes; it is moved about.
+        torque_limit: Of the motors, in w·p.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        record: Windows,
+        parameters: TablePlaybackParameters,
+        body: TableBody,
+        torque_limit: float,
+    ) -> None:
+        self.chain = chain
+        self.parameters = parameters
+        self.curve = WindowCurve(chain, record[::-1], parameters.spacing_rad)
+        self._all = slice(0, len(chain.folded_rad))
+        share, profile = self._profile(body, parameters.inertial_share * torque_limit)
+        steps = max(FEWEST_STEPS, int(np.ceil(duration(share, profile) / parameters.step)))
+        law = law_from_profile(share, profile, steps, parameters.step)
+        self._u = self.curve.end * law.u
+        gone = np.floor(law.u * self.curve.length_rad / parameters.frame_rad)
+        self.is_kept = np.concatenate([[True], np.diff(gone) > 0.0])
+        """(S + 1,) whether a frame is kept at a step."""
+        self.is_kept[-1] = True
+
+    def __len__(self) -> int:
+        """Number of steps S."""
+        return len(self._u) - 1
+
+    def angles(self, start: int, stop: int) -> Array:
+        """(stop − start, J) the hinge angles of some of the S + 1 places."""
+        return self.curve.at(self._u[start:stop], self._all)
+
+    def _profile(self, body: TableBody, budget: float) -> tuple[Array, Array]:
+        """(U,) places from 0 to 1 and (U,) the square of the speed there."""
+        count = int(np.clip(SAMPLES_A_RAD * self.curve.length_rad, FEWEST_SAMPLES, MOST_SAMPLES))
+        share = np.linspace(0.0, 1.0, count)
+        end = self.curve.end
+        angles, first, second = (
+            end**k * self.curve.at(end * share, self._all, k) for k in range(3)
+        )
+        still = np.zeros(angles.shape[1])
+        a, b = np.empty_like(angles), np.empty_like(angles)
+        for k in range(count):
+            a[k] = body.inertial_torques(angles[k], still, first[k])
+            b[k] = body.inertial_torques(angles[k], first[k], second[k])
+        fastest = np.maximum(np.abs(first).max(axis=1), 1e-9)
+        ceiling = (self.parameters.fastest / fastest) ** 2
+        return share, bounded_profile(share, a / budget, b / budget, ceiling)

@@ -1,0 +1,281 @@
+"""Table playback: a chain is folded on a table, simulated with gravity, contacts and weak motors.
+
+The straight chain lies on the table, its first module clamped there, and follows the record of its
+explosion back. Gravity, the table and the modules' contacts are MuJoCo's; motors never exceed their
+limit. Where what touches bears less than the statics reckon with, because modules are smaller than
+a pitch, the chain gives way until it touches.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.errors import InputError, SimulationError
+from planner.motion.angle_steps import snapped
+from planner.motion.frames import Frames
+from planner.motion.windows import Windows
+from planner.playback.course import LOST_RAD
+from planner.playback.playback import Playback
+from planner.playback.run import CHECK_EVERY, REPORT_EVERY_S, PlaybackStatus
+from planner.playback.table_course import TableCourse
+from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.simulation.parameters import TablePlaybackParameters
+from planner.simulation.table_body import TableBody
+
+Array = NDArray[np.float64]
+GRAVITY_M_S2: Final = 9.81
+CHUNK: Final = 512
+"""Steps whose targets are worked out at once."""
+AT_LIMIT: Final = 0.999
+"""Share of the limit from which on a motor is at it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TablePlayback:
+    """What came of a playback on a table. Lengths in pitches, torques in w·p.
+
+    Attributes:
+        status: ``folded``, or what went wrong.
+        reason: In words; empty where nothing did.
+        frames: F frames with their joint errors; times are seconds at the chain's pitch.
+        reference_rad: (F, J) what the hinges should have been at those frames.
+        torques: (F, J) of the motors, the largest either way since the frame before.
+        position_errors: (F,) RMS over the modules of their distance from where they should be.
+        final_error: The last of them.
+        rms_error: RMS over all of them.
+        largest_error_rad: Largest joint error of all steps.
+        torque_limit: Of the motors.
+        largest_torque: Of all motors and steps.
+        share_at_limit: Share of the steps in which some motor is at its limit.
+        hinge_share_at_limit: Share of all motors and steps at the limit.
+        friction: μ between modules and table.
+        steps: Of the simulation.
+        duration: In √(pitch / gravity).
+        seconds: Wall time.
+    """
+
+    status: PlaybackStatus
+    reason: str
+    frames: Frames
+    reference_rad: Array
+    torques: Array
+    position_errors: Array
+    final_error: float
+    rms_error: float
+    largest_error_rad: float
+    torque_limit: float
+    largest_torque: float
+    share_at_limit: float
+    hinge_share_at_limit: float
+    friction: float
+    steps: int
+    duration: float
+    seconds: float
+
+    def as_playback(self, pitch_m: float) -> Playback:
+        """The same as any other playback; its times are seconds at a pitch."""
+        unit = GRAVITY_M_S2 / pitch_m  # 1 w·p in module masses · pitch² / s²
+        largest = self.torques.max(axis=1, initial=0.0)
+        return Playback(
+            status=self.status,
+            reason=self.reason,
+            frames=self.frames,
+            reference_rad=self.reference_rad,
+            steps=self.steps,
+            seconds=self.seconds,
+            rms_position_error=self.final_error,
+            max_angle_error_rad=self.largest_error_rad,
+            peak_torque=unit * self.largest_torque,
+            rms_torque=unit * float(np.sqrt((largest**2).mean())),
+        )
+
+
+def play_on_table(
+    chain: Chain,
+    record: Windows,
+    *,
+    torque_limit_wp: float,
+    friction: float = 0.0,
+    parameters: TablePlaybackParameters | None = None,
+    start_s: float = 0.0,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+) -> TablePlayback:
+    """Folds a straight chain on a table.
+
+    Args:
+        chain: The chain; folded, it stands on the table with its lowest modules, z up.
+        record: Of its explosion on the table, folded to straight.
+        torque_limit_wp: Largest torque of every motor.
+        friction: μ between modules and table.
+        parameters: Of the simulation.
+        start_s: Time of the first frame.
+        progress: Told how far it is, a few times a second.
+        cancelled: Asked now and then whether to stop.
+
+    Raises:
+        InputError: ``bad-table`` for numbers that cannot be, ``no-record`` without two frames.
+    """
+    if not (torque_limit_wp > 0.0 and math.isfinite(torque_limit_wp)):
+        raise InputError(
+            "bad-table",
+            f"got a limit of {torque_limit_wp:g} w·p, expected more than 0.",
+            where="torque_limit_wp",
+        )
+    if not 0.0 <= friction <= 2.0:
+        raise InputError("bad-table", f"got {friction:g}, expected 0 to 2.", where="friction")
+    if len(record) < 2:
+        raise InputError("no-record", f"got {len(record)} frames, expected two or more.")
+    p = TablePlaybackParameters() if parameters is None else parameters
+    run = _Run(chain, record, p, torque_limit_wp, friction)
+    run.simulate(progress, cancelled)
+    return run.result(start_s)
+
+
+class _Run:
+    """One run, and what is noted of it."""
+
+    def __init__(
+        self,
+        chain: Chain,
+        record: Windows,
+        p: TablePlaybackParameters,
+        limit: float,
+        friction: float,
+    ) -> None:
+        self._begun = time.perf_counter()
+        self.chain, self.p, self.limit, self.friction = chain, p, limit, friction
+        self.body = TableBody(chain, p, torque_limit=limit, friction=friction)
+        self.course = TableCourse(chain, record, p, self.body, limit)
+        self.steps = self.steps_at_limit = self.hinges_at_limit = 0
+        self.largest_error = self.largest_torque = 0.0
+        self.status: PlaybackStatus = "cancelled"
+        self.reason = ""
+        self._most = np.zeros(len(chain.folded_rad))
+        self._times: list[float] = []
+        self._angles: list[Array] = []
+        self._targets: list[Array] = []
+        self._torques: list[Array] = []
+        self._poses: list[tuple[Array, Array]] = []
+
+    def simulate(self, progress: Report, cancelled: Cancelled) -> None:
+        """Folds; ``status`` and ``reason`` say what came of it."""
+        try:
+            self.status, self.reason = self._simulated(progress, cancelled)
+        except SimulationError as broken:
+            self.status, self.reason = "diverged", f"the simulation broke off: {broken}"
+
+    def _simulated(self, progress: Report, cancelled: Cancelled) -> tuple[PlaybackStatus, str]:
+        course, body = self.course, self.body
+        reported = time.perf_counter()
+        body.place(course.angles(0, 1)[0])
+        for start in range(0, len(course), CHUNK):
+            targets = course.angles(start, min(start + CHUNK, len(course)) + 1)
+            for here, there in zip(targets, targets[1:], strict=False):
+                if course.is_kept[self.steps]:
+                    self._keep(here)
+                self._step(here, there)
+                if self.largest_error > LOST_RAD:
+                    self._keep(there)
+                    return "missed", self._lost(there)
+                if self.steps % CHECK_EVERY:
+                    continue
+                if cancelled():
+                    return "cancelled", "it was cancelled."
+                if (now := time.perf_counter()) - reported >= REPORT_EVERY_S:
+                    reported = now
+                    progress(
+                        Progress(
+                            stage="play_back",
+                            fraction=min(self.steps / len(course), 0.99),
+                            steps=self.steps,
+                            steps_per_second=self.steps / (now - self._begun),
+                            simulated_s=self.steps * self.p.step,
+                            message="folding on the table",
+                        )
+                    )
+        end = course.angles(len(course), len(course) + 1)[0]
+        for _ in range(int(self.p.settle / self.p.step)):
+            self._step(end, end)
+        self._keep(end)
+        return "folded", ""
+
+    def _step(self, here: Array, there: Array) -> None:
+        p, body = self.p, self.body
+        body.step((there - here) / p.step, here - body.angles)
+        torques = np.abs(body.torques)
+        np.maximum(self._most, torques, out=self._most)
+        at_limit = int((torques > AT_LIMIT * self.limit).sum())
+        self.hinges_at_limit += at_limit
+        self.steps_at_limit += at_limit > 0
+        self.largest_torque = max(self.largest_torque, float(torques.max()))
+        self.largest_error = max(self.largest_error, float(np.abs(there - body.angles).max()))
+        self.steps += 1
+
+    def _keep(self, target: Array) -> None:
+        self._times.append(self.steps * self.p.step)
+        self._angles.append(self.body.angles)
+        self._targets.append(target)
+        self._torques.append(self._most.copy())
+        self._poses.append(self.body.poses)
+        self._most[:] = 0.0
+
+    def _lost(self, target: Array) -> str:
+        """Which hinge has given way."""
+        off = np.abs(target - self.body.angles)
+        worst = int(off.argmax())
+        return (
+            f"{self.chain.joint_names[worst]} gave way: it is off by {off[worst]:.2g} rad with "
+            f"motors of {self.limit:.3g} w·p, {100.0 * self.steps / len(self.course):.0f} % into "
+            "the fold."
+        )
+
+    def result(self, start_s: float) -> TablePlayback:
+        """What came of it."""
+        chain = self.chain
+        angles, targets = np.array(self._angles), np.array(self._targets)
+        positions = np.array([centres for centres, _ in self._poses])
+        wanted = forward_kinematics(
+            chain.module,
+            targets,
+            root=0,
+            root_position=chain.folded_position,
+            root_wxyz=chain.folded_wxyz,
+        ).positions
+        errors = np.sqrt(((positions - wanted) ** 2).sum(axis=2).mean(axis=1))
+        unit = math.sqrt(chain.pitch_m / GRAVITY_M_S2)
+        frames = Frames.of_phase(
+            "playback",
+            time_s=start_s + unit * np.array(self._times),
+            joint_angles_rad=angles,
+            root_position=positions[:, chain.root],
+            root_wxyz=np.array([wxyzs[chain.root] for _, wxyzs in self._poses]),
+            joint_error_rad=np.abs(angles - targets),
+        )
+        return TablePlayback(
+            status=self.status,
+            reason=self.reason,
+            frames=frames,
+            reference_rad=snapped(targets),
+            torques=np.array(self._torques),
+            position_errors=errors,
+            final_error=float(errors[-1]),
+            rms_error=float(np.sqrt((errors**2).mean())),
+            largest_error_rad=self.largest_error,
+            torque_limit=self.limit,
+            largest_torque=self.largest_torque,
+            share_at_limit=self.steps_at_limit / max(self.steps, 1),
+            hinge_share_at_limit=self.hinges_at_limit / max(self.steps * len(angles[0]), 1),
+            friction=self.friction,
+            steps=self.steps,
+            duration=self.steps * self.p.step,
+            seconds=time.perf_counter() - self._begun,
+        )

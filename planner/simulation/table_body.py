@@ -1,0 +1,183 @@
+"""Table body: a chain on a table, under gravity, its motors limited.
+
+Units are natural: a module's mass, the pitch and gravity are 1. Torques are then in w·p, the weight
+of a module times the pitch, and time is in √(pitch / gravity): 32 ms for a pitch of 1 cm.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.errors import SimulationError
+from planner.simulation.model import (
+    STIFF,
+    Material,
+    add_module_geom,
+    add_module_mesh,
+    add_next_body,
+    base_spec,
+    compiled,
+    exclude,
+    set_inertia,
+)
+from planner.simulation.mujoco import mujoco
+from planner.simulation.parameters import TablePlaybackParameters
+
+Array = NDArray[np.float64]
+BAD: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
+
+
+class TableBody:
+    """A chain on the plane z = 0, its first module clamped there or free.
+
+    Motors are constraints, as in ``planner.simulation.tree.RateMotors``: a hinge turns at the
+    wanted rate as long as its torque suffices, and gives way beyond. No torque is ever above the
+    limit.
+
+    Args:
+        chain: The chain; folded, it stands on the table, z up.
+        parameters: Of the simulation.
+        torque_limit: Of every motor, in w·p; 0 for none at all.
+        friction: μ between modules and table; modules slide on each other without.
+        clamped: Whether the first module is held where it is.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        parameters: TablePlaybackParameters,
+        *,
+        torque_limit: float,
+        friction: float = 0.0,
+        clamped: bool = True,
+    ) -> None:
+        self.chain = chain
+        self.clamped = clamped
+        self.model: Any = compiled(_spec(chain, parameters, torque_limit, friction, clamped))
+        self.model.opt.timestep = parameters.step
+        self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        self.data: Any = mujoco.MjData(self.model)
+        joints = [self.model.joint(name) for name in chain.joint_names]
+        self._qpos = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
+        self._dofs = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
+        self._bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
+        self._hinge_of_dof = np.zeros(self.model.nv, dtype=np.int64)
+        self._hinge_of_dof[self._dofs] = np.arange(len(self._dofs))
+        # The composite inertia about a hinge of all beyond it is on the diagonal, a row's last one.
+        self._diagonal = (self.model.M_rowadr + self.model.M_rownnz - 1)[self._dofs]
+        self._gain, self._braking = parameters.gain, parameters.braking_share * torque_limit
+        self._work = np.empty(self.model.nv)
+        self._torques = np.zeros(len(self._dofs))
+
+    @property
+    def angles(self) -> Array:
+        """(J,) a copy of the hinge angles."""
+        return self.data.qpos[self._qpos]
+
+    @property
+    def torques(self) -> Array:
+        """(J,) a copy of what the motors did in the last step, in w·p."""
+        return self._torques.copy()
+
+    @property
+    def poses(self) -> tuple[Array, Array]:
+        """(n, 3) centres and (n, 4) orientations of the modules."""
+        mujoco.mj_kinematics(self.model, self.data)
+        return self.data.xpos[self._bodies], self.data.xquat[self._bodies]
+
+    def place(self, angles: Array) -> None:
+        """Sets a configuration at rest, its first module where the folded chain has it."""
+        data = self.data
+        mujoco.mj_resetData(self.model, data)
+        data.qpos[self._qpos] = angles
+        self._torques[:] = 0.0
+
+    def step(self, rates: Array, left: Array) -> None:
+        """A step in which the motors turn at (J,) rates, and make up for what is (J,) left.
+
+        They do so no faster than they can stop what they carry with a share of their torque.
+
+        Raises:
+            SimulationError: When MuJoCo warns of bad numbers.
+        """
+        model, data = self.model, self.data
+        mujoco.mj_step1(model, data)
+        carried = data.M[self._diagonal]
+        stopping = np.sqrt(2.0 * self._braking / carried * np.abs(left))
+        rates = rates + np.sign(left) * np.minimum(self._gain * np.abs(left), stopping)
+        rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF))
+        hinges = self._hinge_of_dof[data.efc_id[rows]]
+        # A row's reference acceleration is −b (J q̇): that of a rate w is −b (J q̇ − w).
+        data.efc_aref[rows] += data.efc_KBIP[rows, 1] * rates[hinges]
+        mujoco.mj_step2(model, data)
+        self._torques[hinges] = data.efc_force[rows]
+        for name in BAD:
+            if data.warning[int(getattr(mujoco.mjtWarning, name))].number:
+                raise SimulationError("the state is no longer finite.")
+
+    def inertial_torques(self, angles: Array, rates: Array, accelerations: Array) -> Array:
+        """(J,) hinge torques of a motion without gravity and contacts, the first module held."""
+        model, data = self.model, self.data
+        mujoco.mj_resetData(model, data)
+        data.qpos[self._qpos] = angles
+        data.qvel[self._dofs] = rates
+        data.qacc[self._dofs] = accelerations
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        gravity = model.opt.gravity.copy()
+        model.opt.gravity[:] = 0.0
+        mujoco.mj_rne(model, data, 1, self._work)
+        model.opt.gravity[:] = gravity
+        return self._work[self._dofs]
+
+
+def _spec(
+    chain: Chain, p: TablePlaybackParameters, limit: float, friction: float, clamped: bool
+) -> Any:
+    spec = base_spec()
+    spec.option.gravity = [0.0, 0.0, -1.0]
+    module, n = chain.module, len(chain)
+    material = Material(
+        geom_size=p.geom_size, contact_time_constant=p.contact_time, armature=p.armature
+    )
+    add_module_mesh(spec, module, p.geom_size)
+    names = [f"module_{i}" for i in range(n)]
+    body = spec.worldbody.add_body()
+    body.name = names[0]
+    # Modules are smaller than a pitch: the table is raised so that flat ones stand as they do.
+    corners = chain.folded_poses.positions[:, None] + (
+        module.vertices @ np.swapaxes(chain.folded_poses.rotations, 1, 2)
+    )
+    low = float(corners[..., 2].min()) + (1.0 - p.geom_size) * module.inner_radius
+    body.pos = chain.folded_position.tolist()
+    body.quat = chain.folded_wxyz.tolist()
+    if not clamped:
+        body.add_freejoint().name = "root"
+    for i in range(n):
+        if i:
+            body = add_next_body(body, chain, i, names[i], material)
+        set_inertia(body, module, 1.0)
+        add_module_geom(body, module, i, material)
+    exclude(spec, names, module.exempt_pairs(n))
+    spec.worldbody.add_geom(
+        name="table",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0.0, 0.0, 1.0],
+        pos=[0.0, 0.0, low],
+        condim=3 if friction > 0.0 else 1,
+        friction=[max(friction, 1e-5), 0.0, 0.0],
+        solref=[p.contact_time, 1.0],
+        priority=1,
+    )
+    if limit > 0.0:
+        for name in chain.joint_names:
+            hinge = spec.joint(name)
+            hinge.frictionloss = limit
+            hinge.solref_friction = [2.0 * p.step, 1.0]
+            hinge.solimp_friction = [p.firmness, p.firmness, *STIFF[1][2:]]
+    return spec
