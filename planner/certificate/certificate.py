@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
 from planner.certificate.table import TableCertificate, table_certificate
+from planner.certificate.table_forces import TableForces
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
@@ -177,6 +178,7 @@ def certify(
     progress: Report = silent,
     cancelled: Cancelled = never,
     sink: Callable[[Array], None] | None = None,
+    forces: Callable[[TableForces], object] | None = None,
 ) -> Certificate:
     """Verifies a plan: the reference of a playback, and the playback and record themselves.
 
@@ -190,6 +192,7 @@ def certify(
         cancelled: Asked now and then whether to stop; the verdict then is a failure, and no
             clearance is told.
         sink: Gets the plan's clearance at each of its frames, see ``Sweep``.
+        forces: Gets torques and forces at each of its frames, of a plan on a table.
 
     Raises:
         InputError: ``bad-module-size``.
@@ -255,7 +258,7 @@ def certify(
     on_table = None
     if parameters.world == "table" and playback is not None and not given_up:
         progress(Progress(stage="certify", fraction=0.9, message="balancing every frame"))
-        on_table = _on_table(chain, playback, parameters)
+        on_table = _on_table(chain, playback, parameters, forces)
         if not on_table.rests and not verdict.startswith("failed"):
             verdict = on_table.verdict
     return Certificate(
@@ -282,7 +285,12 @@ def certify(
     )
 
 
-def _on_table(chain: Chain, playback: Playback, parameters: Parameters) -> TableCertificate:
+def _on_table(
+    chain: Chain,
+    playback: Playback,
+    parameters: Parameters,
+    forces: Callable[[TableForces], object] | None,
+) -> TableCertificate:
     """What the plan asks on the table that it was made for."""
     reference = playback.reference
     frames = playback.frames
@@ -299,6 +307,7 @@ def _on_table(chain: Chain, playback: Playback, parameters: Parameters) -> Table
         bound=parameters.table.most_torque,
         on_table=True,
         height=table_height(chain),
+        sink=forces,
     )
 
 

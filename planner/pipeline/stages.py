@@ -19,6 +19,7 @@ import numpy as np
 
 from planner.certificate.certificate import Certificate, certify
 from planner.certificate.measure import write_figures
+from planner.certificate.table_forces import FILE as FORCES
 from planner.chain.chain import Chain
 from planner.explosion.strategies import on_lattice, strategies_for
 from planner.exports import mjcf
@@ -270,8 +271,9 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
     request, playback = read_request(directory), read_playback(directory)
     record = read_record(directory)
     parameters = request.parameters(smoothed=is_smoothing(record))
-    known_at = folder(directory) / CLEARANCES
-    known_at.unlink(missing_ok=True)
+    known_at, forces_at = (folder(directory) / name for name in (CLEARANCES, FORCES))
+    for path in (known_at, forces_at):
+        path.unlink(missing_ok=True)
     peeled = playback is not None and isinstance(playback.frames, Windows)
     certificate = certify(
         read_chain(directory),
@@ -282,6 +284,7 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
         progress=progress,
         cancelled=cancelled,
         sink=partial(np.save, known_at) if peeled else None,
+        forces=lambda found: found.save(forces_at),
     )
     again = None
     tried = attempts.load(directory)
