@@ -273,9 +273,7 @@ class _Wanted:
             for k in range(first, first + stop - start)
         ]
 
-    def _frame(
-        self, balance: Balance, poses: Poses, angles: Array, k: int
-    ) -> _Balanced:
+    def _frame(self, balance: Balance, poses: Poses, angles: Array, k: int) -> _Balanced:
         here = poses.positions[k], poses.rotations[k]
         after = _moment_later(poses, k) if self.friction else None
         if not self.laid:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, Final
 
+from web.pictures.table_top import TableTop
 from web.static_files import IMPORT, STATIC, imported, scripts_of, text_of
 from web.timeline.frame_batch import thinned, unpacked_bytes
 from web.timeline.view import TimelineView
@@ -31,7 +32,13 @@ Render = Callable[..., str]
 
 
 def standalone_html(
-    timeline: TimelineView, render: Render, facts: Mapping[str, Any], *, curves: bytes | None = None
+    timeline: TimelineView,
+    render: Render,
+    facts: Mapping[str, Any],
+    *,
+    curves: bytes | None = None,
+    forces: bytes | None = None,
+    table: TableTop | None = None,
 ) -> bytes:
     """The page of one finished fold.
 
@@ -40,6 +47,8 @@ def standalone_html(
         render: Fills the template ``standalone.html`` with the values it is given.
         facts: What the page says of the fold, as for its own page.
         curves: What plots are drawn of, as of ``web.timeline.metrics``.
+        forces: ``web.timeline.metrics.table_forces``, of a fold on a table.
+        table: That table.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -48,9 +57,10 @@ def standalone_html(
     parts = {
         "client": client().html.decode(),
         "worker": text_of(WORKER),
-        "bundle": _text(bundle_of(timeline.chain, timeline.stretch)),
+        "bundle": _text(bundle_of(timeline.chain, timeline.stretch, table)),
         "batch": _text(thinned(timeline, stride)),
         "curves": None if curves is None or stride > 1 else _text(curves),
+        "forces": None if forces is None or stride > 1 else _text(forces),
         "facts": dict(facts),
     }
     styles = "".join(text_of(name) for name in STYLES)

@@ -13,6 +13,7 @@ import { get } from "../lib/text.js";
  * @property {string} bundle
  * @property {string} batch
  * @property {string | null} curves
+ * @property {string | null} forces
  * @property {string} worker
  * @property {string} client
  * @property {Facts} facts
@@ -38,16 +39,32 @@ const source = {
   batch: () => unpacked(parts.batch),
 };
 
-// Curves only; what is told of single modules would make the file many times as long.
+// Curves only; what is told of single modules would make the file many times as long, but for what a
+// fold on a table asks of its joints.
 class StoredFigures extends Figures {
   /**
    * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
    * @param {string} query
    * @returns {Promise<Told | null>}
    */
-  async get(query) { return parts.curves && !query ? unpacked(parts.curves) : null; }
+  async get(query) {
+    if (query || !parts.curves) return null;
+    /** @type {Promise<FigurePart | null>} */
+    const forces = parts.forces ? unpacked(parts.forces) : Promise.resolve(null);
+    const told = await forces;
+    if (told) this.parts.set(0, told);
+    return unpacked(parts.curves);
+  }
 
-  row() { return null; }
+  /**
+   * @param {number} frame
+   * @returns {FigureRow | null}
+   */
+  row(frame) {
+    if (!this.parts.size || !this.plots) return null;
+    this.plots.rows = this.plots.frames; // one part holds all frames
+    return super.row(frame);
+  }
 }
 
 Sketch.script = URL.createObjectURL(new Blob([parts.worker], { type: "text/javascript" }));

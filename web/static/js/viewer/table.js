@@ -1,0 +1,42 @@
+// The table that a chain folds on: its colours by the page's theme, and the discs that tell how hard
+// modules press on it.
+/** @type {Record<"light" | "dark", { top: Colour, edge: Colour }>} */
+const COLOURS = {
+  light: { top: [206, 190, 166], edge: [176, 160, 136] }, // as web/pictures/table_top.py
+  dark: { top: [62, 68, 77], edge: [43, 48, 55] },
+};
+const ABOVE = 0.015; // pitches that the lowest disc is above the table
+const APART = 0.0004; // and the next one above it, so that none flickers
+const AREA = 0.62; // radius of a disc, in pitches, of a module that presses with its own weight
+const LEAST = 0.05; // weights; what presses less has no disc
+const NOWHERE = -1e6;
+
+const light = matchMedia("(prefers-color-scheme: light)");
+
+// What the table looks like now.
+export function tableColours() {
+  const { theme } = document.documentElement.dataset;
+  return COLOURS[theme === "light" || theme === "dark" ? theme : light.matches ? "light" : "dark"];
+}
+
+// Discs whose areas are the forces of the table under the modules, in the scene's units.
+/**
+ * @param {Numbers} pressed weights of a module, NaN where that is not known
+ * @param {Numbers} positions
+ * @param {number} height
+ * @param {number} pitch
+ */
+export function discs(pressed, positions, height, pitch) {
+  const n = pressed.length;
+  const places = new Float32Array(3 * n);
+  const scales = new Float32Array(n);
+  let standing = 0;
+  for (let i = 0; i < n; i++) {
+    if (!(pressed[i] > LEAST)) { places[3 * i + 2] = NOWHERE; continue; }
+    places[3 * i] = positions[3 * i] * pitch;
+    places[3 * i + 1] = positions[3 * i + 1] * pitch;
+    places[3 * i + 2] = (height + ABOVE + APART * standing++) * pitch;
+    scales[i] = AREA * Math.sqrt(pressed[i]);
+  }
+  return { places, scales };
+}
