@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 LARGEST_MESH: Final = 20_000
+MOST_FAULTS: Final = 2
+"""Of a path for a table that are told."""
 SEARCH_S: Final = 20.0
 
 
@@ -257,7 +259,9 @@ def check_for_table(chain: Chain) -> None:
         )
     faults = faults_of(np.rint(chain.folded_poses.positions).astype(np.int64))
     if faults:
-        told = " ".join(fault.detail for fault in faults)
+        told = " ".join(fault.detail for fault in faults[:MOST_FAULTS])
+        if len(faults) > MOST_FAULTS:
+            told += f" There are {len(faults) - MOST_FAULTS} more faults."
         raise InputError(
             "not-for-a-table",
             f"got a path in which a chain cannot fold on a table: {told} "

@@ -214,6 +214,8 @@ def post_fold(
         smooth=smooth is not None,
     )
     checked(asked, options)
+    if shape is not None and options.world == "table":
+        options = replace(options, as_voxels=True)  # likewise those of the gallery
     source, filename = input_of(context, file, shape, preview, fold, smooth)
     if smooth is not None and refold is not None:
         source.close()
@@ -228,6 +230,8 @@ def post_fold(
             row = context.store.fold(again)
             shape = row.shape
             world, (options, cells) = options.world, noted(context.store.directory(again))
+            if world != row.world and world == "table":
+                options = replace(options, as_voxels=True)  # a path is one for a floating chain
             options = replace(options, world=world)  # which is asked for each time
             checked(asked, options)
             if smooth is not None and module_size is None:

@@ -34,7 +34,7 @@ let back = null;
 /** @type {Drawn | null} */
 let outline = null;
 /** @type {{ top: Colour, edge: Colour }} */
-let wood = { top: [206, 190, 166], edge: [176, 160, 136] };
+let wood = { top: [222, 214, 200], edge: [184, 172, 152] };
 /** @type {ArrayBuffer | null} */
 let latest = null;
 let due = false;

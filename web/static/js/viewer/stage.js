@@ -39,7 +39,7 @@ export class Stage extends Scene {
   get table() { return this.bundle?.header.table ?? null; }
 
   // The table in the colour of the page.
-  dress() { if (this.open && this.table) this.apply([update("/table", { color: tableColours().top })]); }
+  dress() { if (this.open && this.table) this.apply([update("/table", { color: tableColours().lit })]); }
 
   // The scene of another chain.
   /** @param {Bundle} bundle */

@@ -1,9 +1,10 @@
 // The table that a chain folds on: its colours by the page's theme, and the discs that tell how hard
 // modules press on it.
-/** @type {Record<"light" | "dark", { top: Colour, edge: Colour }>} */
+// `top` and `edge` are what a drawing has, `lit` what becomes the same in the 3D view's light.
+/** @type {Record<"light" | "dark", { lit: Colour, top: Colour, edge: Colour }>} */
 const COLOURS = {
-  light: { top: [206, 190, 166], edge: [176, 160, 136] }, // as web/pictures/table_top.py
-  dark: { top: [62, 68, 77], edge: [43, 48, 55] },
+  light: { lit: [206, 190, 166], top: [222, 214, 200], edge: [184, 172, 152] }, // as web/pictures/table_top.py
+  dark: { lit: [62, 68, 77], top: [76, 83, 93], edge: [50, 56, 64] },
 };
 const ABOVE = 0.015; // pitches that the lowest disc is above the table
 const APART = 0.0004; // and the next one above it, so that none flickers
