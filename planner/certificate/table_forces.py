@@ -8,12 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 from typing import Final
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError
+from planner.errors import UNREADABLE, InputError
 
 Floats = NDArray[np.float32]
 FILE: Final = "table.npz"
@@ -51,7 +50,7 @@ class TableForces:
         try:
             with np.load(path, allow_pickle=False) as file:
                 found = {f.name: np.asarray(file[f.name], dtype=np.float32) for f in fields(cls)}
-        except (OSError, ValueError, KeyError, BadZipFile) as error:
+        except UNREADABLE as error:
             raise InputError(
                 "no-forces", f"got {type(error).__name__}, expected {FILE} of a fold on a table."
             ) from error
