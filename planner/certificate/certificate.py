@@ -511,7 +511,9 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
     figures["fold_time_s"] = float(times[-1] - times[0]) * slower
     figures["hinges_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
     figures["hinges_moving_most"] = int(moving.max()) if len(moving) else 0
-    unit = torque_unit_nm(chain, parameters) / max(slower, 1e-12) ** 2
+    unit = torque_unit_nm(chain, parameters)
+    if parameters.world != "table":  # where weight is most of it, however slowly it is played
+        unit /= max(slower, 1e-12) ** 2
     if playback.peak_torque is not None and playback.rms_torque is not None:
         figures["peak_torque_nm"] = playback.peak_torque * unit
         figures["rms_torque_nm"] = playback.rms_torque * unit

@@ -167,6 +167,7 @@ def fold_facts(
     )
     running = row.status in RUNNING
     done = row.status in ("verified", "failed")
+    where = "" if row.world == FLOATING else ", on a table"
     problem = _problem(row, summary)
     choice = choice_of(directory, preference_named(row.prefer)) if done else None
     there = api and done and (directory / "plan.npz").is_file()
@@ -179,7 +180,7 @@ def fold_facts(
         "name": row.title,
         "status": row.status,
         "running": running and api,
-        "preset": f"{PRESETS.get(row.preset, row.preset)}{in_a_line(row.settings)}",
+        "preset": f"{PRESETS.get(row.preset, row.preset)}{where}{in_a_line(row.settings)}",
         "verdict": _verdict(row, summary, certificate, choice),
         "cover": "Loading the view" if not running else "Waiting for the first frame",
         "problem": problem,

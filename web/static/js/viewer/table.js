@@ -6,8 +6,8 @@ const COLOURS = {
   light: { lit: [206, 190, 166], top: [222, 214, 200], edge: [184, 172, 152] }, // as web/pictures/table_top.py
   dark: { lit: [62, 68, 77], top: [76, 83, 93], edge: [50, 56, 64] },
 };
-const ABOVE = 0.015; // pitches that the lowest disc is above the table
-const APART = 0.0004; // and the next one above it, so that none flickers
+const ABOVE = 0.02; // pitches that the lowest disc is above the table
+const APART = 0.002; // and the next one above it, so that none flickers
 const AREA = 0.62; // radius of a disc, in pitches, of a module that presses with its own weight
 const LEAST = 0.05; // weights; what presses less has no disc
 const NOWHERE = -1e6;
