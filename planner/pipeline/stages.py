@@ -169,6 +169,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
     strategies_for(chain, request.parameters(), refolds=request.refold)  # or it is refused
     # A chain comes as it is wanted; what only shows cells may as well begin at their other end.
     told = prepared.kind == "chain" or request.start is not None or request.refold
+    told = told or request.world == "table"  # whose path begins on it
     return _noted(
         directory,
         Candidates(chains, two_ended=not told and on_lattice(chain)),

@@ -37,6 +37,8 @@ KINDS: Final = {
 }
 CHAINS: Final = {"cube": "Cubes", "tetrahedron": "Tetrahedra"}
 PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
+NO_TORQUE: Final = 0.05
+"""Torques in w·p that are told as none."""
 WHERE: Final = {"table": "On a table"}
 STATUSES: Final = {
     "verified": "Verified",
@@ -93,6 +95,8 @@ class Card:
         """Within what it rests on a table, in words, rounded up."""
         if self.rests_within is None:
             return None
+        if self.rests_within < NO_TORQUE:
+            return "Rests on a table, without torque"
         return f"Rests on a table within {math.ceil(10 * self.rests_within) / 10:.1f} w·p"
 
     @property
