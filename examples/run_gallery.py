@@ -1,16 +1,17 @@
-"""Folds the shapes of the gallery: `python examples/run_gallery.py [NAME …]`.
+"""Folds the shapes of the gallery: `python examples/run_gallery.py [--world table] [NAME …]`.
 
-Writes `results.json`: what came of each with the default preset. Shapes whose files are as they
-were when they were folded are left alone, so it may be stopped and started again. A shape that is
-not verified with seed 0 is tried with other seeds, and its attempts are counted. The seconds depend
-on what else the machine does; those of the processor less so.
+Writes `results.json`: what came of each with the default preset; on a table `table_results.json`,
+of shapes up to 64 modules, with the torque that resting there asks or why there is no path.
+Shapes whose files are as they were when they were folded are left alone, so it may be stopped and
+started again. A shape that is not verified with seed 0 is tried with other seeds, and its attempts
+are counted. The seconds depend on what else the machine does; those of the processor less so.
 """
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import json
-import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -18,13 +19,17 @@ from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from planner.errors import InputError
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 
 HERE = FilePath(__file__).parent
-SHAPES, RESULTS = HERE / "shapes", HERE / "results.json"
+SHAPES, RESULTS, TABLE_RESULTS = (
+    HERE / name for name in ("shapes", "results.json", "table_results.json")
+)
+LARGEST_ON_TABLE = 64
 FORMAT = "foldback-results/1"
 SEEDS = (0, 1, 2, 3)
 PROCESSES = 2
@@ -56,37 +61,78 @@ def fold_once(file: FilePath, seed: int) -> dict[str, Any]:
     }
 
 
-def fold_shape(file: FilePath) -> dict[str, Any]:
-    """Folds a shape with one seed after the other until it is verified."""
+def fold_once_on_table(file: FilePath, seed: int) -> dict[str, Any]:
+    """Folds a shape on a table, whichever path it has in its file, and tells what came of it."""
+    begun = time.perf_counter()
+    with TemporaryDirectory(prefix="foldback-gallery-") as directory:
+        request = Request(filename=file.name, seed=seed, world="table", as_voxels=True)
+        write_request(FilePath(directory), request, file.read_bytes())
+        try:
+            summary = run_stages(FilePath(directory))
+        except InputError as error:
+            return {"verdict": "no path", "seed": seed, "reason": error.detail, "attempts": 0}
+        attempts = len(json.loads((FilePath(directory) / "attempts.json").read_bytes()))
+    certificate = summary["certificate"]
+    table = certificate.get("table") or {}
+    return {
+        "modules": summary["modules"],
+        "verdict": certificate["verdict"],
+        "seed": seed,
+        "torque_wp": table.get("torque"),
+        "torque_nm": table.get("torque_nm"),
+        "friction": table.get("friction"),
+        "seconds": round(time.perf_counter() - begun, 2),
+        "clearance": certificate["min_clearance"],
+        "attempts": attempts,
+    }
+
+
+def fold_shape(file: FilePath, world: str = "floating") -> dict[str, Any]:
+    """Folds a shape with one seed after the other until it is verified, or has no path."""
     result: dict[str, Any] = {}
     attempts = 0
     for seed in SEEDS:
-        result = fold_once(file, seed)
+        result = (fold_once if world == "floating" else fold_once_on_table)(file, seed)
         attempts += result["attempts"]
         result |= {"attempts": attempts, "digest": digest(file)}
-        if result["verdict"].startswith("verified"):
+        if result["verdict"].startswith(("verified", "no path")):
             break
     return result
 
 
-def known() -> dict[str, dict[str, Any]]:
+def results_in(world: str) -> FilePath:
+    """Where the results are."""
+    return RESULTS if world == "floating" else TABLE_RESULTS
+
+
+def known(world: str = "floating") -> dict[str, dict[str, Any]]:
     """The results that are there, by the shape's name."""
-    return json.loads(RESULTS.read_bytes())["shapes"] if RESULTS.exists() else {}
+    path = results_in(world)
+    return json.loads(path.read_bytes())["shapes"] if path.exists() else {}
 
 
-def write(results: dict[str, dict[str, Any]]) -> None:
+def suited(file: FilePath, world: str) -> bool:
+    """Whether a shape is folded there at all."""
+    if world == "floating":
+        return True
+    content = json.loads(file.read_bytes())
+    return len(content.get("cells", ())) in range(1, LARGEST_ON_TABLE + 1)
+
+
+def write(results: dict[str, dict[str, Any]], world: str = "floating") -> None:
     """Writes the results, a shape a line."""
+    path = results_in(world)
     rows = [f"    {json.dumps(name)}: {json.dumps(results[name])}" for name in sorted(results)]
     head = f'{{\n  "format": "{FORMAT}",\n  "preset": "default",\n  "shapes": {{\n'
-    aside = RESULTS.with_suffix(".aside")
+    aside = path.with_suffix(".aside")
     aside.write_text(head + ",\n".join(rows) + "\n  }\n}\n", encoding="utf-8")
-    aside.replace(RESULTS)
+    aside.replace(path)
 
 
-def main(names: list[str]) -> None:
+def main(names: list[str], world: str = "floating") -> None:
     """Folds the shapes named, or all whose files have changed since."""
-    files = {file.stem: file for file in sorted(SHAPES.glob("*.json"))}
-    results = {name: result for name, result in known().items() if name in files}
+    files = {file.stem: file for file in sorted(SHAPES.glob("*.json")) if suited(file, world)}
+    results = {name: result for name, result in known(world).items() if name in files}
     waiting = [
         file
         for name, file in files.items()
@@ -96,17 +142,20 @@ def main(names: list[str]) -> None:
     with ProcessPoolExecutor(
         PROCESSES, mp_context=get_context("spawn"), initializer=warm_up
     ) as pool:
-        jobs = {pool.submit(fold_shape, file): file.stem for file in waiting}
+        jobs = {pool.submit(fold_shape, file, world): file.stem for file in waiting}
         for done, job in enumerate(as_completed(jobs), start=1):
             name, result = jobs[job], job.result()
             results[name] = result
-            write(results)
-            print(
-                f"{done}/{len(waiting)} {name}: {result['verdict']}, {result['modules']} modules, "
-                f"{result['steps']} steps, {result['cpu_seconds']} s, attempt {result['attempts']}",
-                flush=True,
+            write(results, world)
+            told = ", ".join(
+                f"{k} {v}" for k, v in result.items() if k not in ("digest", "verdict")
             )
+            print(f"{done}/{len(waiting)} {name}: {result['verdict']}, {told}", flush=True)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--world", choices=("floating", "table"), default="floating")
+    parser.add_argument("names", nargs="*", metavar="NAME")
+    asked = parser.parse_args()
+    main(asked.names, asked.world)

@@ -37,6 +37,7 @@ class ShapeOptions(TypedDict, total=False):
     ends: Literal["any", "surface"]
     as_voxels: bool
     start: tuple[int, int, int]
+    world: Literal["floating", "table"]
     seed: int
     preview: str
 

@@ -61,11 +61,13 @@ interface CameraConstants {
   stretch: number | null;
 }
 type Colour = [red: number, green: number, blue: number];
+interface TableTold { height: number; thickness: number; outline: [x: number, y: number][] }
 interface BundleHeader {
   chain: Chain & Hull;
   messages: SceneMessage[];
   sketch: Outline;
   camera: CameraConstants;
+  table: TableTold | null; // of a fold on one
   pitch: number;
   shown_size: number;
   reach: number;
@@ -240,10 +242,11 @@ interface ViewTold {
 
 // Figures: web/timeline/metrics.py.
 
-interface PlotHeader { frames: number; rows: number; torque_at_some_frames: boolean; largest: Record<string, number> }
-type PlotName = "max_error_rad" | "min_clearance" | "hinges_moving" | "peak_torque_nm";
-type Curves = PlotHeader & Record<PlotName, Floats>;
-type FigureName = "clearance" | "nearest" | "torque" | "position_error";
+interface TableBounds { unit_nm: number; bound: number | null; kept: number | null; words: string }
+interface PlotHeader { frames: number; rows: number; torque_at_some_frames: boolean; largest: Record<string, number>; table: TableBounds | null }
+type PlotName = "max_error_rad" | "min_clearance" | "hinges_moving" | "peak_torque_nm" | "table_torque";
+type Curves = PlotHeader & Partial<Record<PlotName, Floats>>;
+type FigureName = "clearance" | "nearest" | "torque" | "position_error" | "joint_torque" | "pressed";
 // Of peeled chains there are position errors alone.
 interface FigurePart extends Message<{ widths: Partial<Record<FigureName, number>> }, Partial<Record<FigureName, Floats>>> {}
 type FigureRow = Partial<Record<FigureName, Floats>>;
@@ -257,6 +260,7 @@ interface KnotDrawing { side: number; strokes: string[]; label: string }
 interface Attempt { strategy: string; how: string; end: string; tone: string }
 interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; cells: string[]; verified: boolean; chosen: boolean }
 interface Choice { prefer: string; wish: string; seconds: number; columns: string[]; plans: PlanDot[]; text: string }
+interface TableWords { good: boolean; text: string; rows: [label: string, value: string][]; assumptions: string[]; servos: string; named: { name: string; href: string }[] }
 interface Again { text: string; form: Form }
 interface Smoothing { rows: { label: string; before: string; after: string; ratio: string }[]; note: string; compare: string | null }
 interface Way { text: string; hint: string; form: Form; id?: string; settable?: string }
@@ -271,6 +275,7 @@ interface Facts {
   failure: Failing | null;
   attempts: Attempt[];
   choice: Choice | null;
+  table: TableWords | null;
   again: Again | null;
   frames: number;
   refoldable: boolean;

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
 from planner.certificate.table import TableCertificate, table_certificate
+from planner.certificate.table_forces import TableForces
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
@@ -177,6 +178,7 @@ def certify(
     progress: Report = silent,
     cancelled: Cancelled = never,
     sink: Callable[[Array], None] | None = None,
+    forces: Callable[[TableForces], object] | None = None,
 ) -> Certificate:
     """Verifies a plan: the reference of a playback, and the playback and record themselves.
 
@@ -190,6 +192,7 @@ def certify(
         cancelled: Asked now and then whether to stop; the verdict then is a failure, and no
             clearance is told.
         sink: Gets the plan's clearance at each of its frames, see ``Sweep``.
+        forces: Gets torques and forces at each of its frames, of a plan on a table.
 
     Raises:
         InputError: ``bad-module-size``.
@@ -255,7 +258,7 @@ def certify(
     on_table = None
     if parameters.world == "table" and playback is not None and not given_up:
         progress(Progress(stage="certify", fraction=0.9, message="balancing every frame"))
-        on_table = _on_table(chain, playback, parameters)
+        on_table = _on_table(chain, playback, parameters, forces)
         if not on_table.rests and not verdict.startswith("failed"):
             verdict = on_table.verdict
     return Certificate(
@@ -282,7 +285,12 @@ def certify(
     )
 
 
-def _on_table(chain: Chain, playback: Playback, parameters: Parameters) -> TableCertificate:
+def _on_table(
+    chain: Chain,
+    playback: Playback,
+    parameters: Parameters,
+    forces: Callable[[TableForces], object] | None,
+) -> TableCertificate:
     """What the plan asks on the table that it was made for."""
     reference = playback.reference
     frames = playback.frames
@@ -299,6 +307,7 @@ def _on_table(chain: Chain, playback: Playback, parameters: Parameters) -> Table
         bound=parameters.table.most_torque,
         on_table=True,
         height=table_height(chain),
+        sink=forces,
     )
 
 
@@ -502,7 +511,9 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
     figures["fold_time_s"] = float(times[-1] - times[0]) * slower
     figures["hinges_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
     figures["hinges_moving_most"] = int(moving.max()) if len(moving) else 0
-    unit = torque_unit_nm(chain, parameters) / max(slower, 1e-12) ** 2
+    unit = torque_unit_nm(chain, parameters)
+    if parameters.world != "table":  # where weight is most of it, however slowly it is played
+        unit /= max(slower, 1e-12) ** 2
     if playback.peak_torque is not None and playback.rms_torque is not None:
         figures["peak_torque_nm"] = playback.peak_torque * unit
         figures["rms_torque_nm"] = playback.rms_torque * unit

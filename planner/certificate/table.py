@@ -17,6 +17,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.cores import cores
@@ -156,6 +157,7 @@ def table_certificate(
     on_table: bool | None = None,
     height: float = 0.0,
     progress: Callable[[float], None] | None = None,
+    sink: Callable[[TableForces], object] | None = None,
 ) -> TableCertificate:
     """Balances every frame of a motion on a table.
 
@@ -173,6 +175,7 @@ def table_certificate(
         on_table: Whether the frames stand on the table as they are; found out when None.
         height: Where the table is along z, in pitches.
         progress: Told the share of frames that are done, now and then.
+        sink: Given the forces of all frames.
 
     Raises:
         InputError: ``bad-table`` for numbers that cannot be.
@@ -199,14 +202,22 @@ def table_certificate(
         laid=not stands,
         height=height,
     )
-    found: list[tuple[float, tuple[int, ...]]] = []
+    found: list[_Balanced] = []
     starts = range(0, len(frames), CHUNK)
     with ThreadPoolExecutor(min(cores(), len(starts))) as pool:
         for part in pool.map(wanted.part, starts):
             found += part
             if progress is not None:
                 progress(len(found) / len(frames))
-    torques = np.array([torque for torque, _ in found])
+    torques = np.array([frame.torque for frame in found])
+    if sink is not None:
+        sink(
+            TableForces(
+                torques=np.array([frame.torques for frame in found]),
+                pressed=np.array([frame.pressed for frame in found]),
+                torque=np.where(np.isfinite(torques), torques, np.nan).astype(np.float32),
+            )
+        )
     balanced = np.isfinite(torques)
     worst = int(np.argmax(np.where(balanced, torques, -1.0))) if balanced.any() else None
     largest = None if worst is None else float(torques[worst])
@@ -231,7 +242,7 @@ def table_certificate(
         clearance=float(clearances[low]),
         clearance_frame=low,
         torques=tuple(float(t) if np.isfinite(t) else None for t in torques),
-        standing=tuple(modules for _, modules in found),
+        standing=tuple(frame.standing for frame in found),
         assumptions=_assumptions(friction, base if stands else "free", stands, module_size),
         seconds=time.perf_counter() - begun,
     )
@@ -250,8 +261,8 @@ class _Wanted:
     laid: bool
     height: float
 
-    def part(self, start: int) -> list[tuple[float, tuple[int, ...]]]:
-        """Torque and standing modules of the frames from one on."""
+    def part(self, start: int) -> list[_Balanced]:
+        """What is found of the frames from one on."""
         stop = min(start + CHUNK, len(self.frames))
         around = self.frames.dense(self.chain, max(start - 1, 0), min(stop + 1, len(self.frames)))
         poses = _placed(self.chain, around, self.height)
@@ -262,20 +273,20 @@ class _Wanted:
             for k in range(first, first + stop - start)
         ]
 
-    def _frame(
-        self, balance: Balance, poses: Poses, angles: Array, k: int
-    ) -> tuple[float, tuple[int, ...]]:
+    def _frame(self, balance: Balance, poses: Poses, angles: Array, k: int) -> _Balanced:
         here = poses.positions[k], poses.rotations[k]
         after = _moment_later(poses, k) if self.friction else None
         if not self.laid:
-            return _told(self._solved(balance, here, after, angles))
+            return _Balanced.of(self._solved(balance, here, after, angles), len(self.chain))
         best: Standing | None = None
         for pose in resting_poses(self.chain.module, *here):
             then = None if after is None else pose.of(*after)
             one = self._solved(balance, pose.of(*here), then, angles)
             if best is None or one.torque < best.torque:
                 best = one
-        return (np.inf, ()) if best is None else _told(best)
+        if best is None:
+            return _Balanced.none(len(self.chain), len(angles))
+        return _Balanced.of(best, len(self.chain))
 
     def _solved(
         self,
@@ -290,8 +301,34 @@ class _Wanted:
         return balance.solve(*here, angles, friction=rubbing, clamped=self.clamped)
 
 
-def _told(found: Standing) -> tuple[float, tuple[int, ...]]:
-    return found.torque, tuple(found.contacts.standing.tolist())
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Balanced:
+    """What is kept of one frame, see ``TableForces``."""
+
+    torque: float
+    torques: NDArray[np.float32]
+    pressed: NDArray[np.float32]
+    standing: tuple[int, ...]
+
+    @classmethod
+    def of(cls, found: Standing, modules: int) -> _Balanced:
+        """Of a solution for a chain of so many modules."""
+        on_floor, _, forces = found.floor
+        pressed = np.bincount(on_floor, forces[:, 2], minlength=modules)
+        if not found.balances:
+            pressed = np.full(modules, np.nan)
+        return cls(
+            torque=found.torque,
+            torques=found.torques.astype(np.float32),
+            pressed=pressed.astype(np.float32),
+            standing=tuple(found.contacts.standing.tolist()),
+        )
+
+    @classmethod
+    def none(cls, modules: int, hinges: int) -> _Balanced:
+        """Of a frame that has no pose to balance in."""
+        nothing = np.full(hinges, np.nan, np.float32), np.full(modules, np.nan, np.float32)
+        return cls(torque=np.inf, torques=nothing[0], pressed=nothing[1], standing=())
 
 
 def _moment_later(poses: Poses, k: int) -> tuple[Array, Array]:

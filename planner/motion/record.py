@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any, Final, Literal, cast
@@ -49,7 +50,7 @@ class TableRecord:
         }
 
     @classmethod
-    def of(cls, arrays: dict[str, Any]) -> TableRecord | None:
+    def of(cls, arrays: Mapping[str, Any]) -> TableRecord | None:
         """What ``arrays`` made; None where there is none."""
         if "table_bound" not in arrays:
             return None

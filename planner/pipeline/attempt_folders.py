@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from planner.certificate.table_forces import FILE as FORCES
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
 from planner.motion.frames import PHASES, Frames
@@ -30,7 +31,15 @@ TIMELINE: Final = "timeline.zarr"
 CHAIN: Final = "chain.json"
 CLEARANCES: Final = "clearances.npy"
 """What the certificate of a peeled chain found at each frame, until its curves are written."""
-RESULTS: Final = (CHAIN, TIMELINE, "record.npz", "playback.npz", CERTIFICATE, CLEARANCES)
+RESULTS: Final = (
+    CHAIN,
+    TIMELINE,
+    "record.npz",
+    "playback.npz",
+    CERTIFICATE,
+    CLEARANCES,
+    FORCES,
+)
 """What an attempt makes; one that smooths another's plan holds that as well, ``RECORDED_PLAN``."""
 _EXPLOSION: Final = PHASES.index("explosion")
 _UNWANTED: Final = "unwanted-"

@@ -15,6 +15,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 
+from planner.certificate.table_forces import FILE as FORCES
 from planner.errors import UNREADABLE
 from planner.files import write_json
 from planner.pipeline.attempts import CANDIDATES
@@ -37,6 +38,7 @@ FILES: Final = (
     "record.npz",
     "playback.npz",
     "certificate.json",
+    FORCES,
     "timeline.zarr",
     *EXPORTED,
 )

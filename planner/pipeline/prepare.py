@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 LARGEST_MESH: Final = 20_000
+MOST_FAULTS: Final = 2
+"""Of a path for a table that are told."""
 SEARCH_S: Final = 20.0
 
 
@@ -113,7 +115,7 @@ class Preparation:
             "as_voxels": self.options.as_voxels,
             "start": None if self.options.start is None else list(self.options.start),
             "not_started": self.not_started,
-            "expected_s": expected_seconds(len(cells)),
+            "expected_s": expected_seconds(len(cells), world=self.options.world),
             "module": self.chains[0].module.name if self.chains else self.options.module,
             "mesh": self._mesh() if full else None,
             **(self._modules() if full else {}),
@@ -196,12 +198,13 @@ def prepare(
     found = read(data, filename=filename, as_voxels=options.as_voxels)
     if isinstance(found, Chain):
         if options.world == "table":
-            _check_for_table(np.rint(found.folded_poses.positions).astype(np.int64))
+            check_for_table(found)
         return _prepared_chain(found, options, "chain")
     if isinstance(found, Path) and options.module == CUBE.name:
+        chain = Chain.from_path(found)
         if options.world == "table":
-            _check_for_table(found.cells)
-        return _prepared_chain(Chain.from_path(found), options, "path")
+            check_for_table(chain)
+        return _prepared_chain(chain, options, "path")
     if isinstance(found, Path):
         # The cells of a path are a shape to other modules.
         found = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
@@ -238,25 +241,35 @@ def prepare_in_any_order(
     return replace(made, notes=(why, *made.notes))
 
 
-def _check_for_table(cells: NDArray[np.int64]) -> None:
-    """Refuses a path in which no chain can fold on a table.
+def check_for_table(chain: Chain) -> None:
+    """Refuses a chain that cannot fold on a table.
 
     Raises:
-        InputError: ``not-for-a-table``.
+        InputError: ``unsuited-world`` for other modules than cubes, ``not-for-a-table`` for its
+            path.
     """
     from planner.table_paths.rules import faults_of
 
-    faults = faults_of(cells)
+    if chain.module.name != CUBE.name:
+        raise InputError(
+            "unsuited-world",
+            f"got the module {chain.module.name} for a fold on a table, expected {CUBE.name}; take "
+            "the world floating for others.",
+            where="world",
+        )
+    faults = faults_of(np.rint(chain.folded_poses.positions).astype(np.int64))
     if faults:
-        why = " ".join(fault.detail for fault in faults)
+        told = " ".join(fault.detail for fault in faults[:MOST_FAULTS])
+        if len(faults) > MOST_FAULTS:
+            told += f" There are {len(faults) - MOST_FAULTS} more faults."
         raise InputError(
             "not-for-a-table",
-            f"got a path in which a chain cannot fold on a table: {why} "
+            f"got a path in which a chain cannot fold on a table: {told} "
             "Expected one that goes up layer by layer; read it as voxels to have one found.",
         )
 
 
-def _fillings(options: PathOptions) -> Filling:
+def filling_of(options: PathOptions) -> Filling:
     """How cells become chains."""
     from planner.pathfinding.filling import FILLINGS
     from planner.table_paths.fill_table import TableCubes
@@ -285,7 +298,7 @@ def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Prepa
         return Preparation(kind="voxels", name=found.name, options=options, chains=(), shape=found)
     from planner.shapes.voxelise import voxelise
 
-    voxels = voxelise(found, cells=_fillings(options).cells_for(options), seed=seed)
+    voxels = voxelise(found, cells=filling_of(options).cells_for(options), seed=seed)
     return Preparation(
         kind="mesh",
         name=found.name,
@@ -300,7 +313,7 @@ def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Prepa
 def _from_shape(
     kind: str, shape: Shape, options: PathOptions, seed: int, time_limit_s: float
 ) -> Preparation:
-    filled = _fillings(options).fill(
+    filled = filling_of(options).fill(
         shape, options, of_solid=False, seed=seed, time_limit_s=time_limit_s
     )
     return _made(kind, shape.name, options, filled, filled.notes)
@@ -310,7 +323,7 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
     from planner.pathfinding.shape_overlap import intersection_over_union
     from planner.shapes.voxelise import voxelise
 
-    filling = _fillings(options)
+    filling = filling_of(options)
     voxels = voxelise(solid, cells=filling.cells_for(options), seed=seed)
     filled = filling.fill(
         voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s

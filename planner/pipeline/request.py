@@ -135,6 +135,8 @@ class Request:
             ("module", "module"),
             ("strategy", "strategy"),
             ("prefer", "preference"),
+            ("method", "path method"),
+            ("ends", "choice of ends"),
         ):
             if (got := getattr(self, name)) != getattr(plain, name):
                 raise InputError(
@@ -142,6 +144,13 @@ class Request:
                     f"got the {what} {got} for a fold on a table, expected "
                     f"{getattr(plain, name)}; take the world floating for others.",
                 )
+        if self.repair or self.start is not None:
+            what = "repair of the shape" if self.repair else "cell to start in"
+            raise InputError(
+                "unsuited-world",
+                f"got a {what} for a fold on a table, expected none: its path is chosen so that it "
+                "rests; take the world floating for that.",
+            )
         if self.refold or self.smooth:
             raise InputError(
                 "unsuited-world",

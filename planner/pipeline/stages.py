@@ -19,6 +19,7 @@ import numpy as np
 
 from planner.certificate.certificate import Certificate, certify
 from planner.certificate.measure import write_figures
+from planner.certificate.table_forces import FILE as FORCES
 from planner.chain.chain import Chain
 from planner.explosion.strategies import on_lattice, strategies_for
 from planner.exports import mjcf
@@ -168,6 +169,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
     strategies_for(chain, request.parameters(), refolds=request.refold)  # or it is refused
     # A chain comes as it is wanted; what only shows cells may as well begin at their other end.
     told = prepared.kind == "chain" or request.start is not None or request.refold
+    told = told or request.world == "table"  # whose path begins on it
     return _noted(
         directory,
         Candidates(chains, two_ended=not told and on_lattice(chain)),
@@ -270,8 +272,9 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
     request, playback = read_request(directory), read_playback(directory)
     record = read_record(directory)
     parameters = request.parameters(smoothed=is_smoothing(record))
-    known_at = folder(directory) / CLEARANCES
-    known_at.unlink(missing_ok=True)
+    known_at, forces_at = (folder(directory) / name for name in (CLEARANCES, FORCES))
+    for path in (known_at, forces_at):
+        path.unlink(missing_ok=True)
     peeled = playback is not None and isinstance(playback.frames, Windows)
     certificate = certify(
         read_chain(directory),
@@ -282,6 +285,7 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
         progress=progress,
         cancelled=cancelled,
         sink=partial(np.save, known_at) if peeled else None,
+        forces=lambda found: found.save(forces_at),
     )
     again = None
     tried = attempts.load(directory)

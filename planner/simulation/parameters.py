@@ -410,7 +410,8 @@ BASELINE: Final = "one-by-one"
 STRATEGIES: Final = ("simultaneous", "blocks", "peel", BASELINE)
 AUTO: Final = "auto"
 STRATEGY_OPTIONS: Final = (AUTO, *STRATEGIES)
-WORLDS: Final = ("floating", "table")
+FLOATING: Final = "floating"
+WORLDS: Final = (FLOATING, "table")
 """Where a chain folds: nowhere, without gravity; or on a table, under it."""
 
 

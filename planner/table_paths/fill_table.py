@@ -7,11 +7,14 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.pathfinding.feasibility import Feasibility, Problem
 from planner.pathfinding.filled import Filled
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
-from planner.table_paths.table_paths import TablePath, table_paths
+from planner.table_paths.reasons import NoPath, closest, most_telling, ruled_out
+from planner.table_paths.resting import sides_of
+from planner.table_paths.table_paths import paths_or_reasons
 
 SIDES: dict[str, str] = {
     "+x": "right",
@@ -42,11 +45,7 @@ class TableCubes:
         """Finds chains through cells; a shape that was drawn as a mesh keeps standing."""
         del options, time_limit_s
         notes: tuple[str, ...] = ()
-        paths: tuple[TablePath, ...] = ()
-        try:
-            paths = table_paths(shape.cells, seed=seed, turned=not of_solid)
-        except InputError as error:
-            notes = (f"No path for a table: {error.detail}",)
+        paths, reasons = paths_or_reasons(shape.cells, seed=seed, turned=not of_solid)
         if paths and paths[0].down != "-z":
             notes = (f"It lies on its {SIDES[paths[0].down]} side.",)
         cells = paths[0].cells if paths else shape.cells
@@ -57,7 +56,7 @@ class TableCubes:
             ),
             shape=Shape.from_cells(cells, name=shape.name, pitch_m=shape.pitch_m),
             method="table",
-            feasibility=None,
+            feasibility=None if paths else _why_none(shape, reasons),
             cells=cells,
             line=cells.astype(np.float64) if paths else np.zeros((0, 3)),
             knot=knot_of(cells) if paths else None,
@@ -69,10 +68,22 @@ class TableCubes:
         )
 
     def check(self, shape: Shape, options: PathOptions) -> None:
-        """Refuses given cells that have no path for a table.
+        """Refuses given cells of which it is seen at once that they have no path for a table.
 
         Raises:
             InputError: As ``table_paths`` does.
         """
         del options
-        table_paths(shape.cells, most=1)
+        reasons = [ruled_out(side) for side in sides_of(shape.cells)]
+        told = tuple(reason for reason in reasons if reason is not None and not reason.may_fall)
+        if len(told) == len(reasons):
+            raise InputError(*most_telling(told))
+
+
+def _why_none(shape: Shape, reasons: tuple[NoPath, ...]) -> Feasibility:
+    """Why a shape has no path for a table, with cells where the shape has them."""
+    told, (code, detail) = closest(reasons), most_telling(reasons)
+    side = next(side for side in sides_of(shape.cells, turned=True) if side.down == told.down)
+    lying = np.array(told.cells, dtype=np.int64).reshape(-1, 3)
+    cells = tuple((int(x), int(y), int(z)) for x, y, z in (lying - side.shift) @ side.turn)
+    return Feasibility(feasible=None, problems=(Problem(code=code, detail=detail, cells=cells),))

@@ -8,7 +8,6 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import parts
 from planner.pathfinding.obstacles import obstacles, tuples
@@ -120,12 +119,17 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
     return None, None
 
 
-def most_telling(reasons: tuple[NoPath, ...]) -> InputError:
-    """What is told when no side has a path: of the side that comes closest to one, and the rest."""
-    told = min(reasons, key=lambda reason: TELLING.get(reason.code, 1))
+def closest(reasons: tuple[NoPath, ...]) -> NoPath:
+    """Why the side that comes closest to having a path has none."""
+    return min(reasons, key=lambda reason: TELLING.get(reason.code, 1))
+
+
+def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:
+    """Code and detail when no side has a path: of the side that comes closest, and the rest."""
+    told = closest(reasons)
     others = [f"{reason.down} {reason.code}" for reason in reasons if reason is not told]
     rest = f" On other sides: {', '.join(others)}." if others else ""
-    return InputError(told.code, f"got a shape without a path for a table; {told.detail}{rest}")
+    return told.code, f"got a shape without a path for a table; {told.detail}{rest}"
 
 
 def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:

@@ -90,9 +90,11 @@ def table_paths(
         InputError: ``overhang``, ``parts``, ``hairpins-only``, ``not-stable`` or ``no-path`` when
             there is none; and what ``Shape.from_cells`` refuses.
     """
-    found, reasons = _search(cells, seed, most, turned, work, weights)
+    found, reasons = paths_or_reasons(
+        cells, seed=seed, most=most, turned=turned, work=work, weights=weights
+    )
     if not found:
-        raise most_telling(reasons)
+        raise InputError(*most_telling(reasons))
     return found
 
 
@@ -104,13 +106,24 @@ def why_none(
     Args:
         cells: As ``table_paths`` takes them, and so are the others.
     """
-    found, reasons = _search(cells, seed, 1, turned, work, WEIGHTS)
+    found, reasons = paths_or_reasons(cells, seed=seed, most=1, turned=turned, work=work)
     return () if found else reasons
 
 
-def _search(
-    cells: ArrayLike, seed: int, most: int, turned: bool, work: int, weights: Parts
+def paths_or_reasons(
+    cells: ArrayLike,
+    *,
+    seed: int = 0,
+    most: int = MOST,
+    turned: bool = True,
+    work: int = WORK,
+    weights: Parts = WEIGHTS,
 ) -> tuple[tuple[TablePath, ...], tuple[NoPath, ...]]:
+    """The paths that ``table_paths`` gives, and why sides have none; of no paths, all reasons.
+
+    Args:
+        cells: As ``table_paths`` takes them, and so are the others.
+    """
     given = Shape.from_cells(cells).cells
     if len(given) < FEWEST_CELLS:
         raise InputError(

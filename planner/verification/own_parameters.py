@@ -12,7 +12,7 @@ from planner.pipeline.fold_directory import read_request
 from planner.pipeline.preference import COMPUTING
 from planner.plan.differences import Differences, value_differences, versus_plan
 from planner.plan.plan import Plan, versions
-from planner.simulation.parameters import Parameters, preset
+from planner.simulation.parameters import FLOATING, WORLDS, Parameters, preset
 
 
 def playback_number(plan: Plan, name: str) -> float:
@@ -37,8 +37,34 @@ def own_parameters(plan: Plan, module_size: float | None) -> Parameters:
         for name in names
         if name in plan.parameters
     }
-    found = replace(own_preset(plan), **plain)
+    found = _on_its_table(replace(own_preset(plan), **plain), plan)
     return found if module_size is None else replace(found, module_size=module_size)
+
+
+def _on_its_table(parameters: Parameters, plan: Plan) -> Parameters:
+    """The parameters with the world of a plan, and what its table is like.
+
+    Raises:
+        InputError: ``not-a-plan`` when they are none.
+    """
+    world = plan.parameters.get("world", FLOATING)
+    if world == FLOATING:
+        return parameters
+    if world not in WORLDS:
+        raise InputError(
+            "not-a-plan",
+            f"got {world!r} in parameters.world of plan.npz, expected one of: {', '.join(WORLDS)}.",
+        )
+    told = plan.parameters.get("table", {})
+    friction = told.get("friction", parameters.table.friction)
+    table = replace(
+        parameters.table,
+        friction=friction if friction == 0.0 else _checked_number(friction, "table.friction"),
+        most_torque=_checked_number(
+            told.get("most_torque", parameters.table.most_torque), "table.most_torque"
+        ),
+    )
+    return replace(parameters, world=world, table=table)
 
 
 def own_preset(plan: Plan) -> Parameters:

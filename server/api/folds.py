@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import AsyncIterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from io import BytesIO
 from typing import Annotated, Any, BinaryIO, Final, Literal
 
@@ -19,7 +19,7 @@ from planner.pathfinding.starts import TEXT as START
 from planner.pathfinding.starts import cell_of
 from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
 from planner.pipeline.request import Request as Asked
-from planner.pipeline.settings import LONGEST, SETTINGS
+from planner.pipeline.settings import LONGEST, SETTINGS, TABLE_SETTINGS, Setting
 from planner.readers.limits import quote
 from server.api.base_folds import beginning_noted, beginning_of
 from server.api.context import Context, context_of
@@ -45,13 +45,15 @@ from server.store.owned import change_fold
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
 ID: Final = "^[A-Za-z0-9_-]*$"
-LISTED_SETTINGS: Final = ", ".join(
-    f"`{each.name}`{f' ({each.unit})' if each.unit else ''}" for each in SETTINGS
-)
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 
 Here = Annotated[Context, Depends(context_of)]
 Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
+
+
+def listed(settings: tuple[Setting, ...]) -> str:
+    """Names of settings with their units, for OpenAPI."""
+    return ", ".join(f"`{s.name}`{f' ({s.unit})' if s.unit else ''}" for s in settings)
 
 
 def _options(
@@ -87,6 +89,14 @@ def _options(
             description="The cell that the chain begins in, as `x,y,z` of a preview's `cells`.",
         ),
     ] = None,
+    world: Annotated[
+        Literal["floating", "table"],
+        Form(
+            description="Where it folds: without gravity, or resting on a `table` all the time, "
+            "along a path that allows that, with as little torque as can be had. Settings are "
+            f"then {listed(TABLE_SETTINGS)}."
+        ),
+    ] = "floating",
 ) -> ShapeOptions:
     return ShapeOptions(
         module=module,
@@ -96,6 +106,7 @@ def _options(
         ends=ends,
         as_voxels=as_voxels,
         start=cell_of(start) if start else None,
+        world=world,
     )
 
 
@@ -162,7 +173,7 @@ def post_fold(
             # Longer ones are refused in the planner's words.
             json_schema_extra={"maxLength": LONGEST},
             description="Other numbers for the presets `paper` and `direct`, as "
-            f"`damping=0.05,radial_gain=0.2`. There are: {LISTED_SETTINGS}.",
+            f"`damping=0.05,radial_gain=0.2`. There are: {listed(SETTINGS)}.",
         ),
     ] = "",
     seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
@@ -193,11 +204,18 @@ def post_fold(
 
     So is a shape of the gallery, as it is usually folded, for everybody.
     """
-    try:
-        asked = Asked(preset=preset, settings=settings, strategy=strategy, prefer=prefer)
-        asked.check()
-    except InputError as error:
-        raise Unusable.of(error) from None
+    asked = Asked(
+        preset=preset,
+        settings=settings,
+        strategy=strategy,
+        prefer=prefer,
+        world=options.world,  # pyright: ignore[reportArgumentType]
+        refold=refold is not None,
+        smooth=smooth is not None,
+    )
+    checked(asked, options)
+    if shape is not None and options.world == "table":
+        options = replace(options, as_voxels=True)  # likewise those of the gallery
     source, filename = input_of(context, file, shape, preview, fold, smooth)
     if smooth is not None and refold is not None:
         source.close()
@@ -211,7 +229,11 @@ def post_fold(
         if again is not None:
             row = context.store.fold(again)
             shape = row.shape
-            options, cells = noted(context.store.directory(again))
+            world, (options, cells) = options.world, noted(context.store.directory(again))
+            if world != row.world and world == "table":
+                options = replace(options, as_voxels=True)  # a path is one for a floating chain
+            options = replace(options, world=world)  # which is asked for each time
+            checked(asked, options)
             if smooth is not None and module_size is None:
                 module_size = row.module_size
         beginning = None
@@ -368,6 +390,19 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
     context.jobs.forget(fold_id)
     store.folders.remove(fold_id)
     return Response(status_code=204)
+
+
+def checked(asked: Asked, options: ShapeOptions) -> None:
+    """Refuses what cannot be asked for, in the planner's words.
+
+    Raises:
+        Unusable: When it is so.
+    """
+    wished = {k: v for k, v in asdict(options).items() if k not in ("path", "seed")}
+    try:
+        replace(asked, **wished).check()
+    except InputError as error:
+        raise Unusable.of(error) from None
 
 
 def input_of(

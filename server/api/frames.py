@@ -18,11 +18,12 @@ from fastapi.responses import Response
 
 from planner.errors import TimelineError
 from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.simulation.parameters import FLOATING
 from server.api.finding import find_now, viewing_of
 from server.http.compression import Asset
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
-from server.store.shown import RUNNING
+from server.store.shown import RUNNING, ShownFold
 from web.timeline.frame_batch import kept_batch
 from web.timeline.metrics import kept_figures
 from web.timeline.view import TimelineView
@@ -55,8 +56,8 @@ async def bundle(request: Request, fold_id: str) -> Response:
     """What is known of a fold's chain and its scene; the id is that of the timeline."""
 
     def answer() -> Response:
-        timeline = _view(request, fold_id)
-        return _nothing() if timeline is None else _bundle(request, timeline)
+        row, timeline = _view(request, fold_id)
+        return _nothing() if timeline is None else _bundle(request, row, timeline)
 
     return await asyncio.to_thread(answer)
 
@@ -75,7 +76,7 @@ async def batch(
     def answer(timeline: TimelineView | None = None) -> Response | TimelineView:
         """In one go, for threads are few and a slider asks often; the timeline, where one waits."""
         waited = timeline is not None
-        timeline = timeline or _view(request, fold_id)
+        timeline = timeline or _view(request, fold_id)[1]
         if timeline is None:
             return _nothing()
         if wait and not waited and start >= len(timeline) and timeline.growing:
@@ -121,8 +122,12 @@ async def figures(
     return await asyncio.to_thread(answer)
 
 
-def _bundle(request: Request, timeline: TimelineView) -> Response:
-    return _binary(request, bundle_of(timeline.chain, timeline.stretch), timeline)
+def _bundle(request: Request, row: ShownFold, timeline: TimelineView) -> Response:
+    try:
+        table = None if row.world == FLOATING else timeline.table()
+    except TimelineError:
+        return _nothing()  # it is being replaced just now
+    return _binary(request, bundle_of(timeline.chain, timeline.stretch, table), timeline)
 
 
 def _binary(request: Request, data: bytes, timeline: TimelineView) -> Response:
@@ -147,11 +152,11 @@ def _nothing() -> Response:
     return Response(status_code=204, headers={"Cache-Control": "no-store"})
 
 
-def _view(request: Request, fold_id: str) -> TimelineView | None:
+def _view(request: Request, fold_id: str) -> tuple[ShownFold, TimelineView | None]:
     found = find_now(request, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
     timeline = viewing_of(request).timelines.get(result(found.directory, TIMELINE))
     if timeline is not None and not timeline.growing:
         mark(request, found.row)
-    return timeline if timeline is not None and len(timeline) else None
+    return found.row, timeline if timeline is not None and len(timeline) else None

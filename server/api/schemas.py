@@ -179,6 +179,7 @@ class Fold(BaseModel):
     prefer: str = Field(
         description="Which of several verified plans it is: `computing` is the first one."
     )
+    world: str = Field(description="Where it folds: `floating`, or on a `table`.")
     progress: Progress
     summary: dict[str, Any] = Field(
         description="Figures of the plan; empty until it is over. `stuck` tells why and at which "
@@ -210,6 +211,7 @@ class Fold(BaseModel):
             module_size=row.module_size,
             strategy=row.strategy,
             prefer=row.prefer,
+            world=row.world,
             progress=Progress.model_validate(progress_of(row, remaining)),
             summary={**summary_told_honestly(cast(FoldSummary, row.summary or {}))},
             error=Fault.model_validate(row.error) if row.error else None,

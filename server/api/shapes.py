@@ -16,6 +16,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
 from planner.pipeline.request import LARGEST_SEED
+from planner.pipeline.request import Request as Asked
 from server.api.folds import (
     ID,
     Bearer,
@@ -23,6 +24,7 @@ from server.api.folds import (
     Here,
     PathOptions,
     Uploaded,
+    checked,
     input_of,
     problems,
     token_of,
@@ -87,6 +89,7 @@ async def post_preview(
             f"got {options.modules} modules, expected at most {settings.max_modules}.",
         )
     options = replace(options, seed=seed, path=path)
+    checked(Asked(), options)
 
     visitor, token = context.visitor(request), token_of(credentials)
 

@@ -151,6 +151,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             progress={},
             summary={},
             error=None,
+            world=submission.options.world,
             refold=submission.refolds and submission.refolds.name,
             strategy=submission.strategy,
             prefer=submission.prefer,

@@ -26,6 +26,7 @@ from planner.pipeline.attempt_folders import CERTIFICATE, TIMELINE, result
 from planner.pipeline.request import Request
 from planner.pipeline.stages import work_out_figures
 from planner.pipeline.unfinished import stopped_where
+from planner.simulation.parameters import FLOATING
 from server.api import frames as timelines
 from server.files.artifacts import Artifacts
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
@@ -107,6 +108,7 @@ def row_of(directory: Path) -> ShownFold:
         preset=str(request.get("preset") or plan.get("preset") or ""),
         settings=_settings(request.get("preset"), request.get("settings")),
         seed=int(request.get("seed", plan.get("seed")) or 0),
+        world=str(request.get("world") or FLOATING),
         summary=cast(FoldSummary, told),
     )
 

@@ -11,17 +11,18 @@ from rich.table import Table
 
 from planner.pipeline.settings import NO_LIMIT
 from server.cli.options import AsJson
-from server.pages.setting_words import ROBOT_ROWS, ROWS, SOURCES
+from server.pages.setting_words import ROBOT_ROWS, ROWS, SOURCES, TABLE_ROWS
 
 
 def settings(as_json: AsJson = False) -> None:
     """List the settings for `fold --set NAME=NUMBER`."""
     if as_json:
-        typer.echo(json.dumps([asdict(row) for row in (*ROWS, *ROBOT_ROWS)]))
+        typer.echo(json.dumps([asdict(row) for row in (*ROWS, *ROBOT_ROWS, *TABLE_ROWS)]))
         return
     console = Console(highlight=False)
     for title, rows in (
         ("Robots that a plan is tried on", ROBOT_ROWS),
+        ("A fold on a table, with --world table", TABLE_ROWS),
         ("The published method, with --preset paper", ROWS),
     ):
         table = Table(title=title, title_justify="left", box=None, pad_edge=False)

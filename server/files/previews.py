@@ -61,6 +61,7 @@ class ShapeOptions:
     ends: str = "any"
     as_voxels: bool = False
     start: tuple[int, int, int] | None = None
+    world: str = "floating"
     seed: int = 0
     path: bool = True
     """Whether a preview looks for a path; a fold always does."""

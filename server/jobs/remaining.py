@@ -109,7 +109,7 @@ class Remaining:
         )
 
     def _like(self, row: FoldRow) -> list[Duration]:
-        how = (row.module, row.preset, row.strategy, row.prefer, row.settings)
+        how = (row.module, row.preset, row.strategy, row.prefer, row.world, row.settings)
         kind = (*how, row.smooths is None, row.refold is None)
         with self._lock:
             known = self._measured.get(kind)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Final
 
 from planner.pathfinding.duration import expected_seconds
+from planner.simulation.parameters import FLOATING
 
 TICKS_A_SECOND: Final = 10
 LATEST: Final = 2**31 - 2
@@ -20,7 +21,14 @@ CHANGED: Final = 4.0
 """Factor of the usual steps of a published explosion, with changed settings."""
 
 
-def expected_s(modules: int, preset: str, settings: str = "", *, choosing: bool = False) -> float:
+def expected_s(
+    modules: int,
+    preset: str,
+    settings: str = "",
+    *,
+    choosing: bool = False,
+    world: str = FLOATING,
+) -> float:
     """About how long a fold takes, as far as its turn depends on it.
 
     Args:
@@ -28,8 +36,9 @@ def expected_s(modules: int, preset: str, settings: str = "", *, choosing: bool 
         preset: Its parameters.
         settings: What it changes of them: such a fold may take all the steps that there are.
         choosing: Whether it chooses among several plans, which are all computed.
+        world: Where it folds.
     """
-    usual = expected_seconds(modules, preset, choosing=choosing)
+    usual = expected_seconds(modules, preset, choosing=choosing, world=world)
     return min(SLOWEST, (CHANGED if settings else 1.0) * usual)
 
 

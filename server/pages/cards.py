@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from dataclasses import dataclass
@@ -36,6 +37,9 @@ KINDS: Final = {
 }
 CHAINS: Final = {"cube": "Cubes", "tetrahedron": "Tetrahedra"}
 PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
+NO_TORQUE: Final = 0.05
+"""Torques in w·p that are told as none."""
+WHERE: Final = {"table": "On a table"}
 STATUSES: Final = {
     "verified": "Verified",
     "running": "Running",
@@ -76,6 +80,7 @@ class Card:
         module: What its chain is made of.
         modules: How many.
         tags: Of which kinds it is.
+        rests_within: Torque in w·p within which it rests on a table; None where that is not known.
     """
 
     name: str
@@ -83,6 +88,16 @@ class Card:
     module: str
     modules: int
     tags: tuple[str, ...]
+    rests_within: float | None = None
+
+    @property
+    def rests(self) -> str | None:
+        """Within what it rests on a table, in words, rounded up."""
+        if self.rests_within is None:
+            return None
+        if self.rests_within < NO_TORQUE:
+            return "Rests on a table, without torque"
+        return f"Rests on a table within {math.ceil(10 * self.rests_within) / 10:.1f} w·p"
 
     @property
     def count(self) -> str:
@@ -119,6 +134,7 @@ class Sieve:
     module: str = ""
     kind: str = ""
     status: str = ""
+    world: str = ""
     words: str = ""
     least: int | None = None
     most: int | None = None
@@ -137,6 +153,7 @@ class Sieve:
             module=one_of("type", CHAINS),
             kind=one_of("kind", KINDS),
             status=one_of("status", STATUSES),
+            world=one_of("world", WHERE),
             words=" ".join(query.get("q", "")[:100].split()),
             least=int(least) if re.fullmatch(r"\d{1,6}", least) else None,
             most=int(most) if re.fullmatch(r"\d{1,6}", most) else None,
@@ -148,6 +165,7 @@ class Sieve:
             self.module in ("", card.module)
             and (not self.kind or self.kind in card.tags)
             and self.status in ("", standing.status)
+            and (not self.world or card.rests_within is not None)
             and (self.least is None or card.modules >= self.least)
             and (self.most is None or card.modules <= self.most)
             and all(f" {word}" in f" {card.words}" for word in self.words.lower().split())
@@ -164,6 +182,7 @@ def cards(gallery: Gallery) -> tuple[Card, ...]:
             module=shape.module,
             modules=shape.modules,
             tags=shape.tags,
+            rests_within=shape.rests_within,
         )
         for shape in gallery.shapes()
     )

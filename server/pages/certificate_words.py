@@ -6,15 +6,26 @@ What is proved is rounded to the side that claims less.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final, TypedDict
 
 from planner.certificate.figures import CertificateFigures
-from server.pages.quantities import quantity
+from planner.certificate.table import TableCertificate
+from planner.motion.record import TableRecord
+from planner.robot.casings import CASINGS
+from planner.robot.servos import Servo, servos
+from planner.robot.sizing import at_which_pitch, who_would_do
+from server.pages.quantities import length_m, quantity, sentence
 
 DIGITS: Final = 2
 NOT_SIMULATED: Final = "not simulated"
 NOT_KNOWN: Final = "not known: made by an earlier version"
 BASELINE: Final = "one joint at a time (a baseline)"
+MOST_SERVOS: Final = 8
+"""Servos that are named, the lightest first."""
+NEAR: Final = 1.1
+"""Factor of the least pitch at which a servo would do, for others that are named beside it."""
+LEAST_LOW: Final = 1e-3
+"""Pitches from which on a corner is above the table or in it."""
 LEAST_SHOWN: Final = 1e-9
 """Overlaps of less, in pitches, are the rounding of a touch."""
 
@@ -48,19 +59,117 @@ def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
         ("Largest joint step", quantity(certificate.get("max_joint_step_rad"), "rad")),
         ("Hinges moving, most", quantity(certificate.get("hinges_moving_most"))),
         torque(certificate),
-        ("On a table, statics", on_table(certificate)),
+        ("On a table, statics", _torque_of(certificate.get("table"))),
         ("Time to fold", quantity(certificate.get("fold_time_s"), "s")),
         ("at a joint speed of", quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")),
     ]
 
 
-def on_table(certificate: CertificateFigures) -> str | None:
-    """What a fold on a table asks at most; None of one that floats, or that does not rest."""
-    table = certificate.get("table")
-    if table is None or table["torque"] is None:
+class TableTold(TypedDict):
+    """What a certificate says of a fold on a table, in words."""
+
+    good: bool
+    text: str
+    rows: list[tuple[str, str]]
+    assumptions: list[str]
+    servos: str
+    named: list[dict[str, str]]
+
+
+def on_table(certificate: CertificateFigures, record: TableRecord | None) -> TableTold | None:
+    """What a fold on a table asks, and of which servos; None of one that floats.
+
+    Args:
+        certificate: Of the fold.
+        record: What the explosion took back, if that is known.
+    """
+    told = certificate.get("table")
+    if told is None:
         return None
-    friction = "frictionless" if table["friction"] == 0.0 else f"friction {table['friction']:g}"
-    return f"{table['torque']:.3g} w·p, {table['torque_nm']:.3g} N·m ({friction})"
+    table = TableCertificate.from_dict(told)
+    friction = table.told_friction
+    largest = _torque(table.torque, table.unit_nm, friction)
+    rests = f"rests on a table within {largest}"
+    text = sentence(rests if table.rests else table.verdict.removeprefix("failed: "))
+    rows: list[tuple[str, str | None]] = [
+        ("Frame of the playback", None if table.frame is None else str(table.frame + 1)),
+        ("1 w·p, module's weight × pitch", quantity(table.unit_nm, "N·m")),
+        ("Allowed", None if table.bound is None else f"at most {table.bound:g} w·p"),
+        ("Friction", "none" if table.friction == 0.0 else f"μ = {table.friction:g}"),
+        ("First module", "clamped to the table" if table.base == "clamped" else "lies free"),
+        ("Lowest corner", _lowest(table.clearance)),
+        ("Frames out of balance", str(len(table.unbalanced) or "none")),
+    ]
+    if record is not None:
+        rows += [
+            ("Frames taken back", quantity(record.taken_back)),
+            ("Bound while unfolding", _rose(record)),
+        ]
+    servos, named = _servos(table) if table.torque is not None else ("", [])
+    return {
+        "good": table.rests,
+        "text": text,
+        "rows": [(label, value) for label, value in rows if value],
+        "assumptions": list(table.assumptions),
+        "servos": servos,
+        "named": [{"name": f"{servo.maker} {servo.name}", "href": servo.url} for servo in named],
+    }
+
+
+def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
+    """Which servos would do, in words and by name; if none, which ones do in larger modules."""
+    torque, casing = table.torque or 0.0, CASINGS["pla"]
+    fits = who_would_do(torque, pitch_m=table.pitch_m, casing=casing)
+    would = [fit.servo for fit in fits if fit.would_do]
+    if would:
+        more = len(would) - MOST_SERVOS
+        rest = f", the lightest of {len(would)}" if more > 0 else ""
+        pitch = length_m(table.pitch_m)
+        return f"Servos that would do at this pitch ({pitch}) in PLA{rest}:", would[:MOST_SERVOS]
+    ranges = [
+        (at_which_pitch(s, torque, casing), s) for s in servos() if s.turns_enough is not False
+    ]
+    larger = sorted(
+        ((found.least_m, servo) for found, servo in ranges if not found.empty),
+        key=lambda one: (one[0], one[1].name),
+    )
+    if not larger or larger[0][0] <= table.pitch_m:
+        return "No servo that is known would do in PLA at any pitch.", []
+    least = length_m(larger[0][0])
+    text = f"No servo that is known fits this pitch in PLA. From {least} on these would do:"
+    return text, [servo for pitch_m, servo in larger if pitch_m <= NEAR * larger[0][0]]
+
+
+def _torque_of(table: dict[str, Any] | None) -> str | None:
+    if table is None:
+        return None
+    found = TableCertificate.from_dict(table)
+    return _torque(found.torque, found.unit_nm, found.told_friction)
+
+
+def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | None:
+    """A torque with its friction, claiming no less than is asked."""
+    if torque_wp is None:
+        return None
+    upwards = 10.0 ** (2 - math.floor(math.log10(torque_wp))) if torque_wp > 0.0 else 1.0
+    most = math.ceil(torque_wp * upwards - LEAST_SHOWN) / upwards
+    return f"{most:.3g} w·p ({quantity(torque_wp * unit_nm, 'N·m')}), {friction}"
+
+
+def _lowest(clearance: float) -> str:
+    if abs(clearance) < LEAST_LOW:
+        return "on the table"
+    where = "above" if clearance > 0.0 else "in it"
+    return f"{quantity(abs(clearance), 'pitch', DIGITS)} {where}"
+
+
+def _rose(record: TableRecord) -> str:
+    """How the bound of an explosion's guard rose."""
+    bounds = [bound for _, bound in record.raised]
+    if not bounds:
+        return f"{record.bound:g} w·p, never raised"
+    raised = ", ".join(f"{bound:.3g} at {when:.3g} s" for when, bound in record.raised)
+    return f"{record.bound:.3g} w·p; raised to {raised}"
 
 
 def robots(certificate: CertificateFigures) -> str | None:

@@ -23,15 +23,18 @@ from planner.chain.module import CUBE, MODULES
 from planner.errors import TimelineError
 from planner.exports import exports_of
 from planner.files import json_of
+from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
 from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.attempt_folders import CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import LARGEST_SEED, Request
+from planner.pipeline.settings import TABLE_SETTINGS
 from planner.robot import MOST_ANGLES
-from planner.simulation.parameters import AUTO
+from planner.simulation.parameters import AUTO, FLOATING
 from server.api.schemas import export_href
 from server.pages import certificate_words
+from server.pages.certificate_words import TableTold
 from server.pages.choice_words import PREFERENCE_WORDS, Choice, choice_of, superlative
 from server.pages.failures import AttemptWords, Failure, attempts, exploding, failure
 from server.pages.quantities import PRESETS, STRATEGIES, length_m, quantity, sentence
@@ -44,6 +47,7 @@ from server.store.shown import RUNNING, Found, ShownFold, has_motion
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
 
 
+RECORD: Final = "record.npz"
 PLAN: Final = "plan.npy"
 """Part of a plan.npz: all that it says besides its frames, as JSON text."""
 LARGEST_SETTINGS: Final = 16 * 2**20
@@ -126,6 +130,7 @@ class FoldFacts(TypedDict):
     failure: Failure | None
     attempts: list[AttemptWords]
     choice: Choice | None
+    table: TableTold | None
     again: Suggestion | None
     frames: int
     refoldable: bool
@@ -163,6 +168,7 @@ def fold_facts(
     )
     running = row.status in RUNNING
     done = row.status in ("verified", "failed")
+    where = "" if row.world == FLOATING else ", on a table"
     problem = _problem(row, summary)
     choice = choice_of(directory, preference_named(row.prefer)) if done else None
     there = api and done and (directory / "plan.npz").is_file()
@@ -175,16 +181,17 @@ def fold_facts(
         "name": row.title,
         "status": row.status,
         "running": running and api,
-        "preset": f"{PRESETS.get(row.preset, row.preset)}{in_a_line(row.settings)}",
+        "preset": f"{PRESETS.get(row.preset, row.preset)}{where}{in_a_line(row.settings)}",
         "verdict": _verdict(row, summary, certificate, choice),
         "cover": "Loading the view" if not running else "Waiting for the first frame",
         "problem": problem,
         "failure": failure(row, summary),
         "attempts": attempts(directory) if not running else [],
         "choice": choice,
+        "table": certificate_words.on_table(certificate, _on_table(row, directory)),
         "again": _again(row) if api else None,
         "frames": frames_promised(directory),
-        "refoldable": api and row.status == "verified",
+        "refoldable": api and row.status == "verified" and row.world == FLOATING,
         "refold": _published(row) if row.preset == "paper" else {},
         "smoothable": api and _smoothable(row, summary),
         "smoothing": _smoothing(found if api else None, summary),
@@ -257,6 +264,8 @@ def _again(row: ShownFold) -> Suggestion | None:
         form["strategy"] = row.strategy
     if row.prefer != COMPUTING:
         form["prefer"] = row.prefer
+    if row.world != FLOATING:
+        form["world"] = row.world
     if row.status == "cancelled":
         return {"text": "Fold again", "form": form}
     if row.status != "failed" or row.stage == "read":  # such an input fails again
@@ -289,6 +298,11 @@ def _compare(found: Found) -> list[Suggestion]:
         if not found.recorded:
             return [another]
         return [{"text": "As recorded", "hint": "What was smoothed", "id": found.recorded}, another]
+    if row.world != FLOATING:
+        other["world"] = row.world
+        floating: Suggestion = {"text": "Floating", "hint": "The same, without gravity"}
+        floating["form"] = {**form, "settings": _floating_settings(row.settings)}
+        return [floating, another]
     ways = (
         ("default", "Reverse explosion", "Our preset"),
         ("direct", "Direct servoing", "Straight to the shape, without a record"),
@@ -307,6 +321,11 @@ def _compare(found: Found) -> list[Suggestion]:
             "form": {**form, "prefer": unlike},
         }
         others = [best, *others]
+    if _may_rest(row):
+        takes = _about(expected_seconds(row.modules, world="table"))
+        rests: Suggestion = {"text": "On a table", "hint": f"Under gravity, takes {takes}"}
+        rests["form"] = {**form, "world": "table"}
+        others = [rests, *others]
     takes = _about(expected_seconds(row.modules, "paper"))
     published: Suggestion = {
         "text": "As published",
@@ -320,6 +339,30 @@ def _compare(found: Found) -> list[Suggestion]:
     return [*others, published, another]
 
 
+def _may_rest(row: ShownFold) -> bool:
+    """Whether the same may be asked for on a table."""
+    plain = Request()
+    asked, usual = (row.preset, row.module), (plain.preset, plain.module)
+    return asked == usual and not row.refold and not row.settings
+
+
+def _floating_settings(settings: str) -> str:
+    """Those of them that a fold takes which floats."""
+    names = {setting.name for setting in TABLE_SETTINGS}
+    return ",".join(s for s in settings.split(",") if s.partition("=")[0] not in names)
+
+
+def _on_table(row: ShownFold, directory: Path) -> TableRecord | None:
+    """What the explosion of a fold on a table took back; None where that is not known."""
+    if row.world == FLOATING:
+        return None
+    try:
+        with np.load(result(directory, RECORD), allow_pickle=False) as arrays:
+            return TableRecord.of(arrays)
+    except (OSError, ValueError, KeyError, BadZipFile):
+        return None
+
+
 def _about(seconds: float) -> str:
     """A time that is not known exactly: ``about a minute``."""
     minutes = round(seconds / 60)
@@ -330,7 +373,12 @@ def _about(seconds: float) -> str:
 
 def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:
     """Whether smoothing is worth asking for: not twice, and not of what is too long for it."""
-    if row.status != "verified" or summary.get("refold") or summary.get("smoothing"):
+    if (
+        row.status != "verified"
+        or row.world != FLOATING
+        or summary.get("refold")
+        or summary.get("smoothing")
+    ):
         return False
     frames = (summary.get("explosion") or {}).get("frames") or 0
     return frames * int(summary.get("hinges") or 0) <= MOST_ANGLES
@@ -383,6 +431,7 @@ def _properties(
                 ("Joints", _joints(row)),
                 ("Pitch", length_m(chain.get("pitch_m"))),
                 ("Preset", PRESETS.get(row.preset, row.preset)),
+                ("World", None if row.world == FLOATING else "On a table, under gravity"),
                 ("Seed", summary.get("seed", row.seed)),
                 ("Identifier", row.id),
             ],

@@ -12,7 +12,7 @@ from server.api.folds import post_fold
 from server.errors import ServiceError
 from server.files.previews import ShapeOptions
 from server.http.problems import Problem
-from server.pages.cards import CHAINS, STATUSES, Sieve, Standing, cards, kinds, standings
+from server.pages.cards import CHAINS, STATUSES, WHERE, Sieve, Standing, cards, kinds, standings
 from server.pages.page import page
 from server.pages.problem_page import not_found_page
 from server.pages.quantities import sentence
@@ -37,6 +37,7 @@ async def gallery_page(request: Request) -> Response:
         kinds=kinds(context.gallery),
         chains=CHAINS,
         statuses=STATUSES,
+        where=WHERE,
     )
 
 

@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from server.http.security import LISTED
 from server.pages.choice_words import PREFERENCE_WORDS
-from server.pages.setting_words import ROWS, SOURCES
+from server.pages.setting_words import ROWS, SOURCES, TABLE_ROWS
 from web.static_files import code_of, scripts_of, text_of
 
 THEME: Final = "js/theme.js"
@@ -66,6 +66,7 @@ def entry(page_name: str) -> Markup:
 
 KNOWN: Final[dict[str, object]] = {
     "paper_settings": ROWS,
+    "table_settings": TABLE_ROWS,
     "preferences": PREFERENCE_WORDS,
     "setting_sources": SOURCES,
     "entry": entry,

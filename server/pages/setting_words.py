@@ -9,6 +9,7 @@ from planner.errors import InputError
 from planner.pipeline.settings import (
     ROBOT_SETTINGS,
     SETTINGS,
+    TABLE_SETTINGS,
     Setting,
     Source,
     read_settings,
@@ -56,7 +57,9 @@ ROWS: Final = _rows(SETTINGS, PAPER)
 """Of the published method."""
 ROBOT_ROWS: Final = _rows(ROBOT_SETTINGS, preset("default"))
 """Of the robots that a plan is tried on."""
-ALL: Final = (*SETTINGS, *ROBOT_SETTINGS)
+TABLE_ROWS: Final = _rows(TABLE_SETTINGS, preset("default"))
+"""Of a fold on a table."""
+ALL: Final = (*SETTINGS, *ROBOT_SETTINGS, *TABLE_SETTINGS)
 
 
 def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:

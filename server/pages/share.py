@@ -16,6 +16,7 @@ from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from planner.errors import TimelineError
 from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.simulation.parameters import FLOATING
 from server.api.finding import find_fold, viewing_of
 from server.api.frames import view_page
 from server.errors import Conflict
@@ -25,7 +26,8 @@ from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import not_found_page
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING, Found
-from web.timeline.metrics import curves_of
+from web.pictures.table_top import TableTop
+from web.timeline.metrics import curves_of, table_forces
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.recording import recording_of
@@ -92,7 +94,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
     path = await viewing_of(request).artifacts.file(
         fold_id,
         "standalone.html",
-        _of_view(found, lambda timeline: _standalone(found.directory, timeline, facts)),
+        _of_view(found, lambda timeline: _standalone(found, timeline, facts)),
         of=OF,
         edition=await asyncio.to_thread(_edition, facts),
         visitor=address_of(request),
@@ -107,7 +109,7 @@ async def recording(request: Request, fold_id: str) -> Response:
     path = await viewing_of(request).artifacts.file(
         fold_id,
         "recording.viser",
-        _of_view(found, recording_of),
+        _of_view(found, lambda timeline: recording_of(timeline, _table(found, timeline))),
         of=OF,
         visitor=address_of(request),
     )
@@ -126,12 +128,18 @@ def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[]
     return made
 
 
-def _standalone(directory: Path, timeline: TimelineView, facts: FoldFacts) -> bytes:
+def _standalone(found: Found, timeline: TimelineView, facts: FoldFacts) -> bytes:
     try:
-        curves = curves_of(directory)
+        curves, forces = curves_of(found.directory), table_forces(found.directory)
     except (TimelineError, OSError):
-        curves = None
-    return standalone_html(timeline, _page, facts, curves=curves)
+        curves = forces = None
+    table = _table(found, timeline)
+    return standalone_html(timeline, _page, facts, curves=curves, forces=forces, table=table)
+
+
+def _table(found: Found, timeline: TimelineView) -> TableTop | None:
+    """What a fold stands on; None of one that floats."""
+    return None if found.row.world == FLOATING else timeline.table()
 
 
 def _edition(facts: FoldFacts) -> str:

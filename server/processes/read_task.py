@@ -24,7 +24,16 @@ if TYPE_CHECKING:
     from planner.pathfinding.options import PathOptions
 
 LARGEST_DRAWING: Final = 4000
-PATH_OPTIONS: Final = ("module", "modules", "method", "repair", "ends", "as_voxels", "start")
+PATH_OPTIONS: Final = (
+    "module",
+    "modules",
+    "method",
+    "repair",
+    "ends",
+    "as_voxels",
+    "start",
+    "world",
+)
 
 
 def warm_up() -> None:
@@ -67,15 +76,19 @@ def check(directory: Path) -> dict[str, Any]:
             _note(directory, np.rint(found.folded_poses.positions))
         if begins is not None:
             check_fits(begins, found.module.name, len(found))
+        if request.get("world") == "table":
+            from planner.pipeline.prepare import check_for_table
+
+            check_for_table(found)
         return {"name": found.name, "module": found.module.name, "modules": len(found)}
-    from planner.pathfinding.filling import FILLINGS
     from planner.pathfinding.options import DEFAULT_MODULES
+    from planner.pipeline.prepare import filling_of
 
     options = options_of(request)
     modules = options.modules or DEFAULT_MODULES
     if isinstance(found, Shape | CellPath):
         shape = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
-        filling = FILLINGS[options.module]
+        filling = filling_of(options)
         _note(directory, shape.cells)
         filling.check(shape, options)
         modules = filling.modules_of(shape, options)

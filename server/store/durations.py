@@ -41,6 +41,7 @@ def durations_like(store: Store, row: FoldRow) -> list[Duration]:
         FoldRow.preset == row.preset,
         FoldRow.strategy == row.strategy,
         FoldRow.prefer == row.prefer,
+        FoldRow.world == row.world,
         FoldRow.settings == row.settings,
         FoldRow.smooths.is_(None) if row.smooths is None else FoldRow.smooths.is_not(None),
         FoldRow.refold.is_(None) if row.refold is None else FoldRow.refold.is_not(None),
@@ -68,7 +69,7 @@ def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | Non
     """
     if row.modules <= 0:
         return None
-    cost_s = expected_s(row.modules, row.preset, row.settings)
+    cost_s = expected_s(row.modules, row.preset, row.settings, world=row.world)
     weighed: list[tuple[float, Duration]] = []
     for duration in known:
         apart = abs(math.log(row.modules / duration.modules))
@@ -83,7 +84,7 @@ def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | Non
                 (
                     duration.stage_s.get(stage, 0.0)
                     * cost_s
-                    / expected_s(duration.modules, row.preset, row.settings),
+                    / expected_s(duration.modules, row.preset, row.settings, world=row.world),
                     weight,
                 )
                 for weight, duration in weighed

@@ -234,7 +234,11 @@ class Store:
         """
         row.owner = row.maker = hash_of(token)
         row.cost_s = expected_s(
-            row.modules, row.preset, row.settings, choosing=row.prefer != COMPUTING
+            row.modules,
+            row.preset,
+            row.settings,
+            choosing=row.prefer != COMPUTING,
+            world=row.world,
         )
         try:
             with self.changing() as session:

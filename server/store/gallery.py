@@ -17,6 +17,8 @@ from planner.errors import InputError
 MOST_NEAREST: Final = 4
 MOST_FITTING: Final = 6
 ALIKE: Final = 0.5
+TABLE_RESULTS: Final = "table_results.json"
+"""Written by ``examples/run_gallery.py --world table``."""
 UNTAGGED: Final = ("paper",)
 """Tags of shapes that have none of their own: those of the paper."""
 
@@ -32,6 +34,8 @@ class GalleryShape:
         module: What they are: ``cube`` or ``tetrahedron``.
         data: The bytes of its path or chain file.
         tags: What kind of shape it is: ``animal``, ``tool``, ``letter`` …
+        rests_within: Torque in w·p within which it is known to rest on a table, without friction;
+            None where nothing of the kind is known.
     """
 
     name: str
@@ -40,6 +44,7 @@ class GalleryShape:
     data: bytes
     tags: tuple[str, ...] = ()
     module: str = CUBE.name
+    rests_within: float | None = None
 
     @property
     def filename(self) -> str:
@@ -50,8 +55,9 @@ class GalleryShape:
 @cache
 def gallery() -> tuple[GalleryShape, ...]:
     """All example shapes, shortest chain first; read once."""
+    resting = _resting()
     found = [
-        _shape(entry)
+        _shape(entry, resting)
         for entry in shapes_directory().iterdir()
         if entry.is_file() and entry.name.endswith(".json")
     ]
@@ -97,7 +103,21 @@ def shapes_directory() -> Traversable:
     return checkout if checkout.is_dir() else package / "shapes"
 
 
-def _shape(entry: Traversable) -> GalleryShape:
+def _resting() -> dict[str, float]:
+    """Shapes that were found to rest on a table, and the torque in w·p that each asks."""
+    directory = shapes_directory()
+    for file in (files("server") / TABLE_RESULTS, Path(str(directory)).parent / TABLE_RESULTS):
+        if file.is_file():
+            shapes = json.loads(file.read_bytes())["shapes"]
+            return {
+                name: float(result["torque_wp"])
+                for name, result in shapes.items()
+                if str(result["verdict"]).startswith("verified")
+            }
+    return {}
+
+
+def _shape(entry: Traversable, resting: dict[str, float]) -> GalleryShape:
     data = entry.read_bytes()
     content = json.loads(data)
     name = entry.name.removesuffix(".json")
@@ -114,4 +134,5 @@ def _shape(entry: Traversable) -> GalleryShape:
         module=module.name,
         tags=tuple(map(str, content.get("tags", UNTAGGED))),
         data=data,
+        rests_within=resting.get(name),
     )

@@ -11,7 +11,7 @@ from typing import Final, Protocol
 from planner.certificate.figures import Fault, FoldSummary
 from planner.chain.module import CUBE
 from planner.pipeline.preference import COMPUTING
-from planner.simulation.parameters import AUTO
+from planner.simulation.parameters import AUTO, FLOATING
 from server.store.tables import FoldRow
 
 RUNNING: Final = ("queued", "running")
@@ -36,6 +36,7 @@ class ShownFold:
     module_size: float | None = None
     strategy: str = AUTO
     prefer: str = COMPUTING
+    world: str = FLOATING
     refold: str | None = None
     smooths: str | None = None
     summary: FoldSummary = field(default_factory=FoldSummary)

@@ -25,6 +25,7 @@ class FoldRow(Base):
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
     ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
     ``prefer`` tells which of several plans is wanted, see ``planner.pipeline.preference``;
+    ``world`` is where it folds, see ``planner.simulation.parameters.WORLDS``;
     ``settings`` is what ``planner.pipeline.settings.settings_text`` makes of those of its
     preset.
 
@@ -79,6 +80,7 @@ class FoldRow(Base):
     prefer: Mapped[str] = mapped_column(sa.String(16), default="computing")
     maker: Mapped[str | None] = mapped_column(sa.String(64), index=True, default=None)
     renamed: Mapped[bool] = mapped_column(default=False)
+    world: Mapped[str] = mapped_column(sa.String(16), default="floating")
 
     @property
     def created(self) -> datetime:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from examples import run_gallery
-from examples.run_gallery import SHAPES, digest, fold_once, known
+from examples.run_gallery import SHAPES, digest, fold_once, known, suited
 
 pytestmark = pytest.mark.slow
 
@@ -45,3 +45,13 @@ def test_what_is_known_is_not_folded_again(
     run_gallery.main([])
     assert results.read_bytes() == before
     assert not capsys.readouterr().out
+
+
+def test_what_is_known_of_tables_is_of_the_files_as_they_are() -> None:
+    results = known("table")
+    assert set(results) <= {file.stem for file in FILES if suited(file, "table")}
+    for name, result in results.items():
+        assert result["digest"] == digest(SHAPES / f"{name}.json")
+        if result["verdict"].startswith("verified"):
+            assert 0.0 <= result["torque_wp"] <= 8.0
+            assert result["friction"] == 0.0

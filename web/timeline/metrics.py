@@ -4,6 +4,11 @@ Messages are those of ``web.timeline.columns``. The curves' header tells ``frame
 ``rows`` a stretch has and the ``largest`` torque and position error; a stretch holds the
 clearances, nearest modules, torques and position errors of its frames, ``widths`` columns each. Of
 simulated windows there are position errors alone, of others no stretches.
+
+Of a fold on a table the torques are those of standing there, in w·p (``joint_torque``), with each
+module's push on the table in weights (``pressed``); the curve of the largest is ``table_torque``,
+and ``table`` in the header tells what 1 w·p is in N·m, what was allowed, what the explosion kept
+to, and the words about friction.
 """
 
 from __future__ import annotations
@@ -17,11 +22,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.metrics import Curves, Figures
+from planner.certificate.table import TableCertificate
+from planner.certificate.table_forces import FILE as FORCES
+from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
+from planner.errors import InputError
+from planner.files import json_of
 from planner.motion.angle_steps import plan_angles, plan_window_angles
+from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
 from planner.motion.windows import Windows
-from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.attempt_folders import CERTIFICATE, TIMELINE, result
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 
@@ -30,8 +41,12 @@ MOST_ROWS: Final = 128
 SAMPLES: Final = 48
 """Frames, spread over the fold, from which the largest position error is told."""
 FIGURES: Final = "figures.zarr"
+RECORD: Final = "record.npz"
 Array = NDArray[np.float64]
 _REFERENCES: Final[Cache[Array | Windows]] = Cache(128 * 2**20, lambda kept: _bytes(kept))
+_FORCES: Final[Cache[TableForces]] = Cache(
+    64 * 2**20, lambda kept: kept.torques.nbytes + kept.pressed.nbytes
+)
 _MESSAGES: Final[Cache[bytes]] = Cache(32 * 2**20, len)
 
 
@@ -42,7 +57,8 @@ def kept_figures(directory: Path, part: int | None = None) -> bytes:
         TimelineError: When there are no figures, or no such stretch.
         OSError: When they are being replaced.
     """
-    parts = (directory / FIGURES / "zarr.json", result(directory, TIMELINE) / "zarr.json")
+    parts = [directory / FIGURES / "zarr.json", result(directory, TIMELINE) / "zarr.json"]
+    parts += [path for path in (result(directory, FORCES),) if path.exists()]
     stamps = [(found.st_ino, found.st_mtime_ns) for found in (path.stat() for path in parts)]
     key = (directory, part, *stamps)
     if (data := _MESSAGES.get(key)) is None:
@@ -65,18 +81,28 @@ def curves_of(directory: Path) -> bytes:
         # In one go: to ask a timeline for single frames takes ten times as long.
         found = _position_errors(timeline, 0, total, reference, -(-total // SAMPLES))
         error = float(np.nan_to_num(found, nan=0.0).max(initial=0.0))
+    forces = _forces(directory, timeline)
+    columns = {f.name: _plain(getattr(curves, f.name)) for f in fields(Curves)}
+    largest = _largest(curves.peak_torque_nm)
+    if forces is not None:
+        del columns["peak_torque_nm"]  # of a chain that floats
+        columns["table_torque"] = _placed(forces.torque[:, None], 0, total, total)[:, 0]
+        largest = _largest(forces.torque)
     header = {
         "frames": len(curves),
-        "rows": _rows(timeline),
+        "rows": _rows(timeline, forces),
+        "table": None if forces is None else _table_told(directory),
         # Of windows torques are worked out at some frames only, see
         # ``planner.certificate.measure``.
         "torque_at_some_frames": timeline.windowed,
         "largest": {
-            "torque": _largest(curves.peak_torque_nm),
+            "torque": largest,
+            "joint_torque": largest,
+            "pressed": 0.0 if forces is None else _largest(forces.pressed),
             "position_error": error,
         },
     }
-    return encode(header, {f.name: _plain(getattr(curves, f.name)) for f in fields(Curves)})
+    return encode(header, columns)
 
 
 def stretch_of(directory: Path, part: int) -> bytes:
@@ -86,7 +112,8 @@ def stretch_of(directory: Path, part: int) -> bytes:
         TimelineError: When there are no figures, or no such stretch.
     """
     timeline = Timeline.open(result(directory, TIMELINE))
-    rows, total = _rows(timeline), len(timeline)
+    forces, total = _forces(directory, timeline), len(timeline)
+    rows = _rows(timeline, forces)
     start, stop = part * rows, min((part + 1) * rows, total)
     reference = _reference(directory, timeline)
     if timeline.windowed and reference is not None:
@@ -98,13 +125,90 @@ def stretch_of(directory: Path, part: int) -> bytes:
             "nearest": figures.nearest,
             "torque": figures.torque_nm,
         }
+    if forces is not None:
+        found.pop("torque", None)
+        found |= _at_frames(forces, start, stop, total)
     found["position_error"] = _position_errors(timeline, start, stop, reference)
     columns = {name: _plain(values) for name, values in found.items()}
     return encode({"widths": {name: v.shape[1] for name, v in columns.items()}}, columns)
 
 
-def _rows(timeline: Timeline) -> int:
+def table_forces(directory: Path) -> bytes | None:
+    """What a stretch tells of standing on a table, of all frames in one; None of other folds.
+
+    Torques and forces are within a half per cent, so that they take little.
+
+    Raises:
+        TimelineError: When there is no timeline.
+    """
+    timeline = Timeline.open(result(directory, TIMELINE))
+    if (forces := _forces(directory, timeline)) is None:
+        return None
+    total = len(timeline)
+    columns = _at_frames(forces, 0, total, total)
+    widths = {name: values.shape[1] for name, values in columns.items()}
+    return encode({"widths": widths}, columns, short=frozenset(columns))
+
+
+def _forces(directory: Path, timeline: Timeline) -> TableForces | None:
+    """The forces of a fold on a table; None of one that floats, or where they don't fit."""
+    path = result(directory, FORCES)
+    try:
+        found = path.stat()
+        key = (path, found.st_ino, found.st_mtime_ns)
+        if (forces := _FORCES.get(key)) is None:
+            forces = TableForces.load(path)
+            _FORCES.keep(key, forces)
+    except (OSError, InputError):
+        return None
+    chain = timeline.chain
+    shapes = (forces.torques.shape[1], forces.pressed.shape[1])
+    fitting = len(forces) <= len(timeline) and shapes == (len(chain.folded_rad), len(chain))
+    return forces if fitting else None
+
+
+def _at_frames(
+    forces: TableForces, start: int, stop: int, total: int
+) -> dict[str, NDArray[np.float32]]:
+    return {
+        "joint_torque": _placed(np.abs(forces.torques), start, stop, total),
+        "pressed": _placed(forces.pressed, start, stop, total),
+    }
+
+
+def _placed(values: NDArray[np.float32], start: int, stop: int, total: int) -> NDArray[np.float32]:
+    """The rows of some frames of a timeline that ends as ``values`` do; NaN before they begin."""
+    before = total - len(values)
+    found = np.full((stop - start, values.shape[1]), np.nan, dtype=np.float32)
+    first = max(before, start)
+    if first < stop:
+        found[first - start :] = values[first - before : stop - before]
+    return found
+
+
+def _table_told(directory: Path) -> dict[str, Any] | None:
+    """What a plot says of a table beside its curve."""
+    told = json_of(result(directory, CERTIFICATE)).get("table")
+    if told is None:
+        return None
+    try:
+        table = TableCertificate.from_dict(told)
+        with np.load(result(directory, RECORD), allow_pickle=False) as arrays:
+            record = TableRecord.of(arrays)
+    except (InputError, OSError, ValueError, KeyError, BadZipFile):
+        return None
+    return {
+        "unit_nm": table.unit_nm,
+        "bound": table.bound,
+        "kept": None if record is None else record.bound,
+        "words": table.told_friction,
+    }
+
+
+def _rows(timeline: Timeline, forces: TableForces | None) -> int:
     numbers = 3 * len(timeline.chain) + len(timeline.chain.folded_rad)
+    if forces is not None:
+        numbers += len(timeline.chain)
     return max(1, min(MOST_ROWS, STRETCH_NUMBERS // numbers))
 
 

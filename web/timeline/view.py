@@ -31,6 +31,7 @@ from planner.motion.timeline import Timeline
 from planner.motion.windows import Windows
 from web.pictures.camera import modules_framed, straight_stretch
 from web.pictures.colours import error_scale, module_errors
+from web.pictures.table_top import TableTop
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -40,6 +41,8 @@ WINDOWS_A_CHUNK: Final = 512
 CHUNK_BYTES: Final = 48 * 2**20
 REFRESH_EVERY_S: Final = 0.1
 OUTLINE_COLUMNS: Final = 320
+LOOKED_AT: Final = 256
+"""Frames, about, from which it is told how far a motion on a table reaches."""
 VIEW_BYTES: Final = 2**18
 """Bytes of a chain and of a timeline's own arrays, about."""
 
@@ -121,6 +124,7 @@ class TimelineView:
         self._timeline, self._stamp = Timeline.open(self.path), stamp
         self._chunks: OrderedDict[int, _Chunk | _WindowChunk] = OrderedDict()
         self._bytes = 0
+        self._table: TableTop | None = None
         self._refreshed = time.monotonic()
         self._summarised = 0
         self._phase: NDArray[np.uint8] = np.zeros(0, np.uint8)
@@ -224,6 +228,23 @@ class TimelineView:
         """
         with self.reading():
             return self._timeline.frames(start, min(stop, self._summarised), stride)
+
+    def table(self) -> TableTop:
+        """The table under a chain that folds on one: as large as the whole motion needs.
+
+        Raises:
+            TimelineError: When the timeline is being replaced.
+        """
+        with self._lock:
+            if self.growing or not self._summarised:
+                return TableTop.under(self.chain)
+            if self._table is None:
+                frames = self.frames(0, self._summarised, max(1, self._summarised // LOOKED_AT))
+                poses = self.chain.poses(
+                    frames.joint_angles_rad, frames.root_position, frames.root_wxyz
+                )
+                self._table = TableTop.under(self.chain, poses.positions)
+            return self._table
 
     def windows(self, start: int, stop: int, stride: int = 1) -> Windows:
         """As ``frames``, of a windowed view.

@@ -8,6 +8,7 @@ import numpy as np
 
 from web.pictures.camera import View, framing
 from web.pictures.colours import error_colours
+from web.pictures.table_top import TableTop
 from web.timeline.view import TimelineView
 from web.viser.scene_bundle import viser_scene
 
@@ -21,7 +22,7 @@ MOST_NUMBERS: Final = 12_000_000
 SECONDS: Final = 24.0
 
 
-def recording_of(timeline: TimelineView) -> bytes:
+def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes:
     """The timeline as a recording of ``SECONDS`` seconds, thinned where it is long.
 
     Raises:
@@ -31,7 +32,7 @@ def recording_of(timeline: TimelineView) -> bytes:
     frames = np.unique(
         np.linspace(0, len(timeline) - 1, min(most, len(timeline))).round().astype(int)
     )
-    with viser_scene(timeline.chain, timeline.stretch) as (server, scene):
+    with viser_scene(timeline.chain, timeline.stretch, table) as (server, scene):
         record = server.get_scene_serializer()
         for frame in frames:
             snapshot = timeline.snapshot(float(frame))

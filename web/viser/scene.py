@@ -13,6 +13,7 @@ from planner.chain.chain import Chain
 from web.pictures.camera import FIELD_OF_VIEW_RAD
 from web.pictures.colours import FIRST, LAST, instance_colours, ramp_colours
 from web.pictures.meshes import SHOWN_SIZE, module_mesh, stud_mesh
+from web.pictures.table_top import LIGHT, TableTop, disc_mesh
 from web.timeline.view import Snapshot
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ BESIDE: Final = 3
 LARGEST_PITCH: Final = 0.25
 GROUND_GAP: Final = 0.35
 PATH_THICKNESS: Final = 0.18
+PRESSED_OPACITY: Final = 0.85
 SINK_S: Final = 0.05
 RISE_S: Final = 0.5
 
@@ -48,8 +50,17 @@ class Scene:
         *,
         stretch: int | None = None,
         shadows: bool = True,
+        table: TableTop | None = None,
     ) -> None:
-        """Builds the scene; ``stretch`` as of ``web.timeline.view.TimelineView``."""
+        """Builds the scene.
+
+        Args:
+            server: The viser server.
+            chain: The chain.
+            stretch: As of ``web.timeline.view.TimelineView``.
+            shadows: Whether there are any.
+            table: What it stands on; None of a chain that floats.
+        """
         self._server = server
         self._chain = chain
         span = len(chain) if stretch is None else min(len(chain), BESIDE * stretch)
@@ -112,6 +123,40 @@ class Scene:
             shadow_opacity=0.16 if shadows else 0.0,
             fade_distance=40.0,
         )
+        self._table = table
+        if table is not None:
+            self._floor.visible = False
+            self._add_table(table, shadows)
+
+    def _add_table(self, table: TableTop, shadows: bool) -> None:
+        """The table, and for each module a disc on it that tells how hard it presses."""
+        scene, slab, disc = self._server.scene, table.mesh(), disc_mesh()
+        scene.add_mesh_simple(
+            "/table",
+            slab.vertices * self.pitch,
+            slab.faces,
+            color=LIGHT,
+            flat_shading=True,
+            side="double",
+            cast_shadow=False,
+            receive_shadow=shadows,
+        )
+        n = len(self._chain)
+        scene.add_batched_meshes_simple(
+            "/pressed",
+            disc.vertices * self.pitch,
+            disc.faces,
+            np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
+            np.zeros((n, 3)),
+            batched_colors=np.zeros((n, 3), np.uint8),
+            batched_scales=np.zeros(n, np.float32),
+            opacity=PRESSED_OPACITY,
+            lod="off",
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
 
     def show(self, snapshot: Snapshot, colours: NDArray[np.uint8]) -> None:
         """Draws a snapshot, its modules in (n, 3) sRGB bytes, at one moment for whoever looks."""
@@ -155,7 +200,7 @@ class Scene:
 
     def move_ground(self, seconds: float) -> bool:
         """Lets the ground sink and rise to just below the chain; True while it moves."""
-        if self._last is None:
+        if self._last is None or self._table is not None:
             return False
         low = self._ground_below(self._last)
         before = low if self._ground is None else self._ground

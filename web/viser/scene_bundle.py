@@ -36,6 +36,7 @@ from web.pictures.colours import (
 )
 from web.pictures.meshes import SHOWN_SIZE
 from web.pictures.sketch import sketch_outline
+from web.pictures.table_top import TableTop
 from web.timeline.columns import encode
 from web.viser.scene import Scene
 
@@ -53,7 +54,7 @@ _POINTER: Final[dict[str, Any]] = {
 }
 
 
-def bundle_of(chain: Chain, stretch: int | None = None) -> bytes:
+def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None = None) -> bytes:
     """The scene bundle of a fold of ``chain``, as one message of ``web.timeline.columns``.
 
     The header holds the chain's geometry (``planner.chain.module`` tells the words), the scene's
@@ -64,9 +65,10 @@ def bundle_of(chain: Chain, stretch: int | None = None) -> bytes:
     Args:
         chain: The chain.
         stretch: As of the fold's ``web.timeline.view.TimelineView``.
+        table: What it folds on; None of one that floats.
     """
     module, n = chain.module, len(chain)
-    pitch, messages, arrays = _staged(module.name, n, stretch, chain)
+    pitch, messages, arrays = _staged_alike(_Alike(chain, stretch, table))
     header = {
         "chain": {
             "name": chain.name,
@@ -96,6 +98,7 @@ def bundle_of(chain: Chain, stretch: int | None = None) -> bytes:
             "turn_rad_s": float(TURN_RAD_S),
             "stretch": stretch,
         },
+        "table": None if table is None else _table_told(table),
         "pitch": pitch,
         "shown_size": SHOWN_SIZE,
         "reach": float(np.abs(module.vertices[:, 0]).max()),
@@ -167,11 +170,11 @@ def viser_server() -> Generator[viser.ViserServer]:
 
 @contextlib.contextmanager
 def viser_scene(
-    chain: Chain, stretch: int | None = None
+    chain: Chain, stretch: int | None = None, table: TableTop | None = None
 ) -> Generator[tuple[viser.ViserServer, Scene]]:
     """The scene of a chain in such a server."""
     with viser_server() as server:
-        yield server, Scene(server, chain, stretch=stretch)
+        yield server, Scene(server, chain, stretch=stretch, table=table)
 
 
 def taken_down(server: viser.ViserServer) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
@@ -194,13 +197,23 @@ def taken_down(server: viser.ViserServer) -> tuple[list[dict[str, Any]], dict[st
     return [*(named(message) for _, message in messages), _POINTER], arrays
 
 
-class _Alike:
-    """A chain as a key: those of the same kind and length have the same scene."""
+def _table_told(table: TableTop) -> dict[str, Any]:
+    """What a page knows of a table."""
+    return {
+        "height": table.height,
+        "thickness": table.thickness,
+        "outline": np.round(table.outline(), 4).tolist(),
+    }
 
-    def __init__(self, chain: Chain, kind: str, modules: int, stretch: int | None) -> None:
+
+class _Alike:
+    """A chain as a key: those of the same kind and length have the same scene on a table."""
+
+    def __init__(self, chain: Chain, stretch: int | None, table: TableTop | None) -> None:
         self.chain = chain
         self.stretch = stretch
-        self.key = (kind, modules, stretch)
+        self.table = table
+        self.key = (chain.module.name, len(chain), stretch, table)
 
     def __hash__(self) -> int:
         return hash(self.key)
@@ -209,15 +222,9 @@ class _Alike:
         return isinstance(other, _Alike) and other.key == self.key
 
 
-def _staged(
-    kind: str, modules: int, stretch: int | None, chain: Chain
-) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
-    return _staged_alike(_Alike(chain, kind, modules, stretch))
-
-
 @lru_cache(maxsize=64)
 def _staged_alike(
     alike: _Alike,
 ) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
-    with viser_scene(alike.chain, alike.stretch) as (server, scene):
+    with viser_scene(alike.chain, alike.stretch, alike.table) as (server, scene):
         return scene.pitch, *taken_down(server)

@@ -15,6 +15,7 @@ from functools import cache
 from typing import Any, Final
 from urllib.parse import quote
 
+from web.pictures.table_top import TableTop
 from web.static_files import IMPORT, STATIC, code_of, imported, scripts_of, text_of
 from web.timeline.frame_batch import thinned, unpacked_bytes
 from web.timeline.view import TimelineView
@@ -34,7 +35,13 @@ Render = Callable[..., str]
 
 
 def standalone_html(
-    timeline: TimelineView, render: Render, facts: Mapping[str, Any], *, curves: bytes | None = None
+    timeline: TimelineView,
+    render: Render,
+    facts: Mapping[str, Any],
+    *,
+    curves: bytes | None = None,
+    forces: bytes | None = None,
+    table: TableTop | None = None,
 ) -> bytes:
     """The page of one finished fold.
 
@@ -43,6 +50,8 @@ def standalone_html(
         render: Fills the template ``standalone.html`` with the values it is given.
         facts: What the page says of the fold, as for its own page.
         curves: What plots are drawn of, as of ``web.timeline.metrics``.
+        forces: ``web.timeline.metrics.table_forces``, of a fold on a table.
+        table: That table.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -51,9 +60,10 @@ def standalone_html(
     parts = {
         "client": client().html.decode(),
         "worker": code_of(WORKER),
-        "bundle": _text(bundle_of(timeline.chain, timeline.stretch)),
+        "bundle": _text(bundle_of(timeline.chain, timeline.stretch, table)),
         "batch": _text(thinned(timeline, stride)),
         "curves": None if curves is None or stride > 1 else _text(curves),
+        "forces": None if forces is None or stride > 1 else _text(forces),
         "facts": dict(facts),
     }
     styles = "".join(text_of(name) for name in STYLES)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from examples.run_gallery import SHAPES
+from planner.certificate.table_forces import TableForces
 from planner.errors import InputError
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.prepare import prepare
@@ -15,6 +17,7 @@ from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
 from planner.simulation.parameters import Parameters
+from planner.verification.verify import verify
 
 CELLS = [[x, y, z] for z in range(2) for y in range(2) for x in range(3)]
 ON_TABLE = Request(world="table", as_voxels=True)
@@ -33,6 +36,11 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
     assert table.torque <= Parameters().table.most_torque
     assert len(table.torques) == len(plan.motion)
     assert any("rictionless" in words for words in table.assumptions)
+    assert len(TableForces.load(tmp_path / "table.npz")) == len(plan.motion)
+    assert not [problem for problem in verify(tmp_path).problems if "certificate" in problem]
+    forged = replace(plan.certificate, table=replace(table, torque=0.5 * table.torque))
+    replace(plan, certificate=forged).save_npz(tmp_path / "plan.npz")
+    assert "certificate.table" in " ".join(verify(tmp_path).problems)
 
 
 @pytest.mark.parametrize(

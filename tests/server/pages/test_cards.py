@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from server.pages.cards import (
@@ -19,7 +21,9 @@ from server.store.folds import Store
 from server.store.gallery import Gallery
 from tests.server.store.test_rows import row
 
-HEART = Card(name="heart", title="Heart", module="cube", modules=216, tags=("sign",))
+HEART = Card(
+    name="heart", title="Heart", module="cube", modules=216, tags=("sign",), rests_within=1.94
+)
 RING = Card(
     name="tetra-ring",
     title="Ring of twelve",
@@ -40,6 +44,8 @@ VERIFIED = Standing(status="verified", fold="a")
         ({"kind": "ring"}, "ring"),
         ({"status": "verified"}, "heart"),
         ({"status": "new"}, "ring"),
+        ({"world": "table"}, "heart"),
+        ({"world": "moon"}, "both"),
         ({"modules": "100-200"}, ""),
         ({"modules": "-100"}, "ring"),
         ({"modules": "216-216"}, "heart"),
@@ -89,3 +95,12 @@ def test_the_best_of_several_folds_counts(store: Store) -> None:
         "heart": Standing(status="verified", fold="fold1"),
         "cat": Standing(status="running", fold="fold3"),
     }
+
+
+def test_cards_say_within_what_a_shape_rests_on_a_table() -> None:
+    assert HEART.rests == "Rests on a table within 2.0 w·p"
+    assert RING.rests is None
+    assert replace(HEART, rests_within=0.0).rests == "Rests on a table, without torque"
+    known = [card for card in cards(Gallery()) if card.rests]
+    assert known
+    assert {card.module for card in known} == {"cube"}

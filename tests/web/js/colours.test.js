@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { COLOURINGS, colouring, ramped, roundUp } from "../../../web/static/js/player/colours.js";
+import { colouring, colouringsOf, ramped, roundUp } from "../../../web/static/js/player/colours.js";
 import { close, recorded, unpack, vectors } from "./vectors.js";
 
 // Figures that tell the same of every frame.
@@ -32,7 +32,7 @@ test("every colouring has a scale in numbers", async () => {
   const figures = figuresOf(timeline.chain.modules, timeline.joints);
   const told = {};
   const seen = {};
-  for (const [key] of COLOURINGS) {
+  for (const [key] of colouringsOf(false)) {
     const chosen = colouring(key, timeline, figures);
     seen[key] = chosen.of(shown);
     assert.equal(seen[key].length, 3 * timeline.chain.modules);

@@ -65,6 +65,16 @@ function show(now) {
   if (now.failure || now.attempts.length > 1) failing((it) => it.facts(now));
   const { choice } = now;
   if (choice) choosing(({ showChoice }) => showChoice(choice, drawer));
+  get("rests").hidden = !now.table;
+  if (now.table) {
+    get("rests").dataset.tone = now.table.good ? "good" : "bad";
+    get("rests-text").textContent = now.table.text;
+    get("rests").onclick = () => {
+      drawer.openAt("properties");
+      const assumed = get("on-table").querySelector("details");
+      if (assumed) assumed.open = true;
+    };
+  }
   if (!now.running) { timeline.finish(); figures.begin(); }
   const { again, problem } = now;
   get("again").hidden = !again;

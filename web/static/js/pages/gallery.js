@@ -15,6 +15,7 @@ function wanted() {
     type: text("type"),
     kind: text("kind"),
     status: text("status"),
+    world: text("world"),
     q: text("q").trim().replace(/\s+/g, " "),
     least: number("least"),
     most: number("most"),
@@ -25,11 +26,12 @@ function wanted() {
  * @param {ReturnType<typeof wanted>} filter
  * @param {HTMLElement} card
  */
-function lets({ type, kind, status, q, least, most }, { dataset }) {
+function lets({ type, kind, status, world, q, least, most }, { dataset }) {
   const modules = Number(dataset.modules);
   return (!type || dataset.type === type)
     && (!kind || (dataset.kinds ?? "").split(" ").includes(kind))
     && (!status || dataset.status === status)
+    && (!world || dataset.world === world)
     && (least === null || modules >= least)
     && (most === null || modules <= most)
     && q.toLowerCase().split(" ").every((word) => ` ${dataset.words}`.includes(` ${word}`));
@@ -46,7 +48,7 @@ function sift() {
   if (get("found").textContent !== found) get("found").textContent = found;
   get("nothing").hidden = count > 0;
   const kept = new URLSearchParams();
-  for (const key of /** @type {const} */ (["type", "kind", "status", "q"])) if (filter[key]) kept.set(key, filter[key]);
+  for (const key of /** @type {const} */ (["type", "kind", "status", "world", "q"])) if (filter[key]) kept.set(key, filter[key]);
   if (filter.least !== null || filter.most !== null) kept.set("modules", `${filter.least ?? ""}-${filter.most ?? ""}`);
   history.replaceState(null, "", `${location.pathname}${kept.size ? `?${kept}` : ""}`);
 }

@@ -27,6 +27,12 @@ const PREFERENCES = {
   clearance: "Of several the one whose modules stay farthest apart on the way.",
 };
 
+/** @type {Record<string, string>} */
+const WORLDS = {
+  floating: "Without gravity: the quickest, and for any shape.",
+  table: "Rests on the table all the time; asks as little of the motors as it can.",
+};
+
 // Options live in the address, so that a link shows the same.
 const query = new URLSearchParams(location.search);
 const [method, start] = [query.get("method") ?? "", query.get("start") ?? ""];
@@ -39,6 +45,7 @@ const [method, start] = [query.get("method") ?? "", query.get("start") ?? ""];
  * @property {boolean} repair
  * @property {boolean} as_voxels
  * @property {string | null} start
+ * @property {string} world
  * @property {number} seed
  */
 
@@ -51,6 +58,7 @@ const options = {
   repair: query.get("repair") === "true",
   as_voxels: query.get("as_voxels") === "true",
   start: /^-?\d+,-?\d+,-?\d+$/.test(start) ? start : null,
+  world: query.get("world") === "table" ? "table" : "floating",
   seed: Number(query.get("seed")) || 0,
 };
 /** @type {Report | null} */
@@ -75,7 +83,7 @@ function form() {
 function remember() {
   const kept = new URLSearchParams();
   for (const [key, value] of Object.entries(options)) {
-    if (value && !["auto", "any", "cube"].includes(String(value))) kept.set(key, String(value));
+    if (value && !["auto", "any", "cube", "floating"].includes(String(value))) kept.set(key, String(value));
   }
   history.replaceState(null, "", `${location.pathname}${kept.size ? `?${kept}` : ""}`);
 }
@@ -139,7 +147,9 @@ async function look() {
       options.start = null;
       if (report) {
         report = { ...report, has_path: false };
-        problem(said);
+        const unfit = told.code === "not-for-a-table";
+        if (unfit) trouble("This path is not for a table", [said], [another(), floating()]);
+        problem(unfit ? "" : said);
         get("verdict").textContent = "No preview for these options";
       } else cover("This shape cannot be shown", said);
     }
@@ -186,8 +196,8 @@ function show(told) {
 
   const resizable = kind === "mesh";
   const fixed = kind === "path" || kind === "chain";
-  get("what").hidden = kind === "chain";
-  get("how").hidden = fixed;
+  get("what").hidden = kind === "chain" || onTable();
+  get("how").hidden = fixed || onTable();
   get("method-part").hidden = get("method-hint").hidden = options.module !== "cube";
   get("modules-part").hidden = !resizable;
   if (resizable && !options.modules) set(modules, false);
@@ -212,12 +222,12 @@ function show(told) {
   if (knot?.verdict === "knotted" && knot.determinant) get("knot").textContent += ` (${knot.determinant})`;
 
   const problems = feasibility?.problems ?? [];
+  trouble(
+    onTable() ? "There is no path for a table" : feasibility?.feasible === false ? "There is no path through these cells" : "No path was found",
+    problems.map(({ detail }) => detail),
+    path ? [] : onTable() ? [floating()] : repairs(feasibility),
+  );
   get("trouble").hidden = path;
-  get("trouble-title").textContent = feasibility?.feasible === false
-    ? "There is no path through these cells" : "No path was found";
-  get("problems").replaceChildren(...problems.map(({ detail }) => element("li", {}, sentence(detail))));
-  const ways = path ? [] : repairs(feasibility);
-  get("repairs").replaceChildren(...ways);
   const repaired = told.notes.find((note) => note.startsWith("Repaired"));
   get("repaired").hidden = !(options.repair && repaired);
   get("repaired-text").textContent = repaired ?? "";
@@ -284,7 +294,7 @@ function show3d(key) {
 function begin() {
   const here = report?.has_path ? picked : null;
   const first = here?.module === 0;
-  get("start").hidden = !here && !options.start;
+  get("start").hidden = onTable() || (!here && !options.start);
   get("start-button").hidden = Boolean(first && !options.start);
   if (report && here && !(first && options.start)) {
     get("start-text").textContent = `Module ${whole(here.module + 1)} of ${whole(report.modules)}${first ? ", the first" : ""}`;
@@ -319,6 +329,62 @@ function repairs(feasibility) {
   return ways;
 }
 
+// Why there is nothing to fold, and what can be done about it.
+/**
+ * @param {string} title
+ * @param {string[]} details
+ * @param {HTMLElement[]} ways
+ */
+function trouble(title, details, ways) {
+  get("trouble").hidden = false;
+  get("trouble-title").textContent = title;
+  get("problems").replaceChildren(...details.map((detail) => element("li", {}, sentence(detail))));
+  get("repairs").replaceChildren(...ways);
+}
+
+// The cells of a path may have another one that is.
+function another() {
+  const button = element("button", { type: "button", class: "button primary" }, "Look for another path through these cells");
+  button.onclick = () => { options.as_voxels = true; look(); };
+  return button;
+}
+
+// Without gravity there may be one.
+function floating() {
+  const button = element("button", { type: "button", class: "button" }, "Fold it floating");
+  button.onclick = () => { options.as_voxels = query.get("as_voxels") === "true"; choose("world", "floating"); look(); };
+  return button;
+}
+
+const onTable = () => options.world === "table";
+
+// What there is for a fold that floats alone goes when it is to rest on a table.
+function worlds() {
+  const table = onTable();
+  get("world-hint").textContent = WORLDS[options.world];
+  get("table-settings").hidden = !table;
+  if (table) {
+    options.repair = false;
+    elsewhere();
+    choose("method", "auto");
+    choose("ends", "any");
+    choose("module", "cube");
+    get("preset").value = "default";
+    get("preset").dispatchEvent(new Event("change"));
+  }
+  get("preset").disabled = table;
+  const tetrahedra = /** @type {HTMLInputElement} */ (document.querySelector("[name=module][value=tetrahedron]"));
+  tetrahedra.disabled = table;
+  prefer();
+}
+
+// What differs of the settings of a table, as a text of settings.
+function tableSettings() {
+  const fields = [...get("table-settings").querySelectorAll("input")];
+  return fields.map(({ name, value, placeholder }) => [name, value.trim().replaceAll(",", "."), placeholder])
+    .filter(([, value, usual]) => value && value !== usual).map(([name, value]) => `${name}=${value}`).join(",");
+}
+
 // How many there may be; what is beyond is taken as the bound, which is then said.
 let bound = "";
 /** @param {number} modules */
@@ -341,7 +407,7 @@ function set(modules, chosen = true) {
 }
 
 /**
- * @param {"module" | "method" | "ends"} name
+ * @param {"module" | "method" | "ends" | "world"} name
  * @param {string} value
  */
 function choose(name, value) {
@@ -349,6 +415,7 @@ function choose(name, value) {
   const input = /** @type {HTMLInputElement | null} */ (document.querySelector(`[name="${name}"][value="${value}"]`));
   if (input) input.checked = true;
   get("method-hint").textContent = HINTS[options.method];
+  if (name === "world") worlds();
 }
 
 get("options").addEventListener("submit", (event) => { event.preventDefault(); look(); });
@@ -358,7 +425,7 @@ get("seed").addEventListener("change", () => { options.seed = Math.max(0, Math.f
 follow(get("preset"));
 // Only our own way has several plans to choose from.
 function prefer() {
-  const choosing = get("preset").value === "default";
+  const choosing = get("preset").value === "default" && !onTable();
   get("prefer-part").hidden = !choosing;
   if (!choosing) get("prefer").value = "computing";
   get("prefer-hint").textContent = PREFERENCES[get("prefer").value];
@@ -367,7 +434,7 @@ function prefer() {
 for (const list of [get("preset"), get("prefer")]) list.addEventListener("change", prefer);
 prefer();
 for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll(".choice input"))) {
-  input.addEventListener("change", () => { choose(/** @type {"module" | "method" | "ends"} */ (input.name), input.value); if (input.name !== "ends") elsewhere(); look(); });
+  input.addEventListener("change", () => { choose(/** @type {"module" | "method" | "ends" | "world"} */ (input.name), input.value); if (input.name !== "ends") elsewhere(); look(); });
 }
 get("unrepair").onclick = () => { options.repair = false; elsewhere(); look(); };
 get("start-button").onclick = () => {
@@ -392,6 +459,7 @@ get("fold").onclick = async () => {
   const preset = get("preset").value;
   body.set("preset", preset);
   body.set("prefer", get("prefer").value);
+  if (onTable() && tableSettings()) body.set("settings", tableSettings());
   if (preset === "paper") for (const [key, value] of Object.entries(changed())) body.set(key, value);
   if (report.as_voxels) body.set("as_voxels", "true");
   const said = await asking(({ askForFold }) => askForFold(body));
@@ -423,6 +491,7 @@ addEventListener("pageshow", (event) => { if (event.persisted) busy(false); });
 choose("module", options.module);
 choose("method", options.method);
 choose("ends", options.ends);
+choose("world", options.world);
 get("seed").value = String(options.seed);
 if (options.modules) { const { start: asked } = options; set(options.modules); options.start = asked; }
 look();

@@ -15,6 +15,7 @@ import { get } from "../lib/text.js";
  * @property {string} bundle
  * @property {string} batch
  * @property {string | null} curves
+ * @property {string | null} forces
  * @property {string} worker
  * @property {string} client
  * @property {Facts} facts
@@ -40,7 +41,8 @@ const source = {
   batch: () => unpacked(parts.batch),
 };
 
-// Curves only; what is told of single modules would make the file many times as long.
+// Curves only; what is told of single modules would make the file many times as long, but for what a
+// fold on a table asks of its joints.
 class StoredFigures extends Figures {
   lacking = "not in a downloaded page";
 
@@ -49,9 +51,24 @@ class StoredFigures extends Figures {
    * @param {string} query
    * @returns {Promise<Told | null>}
    */
-  async get(query) { return parts.curves && !query ? unpacked(parts.curves) : null; }
+  async get(query) {
+    if (query || !parts.curves) return null;
+    /** @type {Promise<FigurePart | null>} */
+    const forces = parts.forces ? unpacked(parts.forces) : Promise.resolve(null);
+    const told = await forces;
+    if (told) this.parts.set(0, told);
+    return unpacked(parts.curves);
+  }
 
-  row() { return null; }
+  /**
+   * @param {number} frame
+   * @returns {FigureRow | null}
+   */
+  row(frame) {
+    if (!this.parts.size || !this.plots) return null;
+    this.plots.rows = this.plots.frames; // one part holds all frames
+    return super.row(frame);
+  }
 }
 
 Sketch.script = URL.createObjectURL(new Blob([parts.worker], { type: "text/javascript" }));

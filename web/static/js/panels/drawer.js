@@ -3,7 +3,26 @@ import { copyText, element, get } from "../lib/text.js";
 
 const LONG = 28; // characters; beside their label they would stand in a narrow column
 const BEFORE_AFTER = "Smoothing, before and after";
+const ON_TABLE = "On a table";
 const TABS = ["attempts", "module", "plots", "properties", "downloads"];
+
+// What a fold on a table asks, what that leans on, and which servos would do.
+/** @param {TableWords} table */
+function onTable({ text, rows, assumptions, servos, named }) {
+  const list = element("dl", { class: "rows" });
+  for (const [label, value] of rows) {
+    const long = value.length > LONG;
+    list.append(element("dt", { class: long && "above" }, label), element("dd", { class: long && "below" }, value));
+  }
+  const links = named.map(({ name, href }) => element("li", {}, element("a", { href, target: "_blank", rel: "noopener noreferrer" }, name)));
+  return element("div", { class: "group", id: "on-table" }, element("h3", {}, ON_TABLE),
+    element("p", { class: "on-table-text" }, text),
+    element("details", { class: "assumptions" }, element("summary", {}, `${assumptions.length} assumptions`),
+      element("ul", {}, ...assumptions.map((said) => element("li", {}, said)))),
+    list,
+    servos ? element("p", { class: "hint" }, servos) : null, links.length ? element("ul", { class: "servos" }, ...links) : null,
+    servos ? element("p", { class: "hint" }, "docs/robot.md lists all servos with what their figures are from; `foldback servos` works this out for other pitches and materials.") : null);
+}
 
 export class Drawer {
   /** @param {(text: string) => void} toast */
@@ -76,12 +95,14 @@ export class Drawer {
       }
       return element("div", { class: "group" }, element("h3", {}, heading), list);
     });
-    const { smoothing } = facts;
+    const { smoothing, table } = facts;
+    const rests = table ? [{ heading: ON_TABLE, rows: [{ label: "In a sentence", value: table.text }, ...table.rows.map(([label, value]) => ({ label, value }))] }] : [];
     if (smoothing) groups.unshift(this.smoothing(smoothing));
+    if (facts.table) groups.unshift(onTable(facts.table));
     const copy = element("button", { class: "button", type: "button" }, "Copy all");
     copy.onclick = () => {
       const changed = smoothing ? [{ heading: BEFORE_AFTER, rows: smoothing.rows.map(({ label, before, after, ratio }) => ({ label, value: `${before} → ${after} (${ratio})` })) }] : [];
-      const text = [...changed, ...facts.properties]
+      const text = [...rests, ...changed, ...facts.properties]
         .map(({ heading, rows }) => [heading, ...rows.map(({ label, value }) => `  ${label}: ${value}`)].join("\n"))
         .join("\n");
       copyText(text, () => this.toast("Properties copied"), () => this.toast("Copying is not allowed here"));

@@ -1,5 +1,5 @@
 // What the colours tell: a menu, and the scale with its numbers.
-import { COLOURINGS, MEASURED, colouring } from "../player/colours.js";
+import { MEASURED, colouring, colouringsOf } from "../player/colours.js";
 import { element, get } from "../lib/text.js";
 
 const KEPT = "foldback:colour-by";
@@ -13,7 +13,7 @@ export class Legend {
     this.player = player;
     this.figures = figures;
     this.menu = get("colour-by");
-    this.menu.append(...COLOURINGS.map(([key, label]) => element("option", { value: key, disabled: MEASURED.has(key) && !figures.plots }, label)));
+    this.fill();
     this.menu.onchange = () => this.choose(this.menu.value);
     player.on("begun", () => {
       const kept = recall();
@@ -22,16 +22,28 @@ export class Legend {
     player.on("outline", () => this.show());
     player.on("colouring", () => this.show());
     figures.on("begun", () => {
-      for (const option of this.menu.options) option.disabled = false;
+      this.fill();
       const kept = recall();
       if (kept && MEASURED.has(kept) && player.timeline.chain) this.choose(kept);
     });
     figures.on("loaded", () => { if (player.shown) player.show(true); });
   }
 
+  // The colourings that there are: of a fold on a table others than of one that floats.
+  fill() {
+    const { plots } = this.figures;
+    const before = this.menu.value;
+    const known = colouringsOf(Boolean(plots?.table));
+    this.menu.replaceChildren(...known.map(([key, label]) => element("option", { value: key, disabled: MEASURED.has(key) && !plots }, label)));
+    if (known.some(([key]) => key === before)) this.menu.value = before;
+  }
+
   /** @param {string} key */
   choose(key) {
+    if (![...this.menu.options].some(({ value }) => value === key)) return;
     try { localStorage.setItem(KEPT, key); } catch { /* not kept, then */ }
+    const { stage } = this.player;
+    if (stage) stage.pressed = key === "pressed" ? (shown) => this.figures.row(shown.low)?.pressed ?? null : null;
     this.player.colourBy(colouring(key, this.player.timeline, this.figures));
   }
 

@@ -30,6 +30,8 @@ export class ModulePanel {
     this.joints = [];
     this.near = element("dd");
     this.off = element("dd");
+    this.pressing = element("dt", { hidden: true }, "Presses on the table");
+    this.presses = element("dd", { "data-of": "pressed", hidden: true });
     this.modules = 0;
     this.field = element("input", { id: "module-number", type: "text", inputmode: "numeric", enterkeyhint: "go", autocomplete: "off", maxlength: 9 });
     this.before = this.button("icon-button", "‹", -1, "Previous module (↓)");
@@ -161,13 +163,15 @@ export class ModulePanel {
     const ends = { 0: " · first", [module.modules - 1]: " · last" };
     this.near = element("dd", { "data-of": "nearest" }, "–");
     this.off = element("dd", { "data-of": "position" }, "–");
+    this.presses.textContent = "–";
     this.told.replaceChildren(
       element("h2", {}, element("i", { class: "swatch", "aria-hidden": "true" }), `Module ${module.index}${ends[module.index] ?? ""}`),
       element("dl", { class: "rows" },
         element("dt", {}, "Place in the chain"), element("dd", {}, `${module.index + 1} of ${module.modules}`),
         ...(module.cell ? [element("dt", {}, "Cell when folded"), element("dd", {}, module.cell.join(", ").replaceAll("-", "−"))] : []),
         element("dt", {}, "Nearest module"), this.near,
-        element("dt", {}, "Position error"), this.off),
+        element("dt", {}, "Position error"), this.off,
+        this.pressing, this.presses),
       element("h3", {}, "Joint"),
       joint);
   }
@@ -191,10 +195,14 @@ export class ModulePanel {
     const row = this.figures.row(this.shown.low);
     if (!row) return;
     for (const { name, column } of this.joints) {
-      const torque = row.torque?.[column] ?? NaN;
+      const unit = this.figures.plots?.table?.unit_nm ?? NaN;
+      const torque = row.torque?.[column] ?? (row.joint_torque?.[column] ?? NaN) * unit;
       this.put(`[data-motion="${name}"]`, "torque", Number.isFinite(torque) ? plain(torque) : "–");
     }
     if (row.nearest && row.clearance) this.showNearest(row.nearest[this.index], row.clearance[this.index]);
+    const pressed = row.pressed?.[this.index];
+    for (const part of [this.presses, this.pressing]) part.hidden = pressed === undefined;
+    this.presses.textContent = pressed !== undefined && Number.isFinite(pressed) ? `${Number(pressed.toPrecision(2))} × its weight` : "–";
     const off = row.position_error?.[this.index] ?? NaN;
     this.off.textContent = Number.isFinite(off) ? `${Number(off.toPrecision(2))} pitch` : "–";
   }

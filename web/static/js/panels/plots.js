@@ -1,9 +1,11 @@
 // Figures along the whole fold, with the playhead in them; a click goes there, and keys move it.
+import { round } from "../player/colours.js";
 import { element, newtonMetres, radians, whole } from "../lib/text.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const COLUMNS = 360;
 const HIGH = 100;
+const HEADROOM = 1.06; // of a plot above its highest bound
 const FAR = 10; // frames
 const KEPT_MS = 60_000; // what is being downloaded
 /**
@@ -12,6 +14,8 @@ const KEPT_MS = 60_000; // what is being downloaded
  * @property {string} label
  * @property {(value: number) => string} text
  * @property {(...values: number[]) => number} worst
+ * @property {{ at: number, what: string }[]} [bounds] lines across it, lowest first
+ * @property {string} [said] beside its scale
  */
 
 /** @type {Plot[]} */
@@ -21,6 +25,23 @@ const PLOTS = [
   { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
   { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
 ];
+const TORQUES = ["table_torque", "peak_torque_nm"]; // whichever there is
+
+// The largest torque on a table, with what was allowed.
+/**
+ * @param {TableBounds | null | undefined} table
+ * @returns {Plot[]}
+ */
+function onTable(table) {
+  if (!table) return [];
+  const wp = (/** @type {number} */ v) => `${round(v)} w·p`;
+  const bounds = [{ at: table.kept, what: "kept to while unfolding" }, { at: table.bound, what: "allowed" }];
+  return [{
+    name: "table_torque", label: "Largest torque on the table", text: (v) => `${wp(v)} (${newtonMetres(v * table.unit_nm)})`, worst: Math.max,
+    bounds: bounds.flatMap(({ at, what }) => (at === null ? [] : [{ at, what: `${wp(at)} ${what}` }])), said: table.words,
+  }];
+}
+
 const SOME_FRAMES = "looked at in some frames, straight lines between them";
 
 /**
@@ -94,7 +115,11 @@ export class Plots {
   build() {
     const { plots } = this.figures;
     if (!plots) return;
-    this.made = PLOTS.map((plot) => this.plot(plot, plots[plot.name])).filter((made) => made !== null);
+    this.made = [...onTable(plots.table), ...PLOTS].flatMap((plot) => {
+      const values = plots[plot.name];
+      const made = values ? this.plot(plot, values) : null;
+      return made ? [made] : [];
+    });
     this.panel.replaceChildren(...this.made.map(({ box }) => box));
     if (this.player.shown) this.show({ frame: this.player.playhead.frame });
   }
@@ -103,11 +128,11 @@ export class Plots {
    * @param {Plot} plot
    * @param {Floats} values
    */
-  plot({ name, label, text, worst }, values) {
+  plot({ name, label, text, worst, bounds = [], said = "" }, values) {
     const drawn = columns(values, worst);
     const known = drawn.filter(Number.isFinite);
     if (!known.length) return null;
-    const high = Math.max(...known, 0);
+    const high = Math.max(...known, ...bounds.map(({ at }) => at * HEADROOM), 0);
     const low = Math.min(...known, 0);
     const span = high - low || 1;
     const y = (/** @type {number} */ v) => HIGH - ((v - low) / span) * HIGH;
@@ -129,10 +154,12 @@ export class Plots {
     if (low < 0) picture.append(svg("rect", { class: "plot-bad", x: 0, width: 1000, y: y(0), height: HIGH - y(0) }));
     const line = svg("line", { class: "plot-head", y1: 0, y2: HIGH });
     picture.append(svg("line", { class: "plot-zero", x1: 0, x2: 1000, y1: y(0), y2: y(0) }), svg("path", { class: "plot-line", d: path }), line);
+    for (const { at } of bounds) picture.append(svg("line", { class: "plot-bound", x1: 0, x2: 1000, y1: y(at), y2: y(at) }));
     const scale = document.createElement("small");
-    scale.textContent = `${text(low)} to ${text(high)}`;
+    scale.textContent = [`${text(Math.min(...known, 0))} to ${text(Math.max(...known, 0))}`, said].filter(Boolean).join(", ");
     if (name === "peak_torque_nm" && this.figures.plots?.torque_at_some_frames) scale.textContent += `, ${SOME_FRAMES}`;
     box.append(caption, picture, element("div", { class: "plot-foot" }, scale, link(name, label, values)));
+    if (bounds.length) box.append(element("small", { class: "plot-bounds" }, element("i", { "aria-hidden": "true" }), bounds.map(({ what }) => what).join("; ")));
     const go = (/** @type {MouseEvent} */ event) => {
       const { left, width } = picture.getBoundingClientRect();
       const share = Math.min(1, Math.max(0, (event.clientX - left) / width));
@@ -173,8 +200,10 @@ export class Plots {
   // The frame at which a figure is worst, or null.
   /** @param {string} name */
   worst(name) {
-    const plot = PLOTS.find((p) => p.name === name);
-    const values = plot && this.figures.plots?.[plot.name];
+    const { plots } = this.figures;
+    const wanted = TORQUES.includes(name) ? TORQUES.find((one) => plots?.[/** @type {PlotName} */ (one)]) : name;
+    const plot = [...onTable(plots?.table), ...PLOTS].find((p) => p.name === wanted);
+    const values = plot && plots?.[plot.name];
     if (!plot || !values) return null;
     /** @type {number | null} */
     let at = null;

@@ -12,13 +12,21 @@ export const COLOURINGS = [
   ["error-even", "Joint error, colour-blind safe"],
   ["position", "Position error"],
   ["torque", "Torque"],
+  ["joint_torque", "Torque of joints"],
+  ["pressed", "Pressed on the table"],
   ["speed", "Joint speed"],
   ["clearance", "Clearance"],
   ["chain", "Place in the chain"],
 ];
 
 // Those that need figures.js.
-export const MEASURED = new Set(["position", "torque", "clearance"]);
+export const MEASURED = new Set(["position", "torque", "joint_torque", "pressed", "clearance"]);
+const ON_TABLE = new Set(["joint_torque", "pressed"]);
+const FLOATING = new Set(["torque"]); // of a chain that nothing bears
+
+// The colourings of a fold that floats, or of one on a table.
+/** @param {boolean} table */
+export const colouringsOf = (table) => COLOURINGS.filter(([key]) => !(table ? FLOATING : ON_TABLE).has(key));
 
 // Shares of a ramp (n), NaN where nothing is known, as 3n sRGB bytes.
 /**
@@ -61,7 +69,7 @@ const largest = (/** @type {Floats} */ values) => Array.from(values).reduce((mos
  * @property {((value: number) => boolean) | null} [bad] what is as red as an error
  */
 
-/** @typedef {Pick<import("./figures.js").Figures, "row" | "largest" | "lacking">} Measured */
+/** @typedef {Pick<import("./figures.js").Figures, "row" | "largest" | "lacking" | "plots">} Measured */
 
 export class Colouring {
   // `values` tells a figure of each module at a moment, `high` the end of the scale.
@@ -159,6 +167,13 @@ export function colouring(key, timeline, figures) {
       const torques = figures?.row(shown.low)?.torque;
       return torques ? timeline.carried(torques, (a, b) => Math.max(Math.abs(a), Math.abs(b))) : unknown();
     }, newtonMetres, { high: () => roundUp(measured("torque")), none }),
+    joint_torque: () => per((shown) => {
+      const torques = figures?.row(shown.low)?.joint_torque;
+      return torques ? timeline.carried(torques, Math.max) : unknown();
+    }, (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), { high: () => roundUp(measured("joint_torque")), none: "not worked out here" }),
+    pressed: () => per((shown) => figures?.row(shown.low)?.pressed ?? unknown(), (v) => (v ? `${round(v)} × its weight` : "0"), {
+      high: () => roundUp(measured("pressed")), none: "not worked out here",
+    }),
     clearance: () => per((shown) => figures?.row(shown.low)?.clearance ?? unknown(), (v) => `${round(v)} pitch`, {
       high: NEAR, bad: (v) => v < 0, none,
     }),
@@ -168,5 +183,12 @@ export function colouring(key, timeline, figures) {
   made.figures = figures ?? null;
   return made;
 }
+
+// A torque in weights of a module times the pitch, and what that is.
+/**
+ * @param {number} torque
+ * @param {number} unit_nm
+ */
+export const withUnit = (torque, unit_nm) => (torque ? `${round(torque)} w·p, ${newtonMetres(torque * unit_nm)}` : "0");
 
 export const round = (/** @type {number} */ v) => Number(v.toPrecision(2));

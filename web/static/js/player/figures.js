@@ -61,7 +61,10 @@ export class Figures extends Emitter {
       const width = widths[name] ?? 0;
       return arrays[name]?.subarray(k * width, (k + 1) * width);
     };
-    return { clearance: of("clearance"), nearest: of("nearest"), torque: of("torque"), position_error: of("position_error") };
+    return {
+      clearance: of("clearance"), nearest: of("nearest"), torque: of("torque"), position_error: of("position_error"),
+      joint_torque: of("joint_torque"), pressed: of("pressed"),
+    };
   }
 
   /** @param {number} index */

@@ -1,4 +1,6 @@
 // A fold drawn by the page itself, in a worker: at once, and without WebGL.
+import { tableColours } from "./table.js";
+
 // The radial gradient that an element has for a ground: its size and place in shares, and its colours;
 // null when it has another.
 /** @param {Element} element */
@@ -26,6 +28,8 @@ export class Sketch {
     /** @type {ArrayBuffer | null} */
     this.next = null;
     this.pitch = 1;
+    /** @type {TableTold | null} */
+    this.table = null;
     if (!canvas.transferControlToOffscreen || !window.Worker) return;
     const paper = canvas.transferControlToOffscreen();
     // No module: browsers refuse those to a page that was opened as a file.
@@ -39,7 +43,7 @@ export class Sketch {
       if (this.next) { const next = this.next; this.next = null; this.post(next); }
     };
     worker.postMessage({ is: "begin", paper, size: this.size(), ground: this.ground() }, [paper]);
-    addEventListener("themechange", () => worker.postMessage({ is: "ground", ground: this.ground() }));
+    addEventListener("themechange", () => { this.dress(); worker.postMessage({ is: "ground", ground: this.ground() }); });
     new ResizeObserver(() => worker.postMessage({ is: "size", size: this.size() })).observe(canvas);
   }
 
@@ -55,7 +59,16 @@ export class Sketch {
   /** @param {Bundle} bundle */
   set({ header, neighbours }) {
     this.pitch = header.pitch;
-    this.worker?.postMessage({ is: "outline", outline: { ...header.sketch, neighbours: neighbours ?? null, rods: header.chain.cells, full: 1 / header.shown_size } });
+    this.table = header.table;
+    this.worker?.postMessage({ is: "outline", outline: {
+      ...header.sketch, neighbours: neighbours ?? null, rods: header.chain.cells, full: 1 / header.shown_size, table: header.table,
+    } });
+    this.dress();
+  }
+
+  // The table in the colours of the page.
+  dress() {
+    if (this.table) this.worker?.postMessage({ is: "table", colours: tableColours() });
   }
 
   /**

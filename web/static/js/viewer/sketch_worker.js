@@ -8,7 +8,7 @@ const GAPPED_PX = 12; // modules beside hidden ones that are larger show the gap
 const GAP = 0.6; // and how bright it is
 
 /** @typedef {{ place: number[], stops: [at: number, colour: string][] }} Ground a gradient, in shares of the paper */
-/** @typedef {Outline & { neighbours: Int32Array | null, rods: boolean, full: number }} Drawn */
+/** @typedef {Outline & { neighbours: Int32Array | null, rods: boolean, full: number, table: TableTold | null }} Drawn */
 /** @typedef {{ i: number, many: number, hidden: number, far: number }} Piece */
 /** @typedef {(x: number, y: number, z: number, at: number[]) => number} See where a place is in the picture, and how deep */
 /**
@@ -16,6 +16,7 @@ const GAP = 0.6; // and how bright it is
  * @typedef {{ is: "begin", paper: OffscreenCanvas, size: typeof size, ground: Ground | null }
  *   | { is: "ground", ground: Ground | null }
  *   | { is: "size", size: typeof size }
+ *   | { is: "table", colours: { top: Colour, edge: Colour } }
  *   | { is: "outline", outline: Drawn }
  *   | { is: "frame", data: ArrayBuffer }} Told
  */
@@ -32,6 +33,8 @@ let ground = null;
 let back = null;
 /** @type {Drawn | null} */
 let outline = null;
+/** @type {{ top: Colour, edge: Colour }} */
+let wood = { top: [222, 214, 200], edge: [184, 172, 152] };
 /** @type {ArrayBuffer | null} */
 let latest = null;
 let due = false;
@@ -47,6 +50,9 @@ onmessage = (/** @type {MessageEvent<Told>} */ { data }) => {
     ask(false);
   } else if (data.is === "size") {
     ({ size } = data);
+    ask(false);
+  } else if (data.is === "table") {
+    wood = data.colours;
     ask(false);
   } else if (data.is === "outline") {
     ({ outline } = data);
@@ -145,7 +151,7 @@ const ALIKE = 48; // and so much their colours may differ
  * @param {Drawn} drawn
  * @param {ArrayBuffer} data
  */
-function draw({ modules, corners, faces, normals, neighbours, rods, full, field_of_view_rad: angle }, data) {
+function draw({ modules, corners, faces, normals, neighbours, rods, full, table, field_of_view_rad: angle }, data) {
   const numbers = new Float32Array(data, 0, HEAD + 7 * modules);
   const colours = new Uint8Array(data, 4 * numbers.length, 3 * modules);
   const { width, height } = paper;
@@ -166,6 +172,7 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, field_
     at[1] = height / 2 - scale * (a * up[0] + b * up[1] + c * up[2]);
     return depth;
   };
+  if (table && eye[2] > table.height) slab(table, see, [eye, out]);
   const radius = Math.max(...corners.map((corner) => Math.hypot(...corner)));
   const drawn = piecesOf({ modules, faces, neighbours, rods, numbers, colours, see, zoom, radius, width, height });
   shadow(drawn, numbers, see, width, height);
@@ -217,6 +224,72 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, field_
       pen.stroke();
     }
   }
+}
+
+// A table seen from above: its top, and its edge below that.
+/**
+ * @param {TableTold} table
+ * @param {See} see
+ * @param {[eye: Numbers, out: Vector]} from
+ */
+function slab({ height, thickness, outline: ring }, see, [eye, out]) {
+  for (const [z, colour] of /** @type {[number, Colour][]} */ ([[height - thickness, wood.edge], [height, wood.top]])) {
+    const points = inFront(ring.map(([x, y]) => /** @type {Vector} */ ([x, y, z])), eye, out);
+    if (points.length < 3) continue;
+    const at = [0, 0];
+    pen.beginPath();
+    for (const [x, y, k] of points) { see(x, y, k, at); pen.lineTo(at[0], at[1]); }
+    pen.closePath();
+    pen.fillStyle = pen.strokeStyle = `rgb(${colour.join(" ")})`;
+    pen.fill();
+    if (z < height) edge(ring, height, thickness, see, eye, out);
+  }
+}
+
+// The side of a table, piece by piece: what looks away is under its top.
+/**
+ * @param {[x: number, y: number][]} ring
+ * @param {number} height
+ * @param {number} thickness
+ * @param {See} see
+ * @param {Numbers} eye
+ * @param {Vector} out
+ */
+function edge(ring, height, thickness, see, eye, out) {
+  const at = [0, 0];
+  ring.forEach(([x, y], k) => {
+    const [u, v] = ring[(k + 1) % ring.length];
+    const low = height - thickness;
+    const points = inFront([[x, y, height], [u, v, height], [u, v, low], [x, y, low]], eye, out);
+    if (points.length < 3) return;
+    pen.beginPath();
+    for (const [a, b, c] of points) { see(a, b, c, at); pen.lineTo(at[0], at[1]); }
+    pen.closePath();
+    pen.fill();
+    pen.stroke();
+  });
+}
+
+// The part of a flat outline that is in front of the eye.
+/**
+ * @param {Vector[]} points
+ * @param {Numbers} eye
+ * @param {Vector} out
+ */
+function inFront(points, eye, out) {
+  const depth = (/** @type {Vector} */ p) => -dot([p[0] - eye[0], p[1] - eye[1], p[2] - eye[2]], out) - NEAREST;
+  /** @type {Vector[]} */
+  const found = [];
+  points.forEach((p, k) => {
+    const q = points[(k + 1) % points.length];
+    const [a, b] = [depth(p), depth(q)];
+    if (a >= 0) found.push(p);
+    if (a < 0 !== b < 0) {
+      const share = a / (a - b);
+      found.push([p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1]), p[2] + share * (q[2] - p[2])]);
+    }
+  });
+  return found;
 }
 
 // What is to be drawn: modules, and straight stretches of `many` where they are small, that are in the

@@ -2,13 +2,13 @@
 import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
 import { KEYS } from "../player/keys.js";
 import { buriedBy } from "../player/touching.js";
+import { discs, tableColours } from "./table.js";
 
 const GROUND_GAP = 0.35;
 const SINK_S = 0.05;
 const RISE_S = 0.5;
 const SEEN_THROUGH = 0.22;
 const NOWHERE = -1e6;
-const SEEN = ["/modules", "/ground"]; // what takes long to draw
 
 /** @extends {Scene<Bundle>} */
 export class Stage extends Scene {
@@ -30,13 +30,23 @@ export class Stage extends Scene {
     /** @type {Int32Array | null} */
     this.buried = null;
     this.away = false;
+    /** @type {((shown: Snapshot) => Floats | null) | null} */
+    this.pressed = null; // how hard modules press on the table, where that is to be seen
+    addEventListener("themechange", () => this.dress());
   }
+
+  /** @returns {TableTold | null} */
+  get table() { return this.bundle?.header.table ?? null; }
+
+  // The table in the colour of the page.
+  dress() { if (this.open && this.table) this.apply([update("/table", { color: tableColours().lit })]); }
 
   // The scene of another chain.
   /** @param {Bundle} bundle */
   set(bundle) {
     this.pitch = bundle.header.pitch;
-    this.ground = null;
+    const { table } = bundle.header;
+    this.ground = table ? table.height * this.pitch : null;
     this.latest = null;
     this.sent = null;
     this.buried = bundle.neighbours ? buriedBy(bundle.neighbours, bundle.header.chain.modules) : null;
@@ -47,6 +57,7 @@ export class Stage extends Scene {
     super.build();
     this.sent = null;
     this.away = false;
+    this.dress();
     if (this.through) this.seeThrough(true);
     if (this.latest) this.draw(...this.latest);
   }
@@ -67,10 +78,11 @@ export class Stage extends Scene {
     this.latest = [snapshot, colours, view];
     if (!this.open) return;
     const messages = [update("/modules", this.modules(snapshot, colours)), update("/ends", this.ends(snapshot))];
-    if (this.away) messages.push(...SEEN.map((name) => visibility(name, true)));
+    if (this.away) messages.push(...this.seen.map((name) => visibility(name, true)));
     this.away = false;
     if (this.through) messages.push(update("/path", { points: this.path(snapshot) }));
-    if (this.ground !== null) {
+    if (this.table) messages.push(...this.pressing(snapshot, colours));
+    else if (this.ground !== null) {
       const [x, y] = this.middle(snapshot);
       messages.push({ type: "SetPositionMessage", owner: "", name: "/ground", position: [x * this.pitch, y * this.pitch, this.ground] });
     }
@@ -83,7 +95,25 @@ export class Stage extends Scene {
   rest() {
     if (this.away || !this.open) return;
     this.away = true;
-    this.apply(SEEN.map((name) => visibility(name, false)));
+    this.apply(this.seen.map((name) => visibility(name, false)));
+  }
+
+  // What takes long to draw.
+  get seen() { return this.table ? ["/modules", "/table"] : ["/modules", "/ground"]; }
+
+  // Discs under the modules that stand on the table, in the modules' colours.
+  /**
+   * @param {Snapshot} snapshot
+   * @param {Uint8Array} colours
+   */
+  pressing(snapshot, colours) {
+    const forces = this.pressed?.(snapshot);
+    if (!forces || !this.table) return [visibility("/pressed", false)];
+    const { places, scales } = discs(forces, snapshot.positions, this.table.height, this.pitch);
+    return [
+      update("/pressed", { batched_positions: places, batched_scales: scales, batched_colors: colours.map((byte) => linear[byte]) }),
+      visibility("/pressed", true),
+    ];
   }
 
   // Colours are sent when they are others.
@@ -161,6 +191,7 @@ export class Stage extends Scene {
    * @param {Snapshot} snapshot
    */
   moveGround(seconds, { positions, framed }) {
+    if (this.table) return false;
     let low = Infinity;
     for (let k = 2; k < 3 * framed; k += 3) low = Math.min(low, positions[k]);
     low = (low - 0.5 - GROUND_GAP) * this.pitch;

@@ -1,0 +1,60 @@
+"""Forces on a table: in every frame of a motion the torque of each hinge and each module's weight.
+
+They are those of the way to balance that a table certificate found (``table.npz`` of a fold).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path as FilePath
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import UNREADABLE, InputError
+
+Floats = NDArray[np.float32]
+FILE: Final = "table.npz"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TableForces:
+    """What a table certificate found. NaN in frames that nothing balances.
+
+    Attributes:
+        torques: (F, J) torque of every hinge in w·p.
+        pressed: (F, n) force of the table on every module, straight up, in weights of a module.
+        torque: (F,) largest torque in w·p.
+    """
+
+    torques: Floats
+    pressed: Floats
+    torque: Floats
+
+    def __len__(self) -> int:
+        return len(self.torque)
+
+    def save(self, path: FilePath) -> None:
+        """Writes an ``.npz``."""
+        with path.open("wb") as file:
+            np.savez_compressed(file, **{f.name: getattr(self, f.name) for f in fields(self)})
+
+    @classmethod
+    def load(cls, path: FilePath) -> TableForces:
+        """Reads what ``save`` wrote.
+
+        Raises:
+            InputError: ``no-forces`` when there is none, or it is damaged.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                found = {f.name: np.asarray(file[f.name], dtype=np.float32) for f in fields(cls)}
+        except UNREADABLE as error:
+            raise InputError(
+                "no-forces", f"got {type(error).__name__}, expected {FILE} of a fold on a table."
+            ) from error
+        shapes = [found[name].shape for name in ("torques", "pressed", "torque")]
+        if [len(shape) for shape in shapes] != [2, 2, 1] or len({s[0] for s in shapes}) != 1:
+            raise InputError("no-forces", f"got arrays {shapes}, expected (F, J), (F, n), (F,).")
+        return cls(**found)

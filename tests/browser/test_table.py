@@ -1,0 +1,79 @@
+"""A fold on a table, as a visitor asks for it and looks at it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import keep, picture
+from tests.browser.test_preview import answered, choose
+from tests.server.api.test_table import voxels
+from tests.server.service import Service
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+TABLE = np.array([78, 84, 94])
+"""Its colour in a dark view."""
+
+
+def colour_by(page: Page, name: str) -> np.ndarray:
+    page.locator("#colour-by").select_option(name)
+    return picture(page)
+
+
+def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
+    page = visit("/", width=1000, height=620)
+    choose(page, "box.npy", voxels(2, 2, 2))
+    page.wait_for_url(re.compile("/previews/"))
+    answered(page)
+    page.locator("[name=world][value=table]").check(force=True)
+    answered(page)
+    expect(page).to_have_url(re.compile("world=table"))
+    expect(page.locator("#world-hint")).to_contain_text("Rests on the table all the time")
+    expect(page.locator("#what")).to_be_hidden()
+    expect(page.locator("#prefer-part")).to_be_hidden()
+    page.locator("details.more summary").first.click()
+    expect(page.locator("#preset")).to_be_disabled()
+    page.locator("[name=table_torque]").fill("0")
+    page.locator("#fold").click()
+    expect(page.locator("#problem")).to_contain_text("got table_torque = '0'")
+    page.locator("[name=table_torque]").fill("9")
+    page.locator("#fold").click()
+    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    expect(page.locator("#rests")).to_contain_text(
+        re.compile(r"^Rests on a table within [\d.]+ w·p \([\d.×⁻⁰-⁹]+ N·m\), frictionless$")
+    )
+    fold = page.url.rpartition("/")[2]
+
+    page = visit(f"/folds/{fold}#frame=100000", width=1000, height=620)
+    seen = picture(page)
+    assert (np.abs(seen - TABLE).max(axis=-1) < 14).mean() > 0.2
+    keep(page, "table-dark")
+    torques = colour_by(page, "joint_torque")
+    expect(page.locator("#legend-high")).to_have_text(re.compile(r"^[\d.]+ w·p, [\d.e-]+ N·m$"))
+    assert np.abs(torques - seen).max() > 40
+    pressed = colour_by(page, "pressed")
+    expect(page.locator("#legend-high")).to_have_text(re.compile(r"^[\d.]+ × its weight$"))
+    assert np.abs(pressed - torques).max() > 40
+    keep(page, "table-pressed")
+
+    page.locator("#rests").click()
+    expect(page.locator("#on-table .assumptions li").first).to_be_visible()
+    expect(page.locator("#on-table")).to_contain_text("Frictionless: the table holds nothing")
+    expect(page.locator("#on-table .servos a").first).to_have_attribute(
+        "href", re.compile("^https://")
+    )
+    page.locator("#tab-plots").click()
+    plot = page.locator(".plot").first
+    expect(plot).to_contain_text("Largest torque on the table")
+    expect(plot).to_contain_text("frictionless")
+    expect(plot).to_contain_text("9 w·p allowed")
+    assert plot.locator(".plot-bound").count() == 2
+    keep(page, "table-plots")
+
+    page.locator("#compare").click()
+    expect(page.locator("#compare-ways")).to_contain_text("Floating")

@@ -1,0 +1,46 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+// What a browser has.
+globalThis.matchMedia = () => ({ matches: false, addEventListener() {} });
+globalThis.document = { documentElement: { dataset: {} } };
+const { discs, tableColours } = await import("../../../web/static/js/viewer/table.js");
+const { colouring, colouringsOf, withUnit } = await import("../../../web/static/js/player/colours.js");
+const { recorded } = await import("./vectors.js");
+
+test("a disc's area is the force, and what does not press has none", () => {
+  const positions = [0, 0, 0, 1, 2, 0, 5, 5, 5, 7, 7, 7];
+  const { places, scales } = discs([1, 4, NaN, 0], positions, -0.5, 0.25);
+  assert.equal(scales[1], 2 * scales[0]);
+  assert.deepEqual([scales[2], scales[3]], [0, 0]);
+  assert.deepEqual([...places.subarray(3, 5)], [0.25, 0.5]);
+  assert.ok(places[2] > -0.125 && places[2] < -0.12 && places[5] > places[2]);
+  assert.ok(places[8] < -1e5 && places[11] < -1e5);
+});
+
+test("a table is as light or dark as the page", () => {
+  const dark = tableColours();
+  document.documentElement.dataset.theme = "light";
+  assert.ok(tableColours().top[0] > dark.top[0] + 100);
+});
+
+test("of a fold on a table there are other torques than of one that floats", async () => {
+  const keys = (table) => colouringsOf(table).map(([key]) => key);
+  assert.deepEqual(keys(true).filter((key) => !keys(false).includes(key)), ["joint_torque", "pressed"]);
+  assert.deepEqual(keys(false).filter((key) => !keys(true).includes(key)), ["torque"]);
+  assert.equal(withUnit(4, 2.6487e-4), "4 w·p, 0.0011 N·m");
+  const { timeline } = await recorded();
+  const figures = {
+    plots: { table: { unit_nm: 0.001, bound: 8, kept: 2, words: "frictionless" } },
+    largest: () => 3.2,
+    row: () => ({ joint_torque: new Float32Array(timeline.joints).fill(2), pressed: new Float32Array(timeline.chain.modules).fill(1) }),
+  };
+  const shown = timeline.snapshot(0);
+  assert.equal(colouring("joint_torque", timeline, figures).legend().high, "5 w·p, 0.005 N·m");
+  assert.equal(colouring("pressed", timeline, figures).legend().high, "5 × its weight");
+  const { unknown } = timeline.bundle.header.colours;
+  for (const key of ["joint_torque", "pressed"]) {
+    assert.equal(colouring(key, timeline, figures).of(shown).length, 3 * timeline.chain.modules);
+    assert.deepEqual([...colouring(key, timeline, { ...figures, row: () => null }).of(shown).subarray(0, 3)], unknown);
+  }
+});

@@ -1,0 +1,119 @@
+"""Table top: the table that a chain folds on, as it is drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.statics.contacts import table_height
+from web.pictures.meshes import Mesh
+
+Array = NDArray[np.float64]
+LIGHT: Final = (206, 190, 166)
+"""Of its top where the page is light; ``js/viewer/table.js`` has that where it is dark."""
+BESIDE: Final = 2.5
+"""Pitches of table beside what stands on it."""
+LEAST_SIDE: Final = 10.0
+ROUND: Final = 0.12
+"""Radius of its corners, as a share of its shorter side."""
+BEVEL: Final = 0.12
+THICKNESS: Final = 0.025
+"""Of its longer side; at least ``THINNEST``."""
+THINNEST: Final = 0.45
+CORNER_STEPS: Final = 12
+DISC_SIDES: Final = 48
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableTop:
+    """A table. Lengths in pitches.
+
+    Attributes:
+        height: Of its top.
+        middle: Of its top.
+        sides: Its lengths along x and y.
+    """
+
+    height: float
+    middle: tuple[float, float]
+    sides: tuple[float, float]
+
+    @classmethod
+    def under(cls, chain: Chain, positions: Array | None = None) -> TableTop:
+        """The table that a chain stands on when folded.
+
+        Args:
+            chain: The chain.
+            positions: (..., 3) where its modules get to; None when that is not known yet: it may
+                then lie straight any way.
+        """
+        if positions is None:
+            folded = chain.folded_poses.positions
+            low = folded.min(axis=0) - len(chain)
+            high = folded.max(axis=0) + len(chain)
+        else:
+            points = positions.reshape(-1, 3)
+            low, high = points.min(axis=0), points.max(axis=0)
+        sides = np.maximum(high - low + 1.0 + 2.0 * BESIDE, LEAST_SIDE)[:2]
+        middle = ((low + high) / 2)[:2]
+        return cls(
+            height=table_height(chain),
+            middle=(float(middle[0]), float(middle[1])),
+            sides=(float(sides[0]), float(sides[1])),
+        )
+
+    @property
+    def thickness(self) -> float:
+        """How thick it is."""
+        return max(THINNEST, THICKNESS * max(self.sides))
+
+    def outline(self) -> Array:
+        """(k, 2) its rounded outline, counterclockwise."""
+        radius = ROUND * min(self.sides)
+        inner = np.array(self.sides) / 2 - radius
+        turn = np.linspace(0.0, np.pi / 2, CORNER_STEPS)
+        parts = [
+            inner * sign + radius * np.column_stack([np.cos(turn + k), np.sin(turn + k)])
+            for sign, k in (
+                ((1, 1), 0.0),
+                ((-1, 1), np.pi / 2),
+                ((-1, -1), np.pi),
+                ((1, -1), 1.5 * np.pi),
+            )
+        ]
+        return np.concatenate(parts) + np.array(self.middle)
+
+    def mesh(self) -> Mesh:
+        """Its slab, the upper edge bevelled."""
+        ring, middle = self.outline(), np.array(self.middle)
+        bevel = min(BEVEL * self.thickness * 2.0, 0.5)
+        shrunk = middle + (ring - middle) * (1.0 - 2.0 * bevel / np.array(self.sides))
+        levels = [
+            (shrunk, self.height),
+            (ring, self.height - bevel),
+            (ring, self.height - self.thickness),
+        ]
+        k = len(ring)
+        rings = [np.column_stack([flat, np.full(k, z)]) for flat, z in levels]
+        # Each band and the top have corners of their own, so that edges between them stay sharp.
+        vertices = [rings[0], rings[0], rings[1], rings[1], rings[2], rings[2]]
+        here, after = np.arange(k), (np.arange(k) + 1) % k
+        faces = [np.column_stack([np.zeros(k - 2, int), here[1:-1], here[2:]])]
+        for upper, lower in ((1, 2), (3, 4)):
+            a, b = upper * k, lower * k
+            faces.append(np.column_stack([a + here, b + here, b + after]))
+            faces.append(np.column_stack([a + here, b + after, a + after]))
+        faces.append(5 * k + np.column_stack([np.zeros(k - 2, int), here[2:], here[1:-1]]))
+        return Mesh(vertices=np.concatenate(vertices), faces=np.concatenate(faces))
+
+
+def disc_mesh() -> Mesh:
+    """A flat disc of radius 1 that faces up."""
+    turn = np.linspace(0.0, 2 * np.pi, DISC_SIDES, endpoint=False)
+    ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(DISC_SIDES)])
+    here = np.arange(1, DISC_SIDES - 1)
+    return Mesh(vertices=ring, faces=np.column_stack([np.zeros_like(here), here, here + 1]))
