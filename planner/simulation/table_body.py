@@ -34,8 +34,8 @@ BAD: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 class TableBody:
     """A chain on the plane z = 0, its first module clamped there or free.
 
-    Motors are constraints, as in ``planner.simulation.tree.RateMotors``: a hinge turns at the wanted
-    rate as long as its torque suffices, and gives way beyond. No torque is ever above the limit.
+    Motors are constraints, as in ``planner.simulation.tree.RateMotors``: a hinge turns at the
+    wanted rate as long as its torque suffices, and gives way beyond. No torque is above the limit.
 
     Args:
         chain: The chain; folded, it stands on the table, z up.
