@@ -273,10 +273,10 @@ class TablePlaybackParameters:
     geom_size: float = 0.98
     contact_time: float = 0.08
     armature: float = 0.01
-    firmness: float = 0.999
+    firmness: float = 0.9999
     gain: float = 5.0
     spacing_rad: float = 0.1
-    inertial_share: float = 0.2
+    inertial_share: float = 0.3
     braking_share: float = 0.2
     fastest: float = 0.3
     frame_rad: float = 0.05
