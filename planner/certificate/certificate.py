@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
+from planner.certificate.table import TableCertificate, table_certificate
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
@@ -23,7 +24,7 @@ from planner.chain.statics import static_torque
 from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
 from planner.clearance.sweep import SHARE, Sweep, check_windows, sweep
 from planner.errors import InputError
-from planner.motion.frames import PHASES
+from planner.motion.frames import PHASES, Frames
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.windows import Windows
@@ -31,6 +32,7 @@ from planner.playback.playback import Playback
 from planner.playback.unfolding import ENDS_WITHIN_RAD
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.parameters import Parameters
+from planner.statics.contacts import table_height
 
 Array = NDArray[np.float64]
 GRAVITY_M_S2: Final = 9.81
@@ -89,6 +91,7 @@ class Certificate:
         gravity_torque_folded_nm, gravity_torque_straight_nm: Largest static torque when held at
             the root without support.
         seconds: Wall time of the verification.
+        table: What it asks on a table; None of a plan that floats.
     """
 
     verdict: str
@@ -123,6 +126,7 @@ class Certificate:
     gravity_torque_folded_nm: float
     gravity_torque_straight_nm: float
     seconds: float
+    table: TableCertificate | None = None
 
     @property
     def verified(self) -> bool:
@@ -132,7 +136,11 @@ class Certificate:
     def as_dict(self) -> CertificateFigures:
         """Plain JSON values."""
         robots = None if self.robots is None else list(self.robots)
-        return cast(CertificateFigures, {**asdict(self), "robots": robots})
+        values = {**asdict(self), "robots": robots}
+        del values["table"]
+        if self.table is not None:
+            values["table"] = self.table.as_dict()
+        return cast(CertificateFigures, values)
 
     @classmethod
     def from_dict(
@@ -149,6 +157,8 @@ class Certificate:
         found |= {name: Place.from_dict(found[name]) for name in _PLACES}
         robots = found.get("robots")
         found["robots"] = None if robots is None else tuple(robots)
+        if found.get("table") is not None:
+            found["table"] = TableCertificate.from_dict(found["table"])
         if found["exempt_pairs"] is not None:
             found["exempt_pairs"] = ExemptPairs.from_dict(found["exempt_pairs"])
         return cls(**found)
@@ -242,8 +252,15 @@ def certify(
         verdict = _verdict(
             chain, start, record, playback, of_plan, [of_playback, *of_others], figures, size
         )
+    on_table = None
+    if parameters.world == "table" and playback is not None and not given_up:
+        progress(Progress(stage="certify", fraction=0.9, message="balancing every frame"))
+        on_table = _on_table(chain, playback, parameters)
+        if not on_table.rests and not verdict.startswith("failed"):
+            verdict = on_table.verdict
     return Certificate(
         verdict=verdict,
+        table=on_table,
         simulated=None if playback is None else playback.simulated,
         module_size=size,
         exempt_pairs=exempt or exempt_pairs(chain, (), size=size),
@@ -262,6 +279,26 @@ def certify(
         gravity_torque_straight_nm=weight * static_torque(chain, np.zeros_like(chain.folded_rad)),
         seconds=time.perf_counter() - begun,
         **figures,
+    )
+
+
+def _on_table(chain: Chain, playback: Playback, parameters: Parameters) -> TableCertificate:
+    """What the plan asks on the table that it was made for."""
+    reference = playback.reference
+    frames = playback.frames
+    if isinstance(reference, Windows):
+        frames = reference
+    elif isinstance(frames, Frames):
+        frames = replace(frames, joint_angles_rad=reference).clamped(chain)
+    return table_certificate(
+        chain,
+        frames,
+        friction=parameters.table.friction,
+        base="clamped" if parameters.table.friction else "free",
+        density_kg_m3=parameters.density_kg_m3,
+        bound=parameters.table.most_torque,
+        on_table=True,
+        height=table_height(chain),
     )
 
 

@@ -47,6 +47,7 @@ class CertificateFigures(TypedDict, total=False):
     """``planner.certificate.certificate.Certificate``."""
 
     verdict: str
+    table: dict[str, Any]
     simulated: bool | None
     module_size: float
     exempt_pairs: ExemptFigures | None

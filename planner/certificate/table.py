@@ -154,9 +154,10 @@ def table_certificate(
     module_size: float = 1.0,
     bound: float | None = None,
     on_table: bool | None = None,
+    height: float = 0.0,
     progress: Callable[[float], None] | None = None,
 ) -> TableCertificate:
-    """Balances every frame of a motion on the plane z = 0.
+    """Balances every frame of a motion on a table.
 
     Args:
         chain: The chain.
@@ -170,6 +171,7 @@ def table_certificate(
         module_size: Where the corners are, as a fraction of the pitch.
         bound: Largest torque in w·p that is allowed.
         on_table: Whether the frames stand on the table as they are; found out when None.
+        height: Where the table is along z, in pitches.
         progress: Told the share of frames that are done, now and then.
 
     Raises:
@@ -182,7 +184,7 @@ def table_certificate(
     clearances = np.concatenate(
         [
             floor_clearances(chain.module, poses.positions, poses.rotations, size=module_size)
-            for _, poses in _parts(chain, frames)
+            for poses in _parts(chain, frames, height)
         ]
     )
     if not np.isfinite(clearances).all():
@@ -195,6 +197,7 @@ def table_certificate(
         clamped=0 if base == "clamped" and stands else None,
         size=module_size,
         laid=not stands,
+        height=height,
     )
     found: list[tuple[float, tuple[int, ...]]] = []
     starts = range(0, len(frames), CHUNK)
@@ -245,12 +248,13 @@ class _Wanted:
     clamped: int | None
     size: float
     laid: bool
+    height: float
 
     def part(self, start: int) -> list[tuple[float, tuple[int, ...]]]:
         """Torque and standing modules of the frames from one on."""
         stop = min(start + CHUNK, len(self.frames))
         around = self.frames.dense(self.chain, max(start - 1, 0), min(stop + 1, len(self.frames)))
-        poses = self.chain.poses(around.joint_angles_rad, around.root_position, around.root_wxyz)
+        poses = _placed(self.chain, around, self.height)
         balance = Balance(self.chain, size=self.size)
         first = min(start, 1)
         return [
@@ -301,10 +305,16 @@ def _moment_later(poses: Poses, k: int) -> tuple[Array, Array]:
     return 2.0 * positions[k] - positions[k - 1], turned @ rotations[k]
 
 
-def _parts(chain: Chain, frames: Motion) -> Iterator[tuple[Frames, Poses]]:
+def _parts(chain: Chain, frames: Motion, height: float) -> Iterator[Poses]:
     for start in range(0, len(frames), CHUNK):
         part = frames.dense(chain, start, min(start + CHUNK, len(frames)))
-        yield part, chain.poses(part.joint_angles_rad, part.root_position, part.root_wxyz)
+        yield _placed(chain, part, height)
+
+
+def _placed(chain: Chain, frames: Frames, height: float) -> Poses:
+    """Poses in a space whose floor is z = 0."""
+    above = frames.root_position - np.array([0.0, 0.0, height])
+    return chain.poses(frames.joint_angles_rad, above, frames.root_wxyz)
 
 
 def _check(

@@ -166,25 +166,31 @@ class Peeling(Explosion[Bend, PeelingParameters]):
 
     @property
     def rod(self) -> int:
+        """Modules of the rod."""
         return len(self.chain) - self.first - self.modules
 
     @property
     def most_steps(self) -> int:
+        """By the chain's length."""
         return self.parameters.most_steps(len(self.chain))
 
     def place(self) -> None:
+        """Computes the poses of the present state."""
         self.window.place(self.state)
 
     def motion(self) -> Windows:
+        """All snapshots."""
         return self.windows.motion()
 
     def step(self) -> bool:
+        """One step, after which no hinge is beyond its stop."""
         moved = super().step()
         if moved:
             self.state.stop_at(self.material.stop_of(self.chain.module))
         return moved
 
     def look(self) -> Ended | None:
+        """Lets the next unit go when it may be; whether it is straight, or stuck."""
         if self.steps % RETIRE_EVERY == 0:
             self._retire()
         if self.first and self.steps % RELEASE_EVERY == 0 and self._ready():
@@ -205,9 +211,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         fresh = self.chain.folded_rad[hinges * first : hinges * self.first]
         self.unit = self.first - first
         self.first = first
-        self.field = self.core.distances(first)
-        self.finder.set_boxes(*self._boxes(first))
-        self.core_box = self.core.extent(first + FIXED - 1)
+        self._hold(first)
         self._build(np.concatenate([fresh, angles]), np.concatenate([0.0 * fresh, rates]))
         unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
         if first:
@@ -219,6 +223,12 @@ class Peeling(Explosion[Bend, PeelingParameters]):
             self.target = self.core.rotations[1][:, 0]
         if not self.aim.any():
             self.aim = self.target
+
+    def _hold(self, first: int) -> None:
+        """Makes the modules 0 to ``first`` what does not move."""
+        self.field = self.core.distances(first)
+        self.finder.set_boxes(*self._boxes(first))
+        self.core_box = self.core.extent(first + FIXED - 1)
 
     def _boxes(self, first: int) -> tuple[Array, Array]:
         """(B, 3) centres and half sides of what does not move: the modules 0 to ``first``."""
@@ -279,6 +289,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         self.window.set_stiffness(np.repeat(stiffness, self.peelable.hinges))
 
     def accelerations(self) -> Acceleration | None:
+        """Under all forces; None when the run went back."""
         p = self.parameters
         window = self.window
         self.finder.set_contact_time_constant(self.contact_time_constant())
@@ -305,6 +316,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         return p.alignment * p.spring * crossed(self.window.rotations[-1][:, 0], self.aim)
 
     def excess(self) -> float:
+        """By hinges, modules near each other, and the rod."""
         p = self.parameters
         state, window = self.state, self.window
         window.place_velocities(state)
@@ -421,6 +433,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         return self.proof.keeps(bends, self.least)[0] >= self.least
 
     def snapshot(self) -> Bend:
+        """The present state."""
         return Bend(
             time_s=self.time_s,
             first=self.first,
@@ -441,11 +454,13 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         )
 
     def commit(self) -> None:
+        """Makes the steps so far final."""
         if self._clear([self.snapshot()]) and self._settle():
             self.saved = (self.time_s, self.state.copy())
             self.retries = 0
 
     def go_back(self) -> None:
+        """Returns to the last sound state, slower."""
         super().go_back()
         # Its contacts may be deeper than allowed already: what makes them less deep is no reason
         # to go back again.
@@ -509,6 +524,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         )
 
     def unfolded(self) -> float:
+        """By the bends that are left."""
         whole = self.peelable.bent_below(len(self.chain) - 2)
         return 1.0 - self._left() / max(whole, 1e-9)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -20,6 +21,14 @@ CLOSE: Final = 0.02
 """Clearance in pitches; larger ones are told as this."""
 FARTHEST_TURN: Final = float(np.cos(0.1))
 """Cosine of the largest turn of the rod between two snapshots, 0.1 rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A place of a record that it may return to: its parts, and its last snapshot."""
+
+    parts: int
+    last: Bend | None
 
 
 class WindowRecorder(Recorder[Bend]):
@@ -83,6 +92,16 @@ class WindowRecorder(Recorder[Bend]):
         """Adds snapshots that were made without a simulation, and proved, after a ``commit``."""
         self._last = bends[-1]
         self._emit(bends)
+
+    def mark(self) -> Mark:
+        """Where the record ends now."""
+        return Mark(len(self._kept), self._last)
+
+    def return_to(self, mark: Mark) -> None:
+        """Forgets all snapshots after a mark. Who got them has got them."""
+        self._waiting = []
+        del self._kept[mark.parts :]
+        self._last = mark.last
 
     def motion(self) -> Windows:
         """All snapshots so far."""

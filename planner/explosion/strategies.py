@@ -22,6 +22,7 @@ from planner.explosion.one_joint_at_a_time import unbend_one_by_one
 from planner.explosion.paper import explode_as_published
 from planner.explosion.peeling import peel
 from planner.explosion.simultaneous import explode
+from planner.explosion.table import explode_on_table
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.pathfinding.peelability import peelable
@@ -65,6 +66,12 @@ def strategies_for(
     if wished not in STRATEGY_OPTIONS:
         raise unknown_strategy(wished)
     possible = _possible(chain, parameters, refolds)
+    if not possible:
+        raise InputError(
+            "unsuited-world",
+            f"got a chain of {chain.module.name}s that do not fold into cells for a fold on a "
+            "table, expected cubes that do; take the world floating.",
+        )
     if wished == AUTO:
         return tuple(name for name in _preferred(chain) if name in possible) or possible[:1]
     if wished not in possible:
@@ -90,6 +97,8 @@ def others_for(chain: Chain, parameters: Parameters, *, refolds: bool = False) -
 
 def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str, ...]:
     """What a chain can have at all."""
+    if parameters.world == "table":
+        return ("peel",) if on_lattice(chain) else ()
     if not isinstance(parameters.explosion, ExplosionParameters):
         return ("simultaneous",)  # as published, or nothing at all
     names = ("simultaneous", "blocks", "peel") if on_lattice(chain) else ("simultaneous",)
@@ -145,6 +154,11 @@ def let_go(
         raise InputError("no-explosion", f"the preset {parameters.preset!r} has no explosion.")
     if strategy == BASELINE:
         return unbend_one_by_one(chain, sink=sink)
+    if parameters.world == "table":
+        on_it = replace(parameters.table, verify_size=parameters.module_size)
+        return explode_on_table(
+            chain, on_it, seed=seed, sink=sink, progress=progress, cancelled=cancelled
+        )
     if strategy == "peel":
         finer = _suited(parameters.peeling, parameters.module_size, gentle)
         return peel(chain, finer, seed=seed, sink=sink, progress=progress, cancelled=cancelled)

@@ -12,7 +12,7 @@ straight and out of the way is one rod. Once all lies flat, what is left is a pl
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -22,7 +22,7 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz
 from planner.explosion.explosion import MOST_RETRIES, Ended
 from planner.explosion.peeling import Peeling, crossed
-from planner.explosion.peeling_recorder import WindowRecorder
+from planner.explosion.peeling_recorder import Mark, WindowRecorder
 from planner.explosion.peeling_window import Bend
 from planner.explosion.table_guard import Guard
 from planner.kernels.core import FIXED
@@ -30,7 +30,7 @@ from planner.motion.record import Record
 from planner.motion.windows import Windows
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.parameters import TableParameters
-from planner.simulation.reduced import Acceleration
+from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
 THICK: Final = 40.0
@@ -59,10 +59,12 @@ SIDEWAYS: Final = 5
 """Neighbouring modules that are pushed about alike."""
 STRONGEST_SPRING: Final = 8.0
 """Largest torque of a spring, in w·p."""
+FIRST_RETURN: Final = 3
+"""Releases that a run goes back when it is stuck, and twice as many each time after that."""
 STRONGER: Final = 0.25
 """How much more the forces may be each time that they are drawn in vain."""
 RELEASED_EVERY: Final = 4
-"""Draws in vain after which the next unit is let go all the same."""
+"""Times without progress, at the first of which the next unit is let go all the same."""
 
 
 def explode_on_table(
@@ -94,6 +96,29 @@ def explode_on_table(
     return TablePeeling(chain, parameters, seed, sink).run(progress, cancelled)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Release:
+    """A run at the moment in which a unit was let go: it may return there.
+
+    Attributes:
+        first, unit: Of the window before.
+        state: The window's.
+        aim, target: Of the rod.
+        centre: Of the unit that had been let go before.
+        time_s: When.
+        mark: Of the record.
+    """
+
+    first: int
+    unit: int
+    state: State
+    aim: Array
+    target: Array
+    centre: Array
+    time_s: float
+    mark: Mark
+
+
 class TablePeeling(Peeling):
     """A run on a table. For what it takes, see ``explode_on_table``."""
 
@@ -115,6 +140,10 @@ class TablePeeling(Peeling):
         self._drawn_at: int | None = None
         self._draws = np.random.default_rng(seed)
         self._exhausted = self._unheld = False
+        self._releases: list[Release] = []
+        self._returns = 0
+        """Times that it has returned to an earlier release since it last got farther than ever."""
+        self._farthest = len(chain)
         self._calm(parameters)
         super().__init__(chain, parameters, seed, sink)
         self.guard = Guard(chain, self.peelable, parameters)
@@ -128,6 +157,7 @@ class TablePeeling(Peeling):
         )
 
     def run(self, progress: Report, cancelled: Cancelled) -> Record:
+        """As any explosion, with what the guard has done."""
         return replace(super().run(progress, cancelled), table=self.guard.record())
 
     # The forces.
@@ -181,15 +211,19 @@ class TablePeeling(Peeling):
         """Springs whose torque is limited: the more a hinge is bent, the softer its spring."""
         p = self.table
         bends = np.maximum(np.abs(self.state.angles), LEAST_BEND_RAD)
-        self.window.set_stiffness(
-            p.weight * np.minimum(p.spring_torque, self.spring_torque / bends)
-        )
+        springs = np.minimum(p.spring_torque, self.spring_torque / bends)
+        self.window.set_stiffness(p.weight * springs)
 
     # The table.
 
+    @property
+    def _lowest(self) -> float:
+        """Where the centres of modules are that stand on the table, upwards."""
+        return float((self.core.cells @ self.up).min())
+
     def _boxes(self, first: int) -> tuple[Array, Array]:
         centres, halves = super()._boxes(first)
-        top = float((self.core.cells @ self.up).min()) - 0.5
+        top = self._lowest - 0.5
         table = np.where(self.up != 0.0, 0.5 * THICK, WIDE)
         return (
             np.concatenate([centres, [(top - 0.5 * THICK) * self.up]]),
@@ -228,6 +262,7 @@ class TablePeeling(Peeling):
         return super()._clear(bends) and self.guard.holds(None, bends)
 
     def commit(self) -> None:
+        """Makes the steps so far final."""
         # Of a frame that does not hold, waiting would not make one that does.
         if super()._clear([self.snapshot()]) and self._settle():
             self.saved = (self.time_s, self.state.copy())
@@ -252,12 +287,14 @@ class TablePeeling(Peeling):
             self.state.scale_velocities(0.0)
 
     def accelerations(self) -> Acceleration | None:
+        """Under all forces; None when the run went back."""
         self._stiffen(self.window.positions)
         found = super().accelerations()
         self.contacts = 0  # the table is no reason to wait
         return found
 
     def look(self) -> Ended | None:
+        """Lets the next unit go when it may be; whether it is straight, or stuck."""
         if self._drawn_at is not None and self.steps > self._drawn_at + self.table.drawn_steps:
             self._calm(self.table)
         return "stalled" if self._exhausted else super().look()
@@ -273,7 +310,45 @@ class TablePeeling(Peeling):
             and bends.sum() < p.unbent
         )
 
+    def _release(self) -> None:
+        before = Release(
+            first=self.first,
+            unit=self.unit,
+            state=self.state.copy(),
+            aim=self.aim,
+            target=self.target,
+            centre=self.centre,
+            time_s=self.time_s,
+            mark=self.windows.mark(),
+        )
+        super()._release()
+        if self.first < before.first:
+            self._releases.append(replace(before, mark=self.windows.mark()))
+            if self.first < self._farthest:
+                self._farthest, self._returns = self.first, 0
+
     # When it sticks.
+
+    def _return(self) -> bool:
+        """Goes back to an earlier release, farther each time; False when that was tried enough."""
+        if self._returns >= self.table.most_returns or not self._releases:
+            return False
+        back = min(FIRST_RETURN * 2**self._returns, len(self._releases))
+        self._returns += 1
+        there = self._releases[-back]
+        del self._releases[-back:]
+        self.first, self.unit, self.centre = there.first, there.unit, there.centre
+        self.aim, self.target = there.aim, there.target
+        self._hold(there.first)
+        self._build(there.state.angles.copy(), np.zeros_like(there.state.rates))
+        self.windows.return_to(there.mark)
+        self.time_s = there.time_s + 2e-6
+        self.saved = (self.time_s, self.state.copy())
+        self.guard.taken_back += 1
+        self.depth, self.pushes = 0.0, 0
+        self.progressed, self.least_left = self.steps, self._left()
+        self._draw(1.0 + STRONGER * self._returns)
+        return True
 
     def _unjam(self) -> bool:
         p = self.table
@@ -287,12 +362,14 @@ class TablePeeling(Peeling):
         elif self.steps - self.progressed >= p.patience:
             self.pushes += 1
             self.progressed = self.steps
-            if self.pushes % RELEASED_EVERY == 0 and self.first:
+            if self.pushes % RELEASED_EVERY == 1 and self.first:
                 self._release()
-            self._draw(1.0 + STRONGER * self.pushes)
-        return self.pushes <= p.most_pushes
+            else:
+                self._draw(1.0 + STRONGER * self.pushes)
+        return self.pushes <= p.most_pushes or self._return()
 
     def stall_reason(self) -> str:
+        """How much of it is let go, and what the guard refuses."""
         if self._exhausted:
             return (
                 f"the chain is stuck with modules 0 to {self.first + 1} still folded: "

@@ -20,10 +20,11 @@ from planner.explosion.peeling_window import Bend, Peelable
 from planner.motion.record import TableRecord
 from planner.simulation.parameters import TableParameters
 from planner.statics.balance import Balance
+from planner.statics.contacts import table_height
 from planner.statics.friction import Friction
 
 Array = NDArray[np.float64]
-SUNK: Final = 0.012
+SUNK: Final = 0.01
 """Pitches that a module may lie in the table: a simulated one gives."""
 FORGIVEN: Final = 0.2
 """Refusals that count no more for each time that frames were kept."""
@@ -56,7 +57,7 @@ class Guard:
         self._peelable = peelable
         self._parameters = parameters
         self._balance = Balance(chain)
-        self._height = float(chain.folded_poses.positions[:, 2].min()) - 0.5
+        self._height = table_height(chain)
         self.bound = parameters.first_bound
         self.refused = 0.0
         """Frames that were refused since the bound was raised, less what is forgiven."""
@@ -132,7 +133,9 @@ class Guard:
             # What drags on the floor needs a hold: the first module is fixed to the table.
             how["clamped"] = 0
             how["friction"] = Friction(
-                self._parameters.friction, earlier.poses.positions, earlier.poses.rotations
+                coefficient=self._parameters.friction,
+                positions=earlier.poses.positions,
+                rotations=earlier.poses.rotations,
             )
         if not self._balance.within(self.bound, positions, rotations, placed.angles, **how):
             self.why = f"some hinge had to bear more than {self.bound:.2f} w·p"

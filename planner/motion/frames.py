@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.rotations import wxyz_from_matrix
 
 Array = NDArray[np.float64]
 PHASES: Final = ("explosion", "playback", "unfolding")
@@ -56,6 +58,21 @@ class Frames:
         """(f, J) all angles of the snapshots ``start`` to ``stop``: as ``Windows.angles``."""
         del chain
         return self.joint_angles_rad[start:stop]
+
+    def clamped(self, chain: Chain) -> Frames:
+        """The same with the chain's first module where it is when folded."""
+        poses = forward_kinematics(
+            chain.module,
+            self.joint_angles_rad,
+            root=0,
+            root_position=chain.folded_position,
+            root_wxyz=chain.folded_wxyz,
+        )
+        return replace(
+            self,
+            root_position=poses.positions[:, chain.root],
+            root_wxyz=wxyz_from_matrix(poses.rotations[:, chain.root]),
+        )
 
     @classmethod
     def none(cls, joints: int) -> Frames:

@@ -8,6 +8,7 @@ from typing import Final
 from planner.chain.module import CUBE, MODULES
 from planner.errors import InputError
 from planner.pathfinding import ENDS, METHODS, Cell
+from planner.simulation.parameters import WORLDS, World
 
 DEFAULT_MODULES: Final = 160
 MODULE_COUNTS: Final = (8, 20_000)
@@ -25,6 +26,7 @@ class PathOptions:
         ends: ``any``, or ``surface`` for both ends on the outside.
         as_voxels: Read a list of cells as a shape, not as a path.
         start: The cell that the chain begins in, as the preview counts cells; None for any.
+        world: Where the chain is to fold: ``floating`` or on a ``table``.
     """
 
     module: str = CUBE.name
@@ -34,6 +36,7 @@ class PathOptions:
     ends: str = "any"
     as_voxels: bool = False
     start: Cell | None = None
+    world: World = "floating"
 
     def check(self) -> None:
         """Refuses what cannot be wished for.
@@ -50,6 +53,7 @@ class PathOptions:
             ("module", self.module, tuple(MODULES)),
             ("method", self.method, METHODS),
             ("ends", self.ends, ENDS),
+            ("world", self.world, WORLDS),
         ):
             if value not in known:
                 raise InputError(

@@ -19,7 +19,9 @@ from planner.simulation.parameters import (
     AUTO,
     BASELINE,
     STRATEGY_OPTIONS,
+    WORLDS,
     Parameters,
+    World,
     preset,
     unknown_strategy,
 )
@@ -47,6 +49,7 @@ class Request:
         prefer: Which of several verified plans is wanted; with ``computing`` the first one.
         refold: Whether the chain begins folded as the plan beside it says, not straight.
         smooth: Whether the plan beside it is smoothed, in place of an explosion.
+        world: Where the chain folds: ``floating``, or on a ``table`` under gravity.
         module, modules, method, repair, ends, as_voxels, start: See
             ``planner.pathfinding.options.PathOptions``.
     """
@@ -67,6 +70,7 @@ class Request:
     start: Cell | None = None
     refold: bool = False
     smooth: bool = False
+    world: World = "floating"
 
     @classmethod
     def of(cls, **given: Any) -> Request:
@@ -107,6 +111,8 @@ class Request:
                     f"one plan, expected {plain.prefer}; take the default preset and a strategy "
                     "that is no baseline to choose among plans.",
                 )
+            if self.world == "table":
+                self._check_table()
             for name in ("preset", "strategy") if self.smooth else ():
                 if getattr(self, name) != getattr(plain, name):
                     raise InputError(
@@ -116,6 +122,32 @@ class Request:
                     )
         except InputError as error:
             raise _placed(error) from None
+
+    def _check_table(self) -> None:
+        """Refuses what cannot be had on a table.
+
+        Raises:
+            InputError: ``unsuited-world``.
+        """
+        plain = Request()
+        for name, what in (
+            ("preset", "preset"),
+            ("module", "module"),
+            ("strategy", "strategy"),
+            ("prefer", "preference"),
+        ):
+            if (got := getattr(self, name)) != getattr(plain, name):
+                raise InputError(
+                    "unsuited-world",
+                    f"got the {what} {got} for a fold on a table, expected "
+                    f"{getattr(plain, name)}; take the world floating for others.",
+                )
+        if self.refold or self.smooth:
+            raise InputError(
+                "unsuited-world",
+                "got a plan that is folded anew or smoothed for a fold on a table, expected a "
+                "shape; take the world floating for those.",
+            )
 
     @property
     def _one_plan(self) -> str | None:
@@ -134,7 +166,16 @@ class Request:
         """
         if not self.settings:
             return self
-        return replace(self, settings=settings_text(self.settings, preset(self.preset)))
+        return replace(self, settings=settings_text(self.settings, self._plain()))
+
+    def _plain(self) -> Parameters:
+        """What the preset has in this world, without settings."""
+        if self.world not in WORLDS:
+            raise InputError(
+                "unknown-world",
+                f"got the world {self.world!r}, expected one of: {', '.join(WORLDS)}.",
+            )
+        return replace(preset(self.preset), world=self.world)
 
     def path_options(self) -> PathOptions:
         """How a shape is to become a path."""
@@ -146,6 +187,7 @@ class Request:
             ends=self.ends,
             as_voxels=self.as_voxels,
             start=self.start,
+            world=self.world,
         )
 
     def parameters(self, *, smoothed: bool = False) -> Parameters:
@@ -157,7 +199,7 @@ class Request:
         Raises:
             InputError: An unknown preset, or a seed or module size out of range.
         """
-        found = preset(self.preset)
+        found = self._plain()
         if self.settings:
             found = with_settings(found, read_settings(self.settings))
         if not 0 <= self.seed <= LARGEST_SEED:

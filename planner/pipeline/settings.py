@@ -42,6 +42,7 @@ class Setting:
         explosion: The field of ``PaperExplosionParameters`` that it sets, if any.
         playback: The field of ``PlaybackParameters`` that it sets, if any.
         robot: The field of ``RobotParameters`` that it sets, if any.
+        table: The field of ``TableParameters`` that it sets, if any.
         optional: Whether it may be ``none``.
         direct: Whether servoing straight to the shape uses it too.
     """
@@ -57,12 +58,15 @@ class Setting:
     explosion: str | None = None
     playback: str | None = None
     robot: str | None = None
+    table: str | None = None
     optional: bool = False
     direct: bool = False
 
     def default(self, parameters: Parameters) -> float | None:
         """What it is in the parameters of a preset that uses it."""
         explosion = parameters.explosion
+        if self.table is not None:
+            return getattr(parameters.table, self.table)
         if self.robot is not None:
             return getattr(parameters.playback.robot, self.robot)
         if self.explosion is not None and isinstance(explosion, PaperExplosionParameters):
@@ -320,9 +324,34 @@ ROBOT_SETTINGS: Final = (
         playback="dynamic_up_to",
     ),
 )
+TABLE_SETTINGS: Final = (
+    Setting(
+        name="table_torque",
+        label="Largest torque on a table",
+        unit="w·p",
+        source="ours",
+        meaning="That standing may ask of a hinge, in weights of a module times the pitch.",
+        least=0.1,
+        most=1000.0,
+        table="most_torque",
+    ),
+    Setting(
+        name="table_friction",
+        label="Friction of the table",
+        unit="",
+        source="ours",
+        meaning="μ between modules and table; the first module is then clamped to it.",
+        least=0.0,
+        most=2.0,
+        table="friction",
+    ),
+)
+"""What a fold on a table may ask."""
 IDEAL: Final = "robots=0"
 """Settings of an ideal robot, whose encoders' steps are all that is off."""
-_BY_NAME: Final = {setting.name: setting for setting in (*SETTINGS, *ROBOT_SETTINGS)}
+_BY_NAME: Final = {
+    setting.name: setting for setting in (*SETTINGS, *ROBOT_SETTINGS, *TABLE_SETTINGS)
+}
 
 
 def read_settings(text: str) -> dict[str, float | None]:
@@ -374,6 +403,7 @@ def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) 
         InputError: ``bad-settings`` for what the preset does not use.
     """
     explosion, playback, density = parameters.explosion, parameters.playback, None
+    table = parameters.table
     for name, value in settings.items():
         setting = _BY_NAME[name]
         number = int(value) if setting.whole and value is not None else value
@@ -387,10 +417,15 @@ def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) 
             playback, used = replace(playback, robot=robot), True
         elif setting in SETTINGS and not isinstance(explosion, PaperExplosionParameters | None):
             used = False  # the published method's, which ours has nothing of
+        if setting.table is not None and parameters.world == "table":
+            table, used = replace(table, **{setting.table: value}), True
         if name == "density_kg_m3":
             density, used = value, explosion is None or used
         if not used or (explosion is None and not setting.direct):
-            raise _bad(f"got {name} for the preset {parameters.preset}, which does not use it.")
+            where = f"the preset {parameters.preset}, which does"
+            if setting.table is not None:
+                where = "a fold that floats, which does"
+            raise _bad(f"got {name} for {where} not use it.")
     if not playback.robot.runs:
         playback = replace(playback, controller="computed-torque")
     turned = playback.gain * playback.step_s
@@ -403,6 +438,7 @@ def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) 
         parameters,
         explosion=explosion,
         playback=playback,
+        table=table,
         density_kg_m3=parameters.density_kg_m3 if density is None else density,
     )
 

@@ -19,13 +19,14 @@ import numpy as np
 
 from planner.certificate.certificate import Certificate, certify
 from planner.certificate.measure import write_figures
+from planner.chain.chain import Chain
 from planner.explosion.strategies import on_lattice, strategies_for
 from planner.exports import mjcf
 from planner.files import write_json, write_whole
 from planner.motion.frames import PHASES
+from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.motion.windows import Windows
-from planner.pathfinding.prepare import prepare
 from planner.pipeline import attempts, manifest
 from planner.pipeline.attempt_folders import (
     CERTIFICATE,
@@ -55,14 +56,18 @@ from planner.pipeline.fold_directory import (
 )
 from planner.pipeline.parallel import Tries
 from planner.pipeline.preference import COMPUTING
+from planner.pipeline.prepare import prepare
 from planner.pipeline.request import SHORT_SEED
 from planner.playback.playback import Playback, play_back
+from planner.playback.table_playback import play_on_table
 from planner.playback.unfolding import check_fits
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.robot import RECORDED_PLAN
 from planner.robot.smoothed import before_and_after, check_smoothable
 from planner.simulation.parameters import BASELINE, ExplosionParameters
 
+STRONGER_MOTORS: Final = 1.5
+"""Limit of the motors on a table, as a multiple of the bound on what standing asks."""
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
 
@@ -216,6 +221,8 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
     timeline = place / TIMELINE
     if whole:  # a refold's timeline goes from one shape to the other; a smoothed one only folds
         TimelineWriter.create(timeline, chain)
+    if record is not None and record.table is not None:
+        return _play_on_table(place, chain, record, progress, cancelled)
     with TimelineWriter.reopen(timeline, frames=frames) as writer:
         playback = play_back(
             chain,
@@ -230,6 +237,31 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
             unfolding=unfolding,
             seed=request.seed,
         )
+    playback.save(place / "playback.npz")
+    return playback.summary()
+
+
+def _play_on_table(
+    place: FilePath, chain: Chain, record: Record, progress: Report, cancelled: Cancelled
+) -> dict[str, Any]:
+    """Folds the chain on the table, with motors that give a little more than standing asks."""
+    assert isinstance(record.frames, Windows)
+    assert record.table is not None
+    # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.
+    timeline = place / TIMELINE
+    exploded = record.frames.dense(chain)
+    with TimelineWriter.create(timeline, chain) as writer:
+        writer.append(exploded)
+        playback = play_on_table(
+            chain,
+            record.frames,
+            torque_limit_wp=STRONGER_MOTORS * record.table.bound,
+            friction=record.table.friction,
+            start_s=float(exploded.time_s[-1]),
+            progress=progress,
+            cancelled=cancelled,
+        ).as_playback(chain.pitch_m)
+        writer.append(playback.frames)
     playback.save(place / "playback.npz")
     return playback.summary()
 

@@ -114,6 +114,8 @@ class Plan:
                 motion = replace(motion, angles_rad=reference.angles_rad, errors_rad=None)
             else:
                 motion = replace(motion, joint_angles_rad=reference)
+                if parameters.world == "table":
+                    motion = motion.clamped(chain)
         return cls(
             chain=chain,
             preset=parameters.preset,

@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import InputError, SimulationError
+from planner.motion.angle_steps import snapped
 from planner.motion.frames import Frames
 from planner.motion.windows import Windows
 from planner.playback.course import LOST_RAD
+from planner.playback.playback import Playback
 from planner.playback.run import CHECK_EVERY, REPORT_EVERY_S, PlaybackStatus
 from planner.playback.table_course import TableCourse
 from planner.progress import Cancelled, Progress, Report, never, silent
@@ -44,6 +46,7 @@ class TablePlayback:
         status: ``folded``, or what went wrong.
         reason: In words; empty where nothing did.
         frames: F frames with their joint errors; times are seconds at the chain's pitch.
+        reference_rad: (F, J) what the hinges should have been at those frames.
         torques: (F, J) of the motors, the largest either way since the frame before.
         position_errors: (F,) RMS over the modules of their distance from where they should be.
         final_error: The last of them.
@@ -62,6 +65,7 @@ class TablePlayback:
     status: PlaybackStatus
     reason: str
     frames: Frames
+    reference_rad: Array
     torques: Array
     position_errors: Array
     final_error: float
@@ -75,6 +79,23 @@ class TablePlayback:
     steps: int
     duration: float
     seconds: float
+
+    def as_playback(self, pitch_m: float) -> Playback:
+        """The same as any other playback; its times are seconds at a pitch."""
+        unit = GRAVITY_M_S2 / pitch_m  # 1 w·p in module masses · pitch² / s²
+        largest = self.torques.max(axis=1, initial=0.0)
+        return Playback(
+            status=self.status,
+            reason=self.reason,
+            frames=self.frames,
+            reference_rad=self.reference_rad,
+            steps=self.steps,
+            seconds=self.seconds,
+            rms_position_error=self.final_error,
+            max_angle_error_rad=self.largest_error_rad,
+            peak_torque=unit * self.largest_torque,
+            rms_torque=unit * float(np.sqrt((largest**2).mean())),
+        )
 
 
 def play_on_table(
@@ -243,6 +264,7 @@ class _Run:
             status=self.status,
             reason=self.reason,
             frames=frames,
+            reference_rad=snapped(targets),
             torques=np.array(self._torques),
             position_errors=errors,
             final_error=float(errors[-1]),

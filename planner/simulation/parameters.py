@@ -220,7 +220,8 @@ class TableParameters(PeelingParameters):
         unbent: Sum of all bends of the window below which the next unit may be let go, except of
             the joints next to the core.
         drawn_steps: Steps for which forces that were drawn anew last.
-        most_pushes: Times without progress in a row after which it has stalled.
+        most_pushes: Times without progress in a row after which it goes back to an earlier release.
+        most_returns: Times that it does so without getting farther, before it has stalled.
         friction: μ between modules and floor.
     """
 
@@ -244,7 +245,8 @@ class TableParameters(PeelingParameters):
     refusals: int = 8
     unbent: float = 1.5
     drawn_steps: int = 200
-    most_pushes: int = 16
+    most_pushes: int = 14
+    most_returns: int = 1
     friction: float = 0.0
 
 
@@ -275,8 +277,13 @@ class TablePlaybackParameters:
     armature: float = 0.01
     firmness: float = 0.9999
     gain: float = 5.0
+<<<<<<< HEAD
     spacing_rad: float = 0.1
     inertial_share: float = 0.3
+=======
+    spacing_rad: float = 0.06
+    inertial_share: float = 0.2
+>>>>>>> table
     braking_share: float = 0.2
     fastest: float = 0.3
     frame_rad: float = 0.05

@@ -119,16 +119,20 @@ class Climb:
         found: dict[tuple[int, int], list[_Beginning]] = {}
         under = self._under(level)
         weight = self.weights.bends / len(self.cells)
+        behind = int((self.cells[:, 2] >= level).sum())
+        roll = self.weights.rolls * behind / len(self.cells)
         for way in self.pools[level].values():
-            merged: list[_Beginning] = []
+            merged: list[tuple[float, int, _Beginning]] = []
             for heading in range(4):
                 if way.first != VERTICAL and way.first == heading ^ 1:
                     continue
-                merged += below.get((under[way.bits[0]], heading), ())
-            for each in nsmallest(KEPT, merged, key=_cost):
+                rolled = roll if way.first not in (VERTICAL, heading) else 0.0
+                for each in below.get((under[way.bits[0]], heading), ()):
+                    merged.append((each.cost + rolled, len(merged), each))
+            for cost, _, each in nsmallest(KEPT, merged):
                 heading = each.heading if way.last == VERTICAL else way.last
                 bends = (each.way.last != VERTICAL) + (way.first != VERTICAL)
-                joined = _Beginning(each.cost + way.cost + bends * weight, way, heading, each)
+                joined = _Beginning(cost + way.cost + bends * weight, way, heading, each)
                 found.setdefault((way.bits[-1], heading), []).append(joined)
         return found
 

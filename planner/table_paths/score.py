@@ -34,6 +34,9 @@ class Parts:
             earlier cells in their layer: their module passes over the core.
         covered: Share of the cells with an earlier cell above them.
         end: Share of the last four cells that are enclosed: the tail's end should lie at the rim.
+        rolls: Cells behind runs of vertical links whose links before and after are at a right
+            angle, for each cell of the path. A chain cannot twist: when such a run lies down, all
+            that comes after it has to roll over by a quarter turn.
         swing: Quarter turns that the way outwards makes from cell to cell, for each cell.
         front: How far the middle of four cells moves sideways from cell to cell, in pitches.
         overhang: Cells with nothing under them: how far they are from one with something under it,
@@ -49,6 +52,7 @@ class Parts:
     enclosed: float = 0.0
     covered: float = 0.0
     end: float = 0.0
+    rolls: float = 0.0
     swing: float = 0.0
     front: float = 0.0
     overhang: float = 0.0
@@ -66,6 +70,7 @@ WEIGHTS: Final = Parts(
     enclosed=2.0,
     covered=4.0,
     end=0.5,
+    rolls=2.0,
     swing=1.0,
     front=0.5,
     overhang=2.0,
@@ -92,6 +97,7 @@ def parts_of(order: Ints) -> Parts:
         enclosed=float(enclosed.mean()),
         covered=float(covered.mean()),
         end=float(enclosed[-UNIT:].mean()),
+        rolls=_rolls(links) / count,
         swing=_swing(free) / count,
         front=_front(order),
         overhang=float(levers(order).sum()) / count,
@@ -128,6 +134,14 @@ def _ways_out(order: Ints) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     same = (offset[:, :, :2] == 0).all(axis=2)
     covered = (earlier & same & (offset[:, :, 2] > 0)).any(axis=0)
     return free, covered
+
+
+def _rolls(links: Ints) -> int:
+    """Cells behind each run of vertical links that is left at a right angle to its approach."""
+    flat = np.flatnonzero(links[:, 2] == 0)
+    before, after = flat[:-1], flat[1:]
+    turned = (after > before + 1) & ((links[before] * links[after]).sum(axis=1) == 0)
+    return int((len(links) - after[turned]).sum())
 
 
 def _swing(free: NDArray[np.bool_]) -> float:

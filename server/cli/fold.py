@@ -79,6 +79,9 @@ def fold(
     ends: Ends = "any",
     start: Start = None,
     as_voxels: AsVoxels = False,
+    world: Annotated[
+        str, typer.Option(help="Where it folds: floating, or on a table under gravity.")
+    ] = "floating",
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
@@ -98,6 +101,7 @@ def fold(
             ends=ends,
             as_voxels=as_voxels,
             start=start,
+            world=world,
         )
         request.check()
         data, filename = read_input(shape, angles)

@@ -13,7 +13,7 @@ from rich.table import Table
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
 from planner.files import write_whole
-from planner.pathfinding.prepare import Preparation, prepare_in_any_order
+from planner.pipeline.prepare import Preparation, prepare_in_any_order
 from planner.pipeline.request import SHORT_SEED, Request
 from planner.plan.formats import write_chain, write_path
 from server.cli.inputs import read_input, refuse

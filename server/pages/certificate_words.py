@@ -48,9 +48,19 @@ def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
         ("Largest joint step", quantity(certificate.get("max_joint_step_rad"), "rad")),
         ("Hinges moving, most", quantity(certificate.get("hinges_moving_most"))),
         torque(certificate),
+        ("On a table, statics", on_table(certificate)),
         ("Time to fold", quantity(certificate.get("fold_time_s"), "s")),
         ("at a joint speed of", quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")),
     ]
+
+
+def on_table(certificate: CertificateFigures) -> str | None:
+    """What a fold on a table asks at most; None of one that floats, or that does not rest."""
+    table = certificate.get("table")
+    if table is None or table["torque"] is None:
+        return None
+    friction = "frictionless" if table["friction"] == 0.0 else f"friction {table['friction']:g}"
+    return f"{table['torque']:.3g} w·p, {table['torque_nm']:.3g} N·m ({friction})"
 
 
 def robots(certificate: CertificateFigures) -> str | None:

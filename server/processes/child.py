@@ -191,7 +191,7 @@ def _preparer(*, warm: bool) -> Task:
 
     # So that the first preview need not wait for it.
     _load(
-        "planner.pathfinding.prepare",
+        "planner.pipeline.prepare",
         "planner.shapes.decimation",
         "planner.pathfinding.filling",
         "planner.pathfinding.shape_overlap",

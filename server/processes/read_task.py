@@ -116,7 +116,7 @@ def preview(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: When the input above it can't be used.
     """
-    from planner.pathfinding.prepare import prepare_in_any_order
+    from planner.pipeline.prepare import prepare_in_any_order
 
     request = json.loads((directory / "request.json").read_bytes())
     data = (directory.parent / "input").read_bytes()

@@ -27,7 +27,7 @@ def preview_svg(report: Mapping[str, Any]) -> str | None:
     """Draws the modules of a preview's report, or its cells where there is no chain.
 
     Args:
-        report: As ``planner.pathfinding.prepare.Preparation.report`` gives it.
+        report: As ``planner.pipeline.prepare.Preparation.report`` gives it.
 
     Returns:
         None when there is nothing to draw, or too much.

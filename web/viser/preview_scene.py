@@ -52,7 +52,7 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
     while they are no ghost.
 
     Args:
-        report: As ``planner.pathfinding.prepare.Preparation.report`` gives it in full.
+        report: As ``planner.pipeline.prepare.Preparation.report`` gives it in full.
     """
     with viser_server() as server:
         scene = _PreviewScene(server, report)

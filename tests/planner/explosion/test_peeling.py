@@ -14,7 +14,7 @@ from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.explosion.explosion import ContactDepth
-from planner.explosion.peeling import _Peeling, peel, turned_towards
+from planner.explosion.peeling import Peeling, peel, turned_towards
 from planner.explosion.peeling_proof import Proof
 from planner.explosion.peeling_window import Bend, Peelable
 from planner.kernels.peeling import Caps, window_haste
@@ -176,7 +176,7 @@ def test_a_rod_turns_as_fast_where_the_core_has_gone_as_where_none_ever_was() ->
 
 def test_a_run_goes_on_from_contacts_that_were_too_deep_when_it_went_back() -> None:
     """A ball of 10 000 went back to the same state for ever: each first step was too deep."""
-    run = _Peeling(chain_of(snake_path((4, 4, 4))), DEFAULT, 0, None)
+    run = Peeling(chain_of(snake_path((4, 4, 4))), DEFAULT, 0, None)
     before = (run.time_s, run.state.copy())
     while run.depth < 1e-4:
         before = (run.time_s, run.state.copy())

@@ -9,7 +9,7 @@ from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding.options import PathOptions
-from planner.pathfinding.prepare import Preparation, prepare
+from planner.pipeline.prepare import Preparation, prepare
 from planner.plan.formats import write_path
 
 U = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0], [0, 2, 0]]

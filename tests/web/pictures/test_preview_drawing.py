@@ -5,7 +5,7 @@ import json
 import numpy as np
 
 from planner.pathfinding.options import PathOptions
-from planner.pathfinding.prepare import prepare
+from planner.pipeline.prepare import prepare
 from web.pictures.isometric import isometric_svg
 from web.pictures.preview_drawing import LARGEST_DRAWING, preview_svg
 

@@ -22,7 +22,7 @@ from planner.shapes.shape import Shape
 # What reads meshes and fills cells is imported for those: a path or a chain needs none of it.
 if TYPE_CHECKING:
     from planner.pathfinding.feasibility import Feasibility
-    from planner.pathfinding.filling import Filled
+    from planner.pathfinding.filling import Filled, Filling
     from planner.shapes.solid import Solid
     from planner.shapes.voxelise import Voxels
 
@@ -195,8 +195,12 @@ def prepare(
     options.check()
     found = read(data, filename=filename, as_voxels=options.as_voxels)
     if isinstance(found, Chain):
+        if options.world == "table":
+            _check_for_table(np.rint(found.folded_poses.positions).astype(np.int64))
         return _prepared_chain(found, options, "chain")
     if isinstance(found, Path) and options.module == CUBE.name:
+        if options.world == "table":
+            _check_for_table(found.cells)
         return _prepared_chain(Chain.from_path(found), options, "path")
     if isinstance(found, Path):
         # The cells of a path are a shape to other modules.
@@ -234,6 +238,32 @@ def prepare_in_any_order(
     return replace(made, notes=(why, *made.notes))
 
 
+def _check_for_table(cells: NDArray[np.int64]) -> None:
+    """Refuses a path in which no chain can fold on a table.
+
+    Raises:
+        InputError: ``not-for-a-table``.
+    """
+    from planner.table_paths.rules import faults_of
+
+    faults = faults_of(cells)
+    if faults:
+        why = " ".join(fault.detail for fault in faults)
+        raise InputError(
+            "not-for-a-table",
+            f"got a path in which a chain cannot fold on a table: {why} "
+            "Expected one that goes up layer by layer; read it as voxels to have one found.",
+        )
+
+
+def _fillings(options: PathOptions) -> Filling:
+    """How cells become chains."""
+    from planner.pathfinding.filling import FILLINGS
+    from planner.table_paths.fill_table import TableCubes
+
+    return TableCubes() if options.world == "table" else FILLINGS[options.module]
+
+
 def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparation:
     notes = ()
     if options.modules is not None and options.modules != len(chain):
@@ -253,10 +283,9 @@ def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparatio
 def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Preparation:
     if isinstance(found, Shape):
         return Preparation(kind="voxels", name=found.name, options=options, chains=(), shape=found)
-    from planner.pathfinding.filling import FILLINGS
     from planner.shapes.voxelise import voxelise
 
-    voxels = voxelise(found, cells=FILLINGS[options.module].cells_for(options), seed=seed)
+    voxels = voxelise(found, cells=_fillings(options).cells_for(options), seed=seed)
     return Preparation(
         kind="mesh",
         name=found.name,
@@ -271,20 +300,17 @@ def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Prepa
 def _from_shape(
     kind: str, shape: Shape, options: PathOptions, seed: int, time_limit_s: float
 ) -> Preparation:
-    from planner.pathfinding.filling import FILLINGS
-
-    filled = FILLINGS[options.module].fill(
+    filled = _fillings(options).fill(
         shape, options, of_solid=False, seed=seed, time_limit_s=time_limit_s
     )
     return _made(kind, shape.name, options, filled, filled.notes)
 
 
 def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:
-    from planner.pathfinding.filling import FILLINGS
     from planner.pathfinding.shape_overlap import intersection_over_union
     from planner.shapes.voxelise import voxelise
 
-    filling = FILLINGS[options.module]
+    filling = _fillings(options)
     voxels = voxelise(solid, cells=filling.cells_for(options), seed=seed)
     filled = filling.fill(
         voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s

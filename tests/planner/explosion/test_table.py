@@ -1,0 +1,93 @@
+"""Explosions on a table: every frame that is kept stands within the bound; what is not is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.certificate.table import table_certificate
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.errors import InputError
+from planner.explosion.strategies import strategies_for
+from planner.explosion.table import explode_on_table
+from planner.explosion.table_guard import SUNK
+from planner.motion.record import Record
+from planner.motion.windows import Windows
+from planner.simulation.parameters import Parameters, TableParameters
+from planner.statics.contacts import table_height
+from planner.table_paths.table_paths import table_paths
+
+BOX = np.array([(x, y, z) for x in range(3) for y in range(2) for z in range(2)])
+
+
+def chain_of(cells: np.ndarray) -> Chain:
+    return Chain.from_path(Path.from_cells(table_paths(cells, most=1)[0].cells, name="box"))
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    return explode_on_table(chain_of(BOX), TableParameters(), seed=1)
+
+
+def test_a_box_lies_down_straight_and_every_frame_stands_within_the_bound(record: Record) -> None:
+    assert record.status == "straight", record.reason
+    assert record.table is not None
+    assert isinstance(record.frames, Windows)
+    chain = chain_of(BOX)
+    found = table_certificate(
+        chain, record.frames, base="free", on_table=True, height=table_height(chain)
+    )
+    assert not found.unbalanced
+    assert found.torque is not None
+    assert found.torque <= record.table.bound * 1.001
+    assert found.clearance >= -SUNK - 1e-3
+    assert np.abs(record.frames.angles(chain)[-1]).max() < 1e-6
+    assert np.allclose(record.frames.angles(chain)[0], chain.folded_rad, atol=1e-6)
+
+
+def test_the_same_seed_draws_the_same_forces(record: Record) -> None:
+    again = explode_on_table(chain_of(BOX), TableParameters(), seed=1)
+    assert isinstance(record.frames, Windows)
+    assert isinstance(again.frames, Windows)
+    assert record.frames.passes_as(again.frames)
+    assert record.table == again.table
+
+
+def test_what_no_motor_can_bear_is_taken_back_and_told() -> None:
+    weak = replace(TableParameters(), first_bound=0.2, most_torque=0.3)
+    found = explode_on_table(chain_of(BOX), weak)
+    assert found.status == "stalled"
+    assert "0.30 w·p" in found.reason
+    assert found.table is not None
+    assert found.table.bound == pytest.approx(0.3)
+    assert found.table.taken_back > weak.refusals
+    assert [bound for _, bound in found.table.raised][:2] == pytest.approx([0.23, 0.2645])
+
+
+def test_friction_counts_in_the_guard() -> None:
+    rubbing = replace(TableParameters(), friction=0.1, most_torque=20.0)
+    chain = chain_of(BOX)
+    found = explode_on_table(chain, rubbing, seed=1)
+    assert found.status == "straight", found.reason
+    assert found.table is not None
+    assert isinstance(found.frames, Windows)
+    certificate = table_certificate(
+        chain, found.frames[::-1], friction=0.1, on_table=True, height=table_height(chain)
+    )
+    assert certificate.torque is not None
+    assert certificate.torque <= 1.2 * found.table.bound
+
+
+def test_a_record_says_what_was_taken_back(tmp_path, record: Record) -> None:
+    record.save(tmp_path / "record.npz")
+    assert Record.load(tmp_path / "record.npz").table == record.table
+
+
+def test_a_table_takes_cubes_that_fold_into_cells_alone() -> None:
+    bent = Chain.from_angles(chain_of(BOX).module, np.full(8, 0.3))
+    with pytest.raises(InputError, match="cubes") as error:
+        strategies_for(bent, replace(Parameters(), world="table"))
+    assert error.value.code == "unsuited-world"
