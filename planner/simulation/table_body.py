@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.simulation.model import (
+    SOLIMP,
     STIFF,
     Material,
     add_module_geom,
@@ -32,7 +33,7 @@ BAD: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 
 
 class TableBody:
-    """A chain on the plane z = 0, its first module clamped there or free.
+    """A chain on a table, its first module clamped there.
 
     Motors are constraints, as in ``planner.simulation.tree.RateMotors``: a hinge turns at the
     wanted rate as long as its torque suffices, and gives way beyond. No torque is above the limit.
@@ -40,9 +41,9 @@ class TableBody:
     Args:
         chain: The chain; folded, it stands on the table, z up.
         parameters: Of the simulation.
+        height: Where the top of the table is, along z.
         torque_limit: Of every motor, in w·p; 0 for none at all.
         friction: μ between modules and table; modules slide on each other without.
-        clamped: Whether the first module is held where it is.
     """
 
     def __init__(
@@ -50,13 +51,12 @@ class TableBody:
         chain: Chain,
         parameters: TablePlaybackParameters,
         *,
+        height: float,
         torque_limit: float,
         friction: float = 0.0,
-        clamped: bool = True,
     ) -> None:
         self.chain = chain
-        self.clamped = clamped
-        self.model: Any = compiled(_spec(chain, parameters, torque_limit, friction, clamped))
+        self.model: Any = compiled(_spec(chain, parameters, height, torque_limit, friction))
         self.model.opt.timestep = parameters.step
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         self.data: Any = mujoco.MjData(self.model)
@@ -136,7 +136,7 @@ class TableBody:
 
 
 def _spec(
-    chain: Chain, p: TablePlaybackParameters, limit: float, friction: float, clamped: bool
+    chain: Chain, p: TablePlaybackParameters, height: float, limit: float, friction: float
 ) -> Any:
     spec = base_spec()
     spec.option.gravity = [0.0, 0.0, -1.0]
@@ -148,15 +148,10 @@ def _spec(
     names = [f"module_{i}" for i in range(n)]
     body = spec.worldbody.add_body()
     body.name = names[0]
-    # Modules are smaller than a pitch: the table is raised so that flat ones stand as they do.
-    corners = chain.folded_poses.positions[:, None] + (
-        module.vertices @ np.swapaxes(chain.folded_poses.rotations, 1, 2)
-    )
-    low = float(corners[..., 2].min()) + (1.0 - p.geom_size) * module.inner_radius
+    # Modules are smaller than a pitch: the table is raised so that flat ones stand as full ones do.
+    top = height + (1.0 - p.geom_size) * module.inner_radius
     body.pos = chain.folded_position.tolist()
     body.quat = chain.folded_wxyz.tolist()
-    if not clamped:
-        body.add_freejoint().name = "root"
     for i in range(n):
         if i:
             body = add_next_body(body, chain, i, names[i], material)
@@ -167,10 +162,11 @@ def _spec(
         name="table",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0.0, 0.0, 1.0],
-        pos=[0.0, 0.0, low],
+        pos=[0.0, 0.0, top],
         condim=3 if friction > 0.0 else 1,
         friction=[max(friction, 1e-5), 0.0, 0.0],
         solref=[p.contact_time, 1.0],
+        solimp=[p.table_hardness, p.table_hardness, *SOLIMP[2:]],
         priority=1,
     )
     if limit > 0.0:

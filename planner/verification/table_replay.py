@@ -20,6 +20,7 @@ from planner.chain.kinematics import Poses
 from planner.motion.motion import Motion
 from planner.simulation.model import STIFF, Material, compiled, tree_spec
 from planner.simulation.mujoco import mujoco
+from planner.statics.contacts import table_height
 
 Array = NDArray[np.float64]
 SPARE: Final = 1.1
@@ -36,8 +37,8 @@ STEP: Final = 0.01
 DURATION: Final = 20.0
 """Time for which a frame is left alone."""
 STILL: Final = 0.1
-"""Pitches that a module of a frame that holds may sink: what touches only touches once the gaps
-between smaller modules are closed."""
+"""Pitches that a module of a frame that holds may go: modules smaller than a pitch give way until
+they touch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +79,7 @@ def table_replay(
 
     Args:
         chain: The chain; folded, it stands on the table with its lowest modules, z up.
-        frames: F of a motion on a table.
+        frames: F of a motion on that table.
         torque: What was certified, in w·p.
         friction: μ between modules and table.
         count: How many frames, evenly spread.
@@ -136,21 +137,17 @@ def _model(chain: Chain, limit: float, friction: float) -> Any:
     spec.option.gravity = [0.0, 0.0, -1.0]
     spec.option.timestep = STEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    corners = chain.folded_poses.positions[:, None] + (
-        chain.module.vertices @ np.swapaxes(chain.folded_poses.rotations, 1, 2)
-    )
     spec.worldbody.add_geom(
         name="table",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0.0, 0.0, 1.0],
-        pos=[0.0, 0.0, corners[..., 2].min() + (1.0 - GEOM_SIZE) * chain.module.inner_radius],
+        pos=[0.0, 0.0, table_height(chain) + (1.0 - GEOM_SIZE) * chain.module.inner_radius],
         condim=3 if friction > 0.0 else 1,
         friction=[max(friction, 1e-5), 0.0, 0.0],
         solref=[2.0 * STEP, 1.0],
         priority=1,
     )
-    holder = spec.worldbody.add_body(name="holder", mocap=True)
-    del holder
+    spec.worldbody.add_body(name="holder", mocap=True)
     weld = spec.add_equality()
     weld.type = mujoco.mjtEq.mjEQ_WELD
     weld.objtype = mujoco.mjtObj.mjOBJ_BODY
