@@ -60,6 +60,7 @@ class TableBody:
         self.model.opt.timestep = parameters.step
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         self.data: Any = mujoco.MjData(self.model)
+        self._planned: Any = mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in chain.joint_names]
         self._qpos = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
         self._dofs = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
@@ -95,10 +96,11 @@ class TableBody:
         data.qpos[self._qpos] = angles
         self._torques[:] = 0.0
 
-    def step(self, rates: Array, left: Array) -> None:
+    def step(self, rates: Array, left: Array, expected: Array) -> None:
         """A step in which the motors turn at (J,) rates, and make up for what is (J,) left.
 
-        They do so no faster than they can stop what they carry with a share of their torque.
+        They do so no faster than they can stop what they carry with a share of their torque. They
+        give way less where they know what (J,) torques are to be expected.
 
         Raises:
             SimulationError: When MuJoCo warns of bad numbers.
@@ -112,6 +114,8 @@ class TableBody:
         hinges = self._hinge_of_dof[data.efc_id[rows]]
         # A row's reference acceleration is −b (J q̇): that of a rate w is −b (J q̇ − w).
         data.efc_aref[rows] += data.efc_KBIP[rows, 1] * rates[hinges]
+        # Its force is (a_ref − a) / R, up to the limit: so much is there without any error.
+        data.efc_aref[rows] += data.efc_R[rows] * expected[hinges]
         mujoco.mj_step2(model, data)
         self._torques[hinges] = data.efc_force[rows]
         for name in BAD:
@@ -120,8 +124,7 @@ class TableBody:
 
     def inertial_torques(self, angles: Array, rates: Array, accelerations: Array) -> Array:
         """(J,) hinge torques of a motion without gravity and contacts, the first module held."""
-        model, data = self.model, self.data
-        mujoco.mj_resetData(model, data)
+        model, data = self.model, self._planned
         data.qpos[self._qpos] = angles
         data.qvel[self._dofs] = rates
         data.qacc[self._dofs] = accelerations
