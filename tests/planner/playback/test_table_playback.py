@@ -22,7 +22,7 @@ from planner.verification.table_replay import table_replay
 
 ARM = 15.0
 """w·p: a cantilever of five modules."""
-SLOW = replace(TablePlaybackParameters(), fastest=0.05)
+SLOW = replace(TablePlaybackParameters(), fastest=0.02)
 BOX = np.array([(x, y, z) for x in range(2) for y in range(2) for z in range(2)])
 
 
