@@ -22,9 +22,9 @@ from planner.simulation.table_body import TableBody
 Array = NDArray[np.float64]
 FEWEST_STEPS: Final = 100
 """Steps of a course, at least."""
-SAMPLES_A_RAD: Final = 100
+SAMPLES_A_RAD: Final = 300
 """Samples of the time law for each radian of the curve's length …"""
-MOST_SAMPLES: Final = 2**14
+MOST_SAMPLES: Final = 2**16
 """… or fewer."""
 FEWEST_SAMPLES: Final = 128
 
@@ -68,6 +68,19 @@ class TableCourse:
     def angles(self, start: int, stop: int) -> Array:
         """(stop − start, J) the hinge angles of some of the S + 1 places."""
         return self.curve.at(self._u[start:stop], self._all)
+
+    def torques(self, body: TableBody, start: int, stop: int) -> Array:
+        """(stop − start, J) torques that speed the chain up in some of the S steps."""
+        steps = np.clip(np.arange(start - 1, stop + 1), 0, len(self))
+        angles = self.curve.at(self._u[steps], self._all)
+        rates = np.diff(angles, axis=0) / self.parameters.step
+        accelerations = np.diff(rates, axis=0) / self.parameters.step
+        return np.array(
+            [
+                body.inertial_torques(*each)
+                for each in zip(angles[1:-1], rates[:-1], accelerations, strict=True)
+            ]
+        )
 
     def _profile(self, body: TableBody, budget: float) -> tuple[Array, Array]:
         """(U,) places from 0 to 1 and (U,) the square of the speed there."""

@@ -29,6 +29,7 @@ from planner.playback.table_course import TableCourse
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.parameters import TablePlaybackParameters
 from planner.simulation.table_body import TableBody
+from planner.statics.contacts import table_height
 
 Array = NDArray[np.float64]
 GRAVITY_M_S2: Final = 9.81
@@ -153,7 +154,9 @@ class _Run:
     ) -> None:
         self._begun = time.perf_counter()
         self.chain, self.p, self.limit, self.friction = chain, p, limit, friction
-        self.body = TableBody(chain, p, torque_limit=limit, friction=friction)
+        self.body = TableBody(
+            chain, p, height=table_height(chain), torque_limit=limit, friction=friction
+        )
         self.course = TableCourse(chain, record, p, self.body, limit)
         self.steps = self.steps_at_limit = self.hinges_at_limit = 0
         self.largest_error = self.largest_torque = 0.0
@@ -178,11 +181,12 @@ class _Run:
         reported = time.perf_counter()
         body.place(course.angles(0, 1)[0])
         for start in range(0, len(course), CHUNK):
-            targets = course.angles(start, min(start + CHUNK, len(course)) + 1)
-            for here, there in zip(targets, targets[1:], strict=False):
+            stop = min(start + CHUNK, len(course))
+            targets, expected = course.angles(start, stop + 1), course.torques(body, start, stop)
+            for here, there, torques in zip(targets, targets[1:], expected, strict=False):
                 if course.is_kept[self.steps]:
                     self._keep(here)
-                self._step(here, there)
+                self._step(here, there, torques)
                 if self.largest_error > LOST_RAD:
                     self._keep(there)
                     return "missed", self._lost(there)
@@ -204,13 +208,13 @@ class _Run:
                     )
         end = course.angles(len(course), len(course) + 1)[0]
         for _ in range(int(self.p.settle / self.p.step)):
-            self._step(end, end)
+            self._step(end, end, np.zeros_like(end))
         self._keep(end)
         return "folded", ""
 
-    def _step(self, here: Array, there: Array) -> None:
+    def _step(self, here: Array, there: Array, expected: Array) -> None:
         p, body = self.p, self.body
-        body.step((there - here) / p.step, here - body.angles)
+        body.step((there - here) / p.step, here - body.angles, expected)
         torques = np.abs(body.torques)
         np.maximum(self._most, torques, out=self._most)
         at_limit = int((torques > AT_LIMIT * self.limit).sum())

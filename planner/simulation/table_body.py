@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.simulation.model import (
+    SOLIMP,
     STIFF,
     Material,
     add_module_geom,
@@ -32,18 +33,17 @@ BAD: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 
 
 class TableBody:
-    """A chain on the plane z = 0, its first module clamped there or free.
+    """A chain on a table, its first module clamped there.
 
     Motors are constraints, as in ``planner.simulation.tree.RateMotors``: a hinge turns at the
-    wanted rate as long as its torque suffices, and gives way beyond. No torque is ever above the
-    limit.
+    wanted rate as long as its torque suffices, and gives way beyond. No torque is above the limit.
 
     Args:
         chain: The chain; folded, it stands on the table, z up.
         parameters: Of the simulation.
+        height: Where the top of the table is, along z.
         torque_limit: Of every motor, in w·p; 0 for none at all.
         friction: μ between modules and table; modules slide on each other without.
-        clamped: Whether the first module is held where it is.
     """
 
     def __init__(
@@ -51,16 +51,16 @@ class TableBody:
         chain: Chain,
         parameters: TablePlaybackParameters,
         *,
+        height: float,
         torque_limit: float,
         friction: float = 0.0,
-        clamped: bool = True,
     ) -> None:
         self.chain = chain
-        self.clamped = clamped
-        self.model: Any = compiled(_spec(chain, parameters, torque_limit, friction, clamped))
+        self.model: Any = compiled(_spec(chain, parameters, height, torque_limit, friction))
         self.model.opt.timestep = parameters.step
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         self.data: Any = mujoco.MjData(self.model)
+        self._planned: Any = mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in chain.joint_names]
         self._qpos = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
         self._dofs = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
@@ -96,10 +96,11 @@ class TableBody:
         data.qpos[self._qpos] = angles
         self._torques[:] = 0.0
 
-    def step(self, rates: Array, left: Array) -> None:
+    def step(self, rates: Array, left: Array, expected: Array) -> None:
         """A step in which the motors turn at (J,) rates, and make up for what is (J,) left.
 
-        They do so no faster than they can stop what they carry with a share of their torque.
+        They do so no faster than they can stop what they carry with a share of their torque. They
+        give way less where they know what (J,) torques are to be expected.
 
         Raises:
             SimulationError: When MuJoCo warns of bad numbers.
@@ -113,6 +114,8 @@ class TableBody:
         hinges = self._hinge_of_dof[data.efc_id[rows]]
         # A row's reference acceleration is −b (J q̇): that of a rate w is −b (J q̇ − w).
         data.efc_aref[rows] += data.efc_KBIP[rows, 1] * rates[hinges]
+        # Its force is (a_ref − a) / R, up to the limit: so much is there without any error.
+        data.efc_aref[rows] += data.efc_R[rows] * expected[hinges]
         mujoco.mj_step2(model, data)
         self._torques[hinges] = data.efc_force[rows]
         for name in BAD:
@@ -121,8 +124,7 @@ class TableBody:
 
     def inertial_torques(self, angles: Array, rates: Array, accelerations: Array) -> Array:
         """(J,) hinge torques of a motion without gravity and contacts, the first module held."""
-        model, data = self.model, self.data
-        mujoco.mj_resetData(model, data)
+        model, data = self.model, self._planned
         data.qpos[self._qpos] = angles
         data.qvel[self._dofs] = rates
         data.qacc[self._dofs] = accelerations
@@ -137,7 +139,7 @@ class TableBody:
 
 
 def _spec(
-    chain: Chain, p: TablePlaybackParameters, limit: float, friction: float, clamped: bool
+    chain: Chain, p: TablePlaybackParameters, height: float, limit: float, friction: float
 ) -> Any:
     spec = base_spec()
     spec.option.gravity = [0.0, 0.0, -1.0]
@@ -149,15 +151,10 @@ def _spec(
     names = [f"module_{i}" for i in range(n)]
     body = spec.worldbody.add_body()
     body.name = names[0]
-    # Modules are smaller than a pitch: the table is raised so that flat ones stand as they do.
-    corners = chain.folded_poses.positions[:, None] + (
-        module.vertices @ np.swapaxes(chain.folded_poses.rotations, 1, 2)
-    )
-    low = float(corners[..., 2].min()) + (1.0 - p.geom_size) * module.inner_radius
+    # Modules are smaller than a pitch: the table is raised so that flat ones stand as full ones do.
+    top = height + (1.0 - p.geom_size) * module.inner_radius
     body.pos = chain.folded_position.tolist()
     body.quat = chain.folded_wxyz.tolist()
-    if not clamped:
-        body.add_freejoint().name = "root"
     for i in range(n):
         if i:
             body = add_next_body(body, chain, i, names[i], material)
@@ -168,10 +165,11 @@ def _spec(
         name="table",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0.0, 0.0, 1.0],
-        pos=[0.0, 0.0, low],
+        pos=[0.0, 0.0, top],
         condim=3 if friction > 0.0 else 1,
         friction=[max(friction, 1e-5), 0.0, 0.0],
         solref=[p.contact_time, 1.0],
+        solimp=[p.table_hardness, p.table_hardness, *SOLIMP[2:]],
         priority=1,
     )
     if limit > 0.0:

@@ -25,6 +25,7 @@ from tests.benchmarks.speed import speed
 from tests.benchmarks.success_map.seeds import seeds
 from tests.benchmarks.sweeps import sweeps
 from tests.benchmarks.table.paths import table_path_section
+from tests.benchmarks.table.playback import table_playback
 from tests.benchmarks.table.statics import statics
 from tests.benchmarks.tables import write_sections
 from tests.benchmarks.tetrahedra import tetrahedra
@@ -42,6 +43,7 @@ SECTIONS = {
     "hard": hard,
     "sweeps": sweeps,
     "table-paths": table_path_section,
+    "table-playback": table_playback,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
     "statics": statics,

@@ -1,0 +1,140 @@
+"""Playback on a table: what limited motors hold, what they don't, and a box that folds there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.certificate.table import table_certificate
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.errors import InputError
+from planner.explosion.table import explode_on_table
+from planner.motion.frames import Frames
+from planner.motion.windows import Windows
+from planner.playback.table_playback import TablePlayback, play_on_table
+from planner.simulation.parameters import TableParameters, TablePlaybackParameters
+from planner.statics.contacts import table_height
+from planner.table_paths.table_paths import table_paths
+from planner.verification.table_replay import table_replay
+
+ARM = 15.0
+"""w·p: a cantilever of five modules."""
+SLOW = replace(TablePlaybackParameters(), fastest=0.02)
+BOX = np.array([(x, y, z) for x in range(2) for y in range(2) for z in range(2)])
+
+
+def moved(chain: Chain, angles: np.ndarray) -> Windows:
+    """Straight ways between configurations, the first module where the folded chain has it."""
+    steps = [np.linspace(a, b, 40) for a, b in zip(angles, angles[1:], strict=False)]
+    dense = np.concatenate(steps)
+    count = len(dense)
+    frames = Frames.of_phase(
+        "explosion",
+        time_s=np.arange(count, dtype=np.float64),
+        joint_angles_rad=dense,
+        root_position=np.zeros((count, 3)),
+        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+    )
+    return replace(
+        Windows.of(chain, frames),
+        base_position=np.tile(chain.folded_position, (count, 1)),
+        base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
+    )
+
+
+@pytest.fixture(scope="module")
+def arm() -> tuple[Chain, Windows]:
+    """A row that is clamped three pitches above the table and folds a leg down to it."""
+    cells = [(0, 0, 3), (1, 0, 3), (2, 0, 3), (3, 0, 3), (3, 0, 2), (3, 0, 1), (3, 0, 0)]
+    chain = Chain.from_path(Path.from_cells(cells, name="arm"))
+    return chain, moved(chain, np.array([chain.folded_rad, np.zeros(len(chain.folded_rad))]))
+
+
+def played(arm: tuple[Chain, Windows], share: float) -> TablePlayback:
+    return play_on_table(*arm, torque_limit_wp=share * ARM, parameters=SLOW)
+
+
+def test_an_arm_is_held_out_by_motors_that_are_a_little_stronger_than_its_weight(
+    arm: tuple[Chain, Windows],
+) -> None:
+    found = played(arm, 1.5)
+    assert found.status == "folded", found.reason
+    assert found.rms_error < 0.02
+    assert found.largest_torque <= 1.5 * ARM * (1.0 + 1e-9)
+    # Hardly moving at first: what its weight asks of the hinge that bears it.
+    assert found.torques[1].max() == pytest.approx(ARM, rel=0.05)
+
+
+def test_an_arm_falls_where_motors_are_too_weak(arm: tuple[Chain, Windows]) -> None:
+    found = played(arm, 0.8)
+    assert found.status == "missed"
+    assert "gave way" in found.reason
+    assert f"{0.8 * ARM:.3g} w·p" in found.reason
+
+
+def test_the_replay_holds_an_arm_within_its_torque_and_drops_it_below(
+    arm: tuple[Chain, Windows],
+) -> None:
+    chain, record = arm
+    held = table_replay(chain, record[-1:], torque=ARM)
+    assert held.holds, held
+    assert held.torque_limit == pytest.approx(1.1 * ARM)
+    dropped = table_replay(chain, record[-1:], torque=ARM, spare=0.8)
+    assert not dropped.holds
+    assert dropped.drifts[0] > 0.5
+
+
+def test_friction_drags_at_what_is_swung_over_the_table() -> None:
+    """A row of modules that lies flat: without friction it takes as good as nothing."""
+    chain = Chain.from_path(
+        Path.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 2, 0), (1, 3, 0)], name="row")
+    )
+    record = moved(chain, np.array([chain.folded_rad, np.zeros(6)]))
+    smooth, rough = (
+        play_on_table(chain, record, torque_limit_wp=8.0, friction=mu, parameters=SLOW)
+        for mu in (0.0, 0.3)
+    )
+    assert smooth.status == rough.status == "folded"
+    drag = 0.3 * (1 + 2 + 3)
+    middle = slice(len(smooth.torques) // 3, 2 * len(smooth.torques) // 3)
+    turning = slice(0, None, 2)  # hinges that stand upright
+    assert np.median(smooth.torques[middle, turning].max(axis=1)) < 0.1 * drag
+    assert np.median(rough.torques[middle, turning].max(axis=1)) > 0.9 * drag
+
+
+def test_a_box_folds_on_the_table_by_motors_half_again_as_strong_as_certified() -> None:
+    chain = Chain.from_path(Path.from_cells(table_paths(BOX, most=1)[0].cells, name="box"))
+    record = explode_on_table(chain, TableParameters(), seed=0)
+    assert record.status == "straight", record.reason
+    assert isinstance(record.frames, Windows)
+    asked = table_certificate(
+        chain, record.frames[::-1], on_table=True, height=table_height(chain)
+    ).torque
+    assert asked is not None
+    found = play_on_table(chain, record.frames, torque_limit_wp=1.5 * max(asked, 1.0))
+    assert found.status == "folded", found.reason
+    assert found.rms_error < 0.05
+    assert found.final_error < 0.05
+    np.testing.assert_allclose(found.frames.joint_angles_rad[0], 0.0, atol=1e-6)
+    assert np.abs(found.frames.joint_angles_rad[-1] - chain.folded_rad).max() < 0.05
+    error = np.abs(found.frames.joint_angles_rad - found.reference_rad)
+    np.testing.assert_allclose(found.frames.joint_error_rad, error, atol=1e-6)
+    again = play_on_table(chain, record.frames, torque_limit_wp=1.5 * max(asked, 1.0))
+    np.testing.assert_array_equal(found.frames.joint_angles_rad, again.frames.joint_angles_rad)
+    rests = table_replay(chain, found.frames, torque=max(asked, 1.0), count=4)
+    assert rests.holds, rests
+
+
+@pytest.mark.parametrize(
+    ("limit", "friction", "frames", "code"),
+    [(0.0, 0.0, 2, "bad-table"), (1.0, 3.0, 2, "bad-table"), (1.0, 0.0, 1, "no-record")],
+)
+def test_what_cannot_be_played_is_refused(
+    arm: tuple[Chain, Windows], limit: float, friction: float, frames: int, code: str
+) -> None:
+    with pytest.raises(InputError) as error:
+        play_on_table(arm[0], arm[1][:frames], torque_limit_wp=limit, friction=friction)
+    assert error.value.code == code
