@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
-from planner.certificate.table import TableCertificate, table_certificate
+from planner.certificate.table import table_certificate
+from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
 from planner.chain.chain import Chain
@@ -33,7 +34,6 @@ from planner.playback.playback import Playback
 from planner.playback.unfolding import ENDS_WITHIN_RAD
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.parameters import Parameters
-from planner.statics.contacts import table_height
 
 Array = NDArray[np.float64]
 GRAVITY_M_S2: Final = 9.81
@@ -306,7 +306,7 @@ def _on_table(
         density_kg_m3=parameters.density_kg_m3,
         bound=parameters.table.most_torque,
         on_table=True,
-        height=table_height(chain),
+        height=chain.table_height,
         sink=forces,
     )
 

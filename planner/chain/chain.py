@@ -221,6 +221,13 @@ class Chain:
             root_wxyz=self.folded_wxyz,
         )
 
+    @property
+    def table_height(self) -> float:
+        """Where the top of the table is that it stands on when folded, along z, in pitches."""
+        poses = self.folded_poses
+        corners = (poses.rotations[:, 2, :] @ self.module.vertices.T).min(axis=1)
+        return float((corners + poses.positions[:, 2]).min())
+
     def poses(self, angles_rad: Array, root_position: Array, root_wxyz: Array) -> Poses:
         """Poses of all modules for (..., J) angles and the root's (..., 3) and (..., 4) pose."""
         return forward_kinematics(

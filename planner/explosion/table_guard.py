@@ -20,7 +20,6 @@ from planner.explosion.peeling_window import Bend, Peelable
 from planner.motion.record import TableRecord
 from planner.simulation.parameters import TableParameters
 from planner.statics.balance import Balance
-from planner.statics.contacts import table_height
 from planner.statics.friction import Friction
 
 Array = NDArray[np.float64]
@@ -57,7 +56,7 @@ class Guard:
         self._peelable = peelable
         self._parameters = parameters
         self._balance = Balance(chain)
-        self._height = table_height(chain)
+        self._height = chain.table_height
         self.bound = parameters.first_bound
         self.refused = 0.0
         """Frames that were refused since the bound was raised, less what is forgiven."""

@@ -29,7 +29,6 @@ from planner.playback.table_course import TableCourse
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.parameters import TablePlaybackParameters
 from planner.simulation.table_body import TableBody
-from planner.statics.contacts import table_height
 
 Array = NDArray[np.float64]
 GRAVITY_M_S2: Final = 9.81
@@ -155,7 +154,7 @@ class _Run:
         self._begun = time.perf_counter()
         self.chain, self.p, self.limit, self.friction = chain, p, limit, friction
         self.body = TableBody(
-            chain, p, height=table_height(chain), torque_limit=limit, friction=friction
+            chain, p, height=chain.table_height, torque_limit=limit, friction=friction
         )
         self.course = TableCourse(chain, record, p, self.body, limit)
         self.steps = self.steps_at_limit = self.hinges_at_limit = 0

@@ -15,7 +15,6 @@ from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from planner.errors import InputError
 from planner.robot import STANDARD_GRAVITY_M_S2
@@ -181,6 +180,8 @@ def at_which_pitch(
     Raises:
         InputError: ``bad-sizing``.
     """
+    from scipy.optimize import brentq  # late: pages start without it
+
     _check(torque_wp, share, gravity_m_s2)
     gives = share * servo.stall_nm
 

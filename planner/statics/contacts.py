@@ -14,7 +14,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.kernels.statics import Solid, contact_points
 
@@ -132,13 +131,6 @@ def _around(points: Array, normal: Array, corners: Ints) -> list[int]:
     aside = np.cross(normal, ahead)
     angles = np.arctan2((points - middle) @ aside, (points - middle) @ ahead)
     return [int(corners[k]) for k in np.argsort(angles)]
-
-
-def table_height(chain: Chain) -> float:
-    """Where the top of the table is that a folded chain stands on, along z, in pitches."""
-    poses = chain.folded_poses
-    corners = (poses.rotations[:, 2, :] @ chain.module.vertices.T).min(axis=1)
-    return float((corners + poses.positions[:, 2]).min())
 
 
 def floor_clearances(

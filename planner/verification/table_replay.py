@@ -20,7 +20,6 @@ from planner.chain.kinematics import Poses
 from planner.motion.motion import Motion
 from planner.simulation.model import STIFF, Material, compiled, tree_spec
 from planner.simulation.mujoco import mujoco
-from planner.statics.contacts import table_height
 
 Array = NDArray[np.float64]
 SPARE: Final = 1.1
@@ -141,7 +140,7 @@ def _model(chain: Chain, limit: float, friction: float) -> Any:
         name="table",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0.0, 0.0, 1.0],
-        pos=[0.0, 0.0, table_height(chain) + (1.0 - GEOM_SIZE) * chain.module.inner_radius],
+        pos=[0.0, 0.0, chain.table_height + (1.0 - GEOM_SIZE) * chain.module.inner_radius],
         condim=3 if friction > 0.0 else 1,
         friction=[max(friction, 1e-5), 0.0, 0.0],
         solref=[2.0 * STEP, 1.0],

@@ -10,7 +10,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from planner.certificate.table import Base, TableCertificate, table_certificate
+from planner.certificate.table import table_certificate
+from planner.certificate.table_figures import Base, TableCertificate
 from planner.errors import InputError
 from planner.files import write_whole
 from planner.plan.plan import Plan
@@ -56,6 +57,7 @@ def table(
     try:
         path = _file(plan)
         loaded = Plan.load(path)
+        on_table = loaded.parameters.get("world") == "table"
         found = table_certificate(
             loaded.chain,
             loaded.motion,
@@ -66,6 +68,7 @@ def table(
             density_kg_m3=float(loaded.parameters["density_kg_m3"]),
             module_size=module_size,
             bound=bound,
+            height=loaded.chain.table_height if on_table else 0.0,
         )
         written = out or _beside(path)
         _write(written, found)

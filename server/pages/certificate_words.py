@@ -9,7 +9,7 @@ import math
 from typing import Any, Final, TypedDict
 
 from planner.certificate.figures import CertificateFigures
-from planner.certificate.table import TableCertificate
+from planner.certificate.table_figures import TableCertificate
 from planner.motion.record import TableRecord
 from planner.robot.casings import CASINGS
 from planner.robot.servos import Servo, servos

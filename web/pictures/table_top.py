@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.statics.contacts import table_height
 from web.pictures.meshes import Mesh
 
 Array = NDArray[np.float64]
@@ -61,7 +60,7 @@ class TableTop:
         sides = np.maximum(high - low + 1.0 + 2.0 * BESIDE, LEAST_SIDE)[:2]
         middle = ((low + high) / 2)[:2]
         return cls(
-            height=table_height(chain),
+            height=chain.table_height,
             middle=(float(middle[0]), float(middle[1])),
             sides=(float(sides[0]), float(sides[1])),
         )

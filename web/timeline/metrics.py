@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.metrics import Curves, Figures
-from planner.certificate.table import TableCertificate
+from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import FILE as FORCES
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain

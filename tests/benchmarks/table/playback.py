@@ -10,14 +10,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.table import FRICTIONLESS, TableCertificate, table_certificate
+from planner.certificate.table import table_certificate
+from planner.certificate.table_figures import FRICTIONLESS, TableCertificate
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.explosion.table import explode_on_table
 from planner.motion.windows import Windows
 from planner.playback.table_playback import play_on_table
 from planner.simulation.parameters import TableParameters
-from planner.statics.contacts import table_height
 from planner.table_paths.table_paths import table_paths
 from planner.verification.table_replay import table_replay
 from tests.benchmarks.table.paths import gallery_cells
@@ -99,7 +99,7 @@ def _exploded(name: str, cells: Cells) -> tuple[Chain, Windows, TableCertificate
         if record.status == "straight":
             assert isinstance(record.frames, Windows)
             certificate = table_certificate(
-                chain, record.frames[::-1], on_table=True, height=table_height(chain)
+                chain, record.frames[::-1], on_table=True, height=chain.table_height
             )
             return chain, record.frames, certificate
     return None

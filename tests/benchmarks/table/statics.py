@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.table import FRICTIONLESS, table_certificate
+from planner.certificate.table import table_certificate
+from planner.certificate.table_figures import FRICTIONLESS
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.path import Path

@@ -7,7 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from planner.certificate.table import FRICTIONLESS, TableCertificate, table_certificate
+from planner.certificate.table import table_certificate
+from planner.certificate.table_figures import FRICTIONLESS, TableCertificate
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import InputError

@@ -18,7 +18,6 @@ from planner.explosion.table_guard import SUNK
 from planner.motion.record import Record
 from planner.motion.windows import Windows
 from planner.simulation.parameters import Parameters, TableParameters
-from planner.statics.contacts import table_height
 from planner.table_paths.table_paths import table_paths
 
 BOX = np.array([(x, y, z) for x in range(3) for y in range(2) for z in range(2)])
@@ -39,7 +38,7 @@ def test_a_box_lies_down_straight_and_every_frame_stands_within_the_bound(record
     assert isinstance(record.frames, Windows)
     chain = chain_of(BOX)
     found = table_certificate(
-        chain, record.frames, base="free", on_table=True, height=table_height(chain)
+        chain, record.frames, base="free", on_table=True, height=chain.table_height
     )
     assert not found.unbalanced
     assert found.torque is not None
@@ -76,7 +75,7 @@ def test_friction_counts_in_the_guard() -> None:
     assert found.table is not None
     assert isinstance(found.frames, Windows)
     certificate = table_certificate(
-        chain, found.frames[::-1], friction=0.1, on_table=True, height=table_height(chain)
+        chain, found.frames[::-1], friction=0.1, on_table=True, height=chain.table_height
     )
     assert certificate.torque is not None
     assert certificate.torque <= 1.2 * found.table.bound

@@ -16,7 +16,6 @@ from planner.motion.frames import Frames
 from planner.motion.windows import Windows
 from planner.playback.table_playback import TablePlayback, play_on_table
 from planner.simulation.parameters import TableParameters, TablePlaybackParameters
-from planner.statics.contacts import table_height
 from planner.table_paths.table_paths import table_paths
 from planner.verification.table_replay import table_replay
 
@@ -111,7 +110,7 @@ def test_a_box_folds_on_the_table_by_motors_half_again_as_strong_as_certified() 
     assert record.status == "straight", record.reason
     assert isinstance(record.frames, Windows)
     asked = table_certificate(
-        chain, record.frames[::-1], on_table=True, height=table_height(chain)
+        chain, record.frames[::-1], on_table=True, height=chain.table_height
     ).torque
     assert asked is not None
     found = play_on_table(chain, record.frames, torque_limit_wp=1.5 * max(asked, 1.0))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from planner.certificate.table import TableCertificate
+from planner.certificate.table_figures import TableCertificate
 from planner.motion.motion import Motion
 from planner.simulation.parameters import Parameters
 from server.cli.command_line import application
