@@ -57,6 +57,7 @@ def test_other_options_have_a_report_of_their_own() -> None:
         ),
         *(ShapeOptions(repair=True), ShapeOptions(ends="surface"), ShapeOptions(as_voxels=True)),
         *(ShapeOptions(start=(0, 0, 0)), ShapeOptions(seed=1), ShapeOptions(path=False)),
+        ShapeOptions(world="table"),
     ]
     assert len(others) == len(fields(ShapeOptions))
     assert len({options.key for options in (ShapeOptions(), *others)}) == len(others) + 1
