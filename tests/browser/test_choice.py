@@ -15,6 +15,7 @@ FITS = """() => document.documentElement.scrollWidth <= innerWidth
   && document.querySelector(".choice-plot svg").getBoundingClientRect().right <= innerWidth"""
 
 
+@pytest.mark.long
 def test_all_plans_are_dots_and_rows(visit: Callable[..., Page], service: Service) -> None:
     fold = service.fold(STAIRS, prefer="time")["id"]
     service.wait_over(fold)

@@ -156,7 +156,8 @@ def test_a_cancelled_playback_keeps_its_frames(small: tuple[Chain, Record]) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", ["mallet-64", pytest.param("wrench-80", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("shape", ["mallet-64", "wrench-80"])
 def test_direct_servoing_of_a_real_shape_fails(shape: str, folded: Callable[..., Any]) -> None:
     # All hinges at once lead the chain through itself.
     certificate = folded(shape, "direct").plan.certificate
