@@ -44,14 +44,20 @@ class Live(Shown):
             return
         directory = FilePath(progress.directory)
         if progress.stage == LAST_STAGE and progress.fraction >= 1.0:
+            whole = self._whole
             with suppress(TimelineError):  # then there is nothing to show; the fold goes on
                 timeline = Timeline.open(result(directory, TIMELINE))
-                self._whole = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
-            self._directory, self._heading = None, "Done"
+                whole = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
+            with self._lock:  # what is told and what is shown change together
+                self._whole, self._directory, self._heading = whole, None, "Done"
+                if not self._closed:
+                    self._look()
             return
-        if directory != self._directory:
-            self._directory, self._whole = directory, None
-        self._heading = f"{progress.stage.replace('_', ' ').capitalize()}, {progress.fraction:.0%}"
+        with self._lock:
+            if directory != self._directory:
+                self._directory, self._whole = directory, None
+            told = progress.stage.replace("_", " ").capitalize()
+            self._heading = f"{told}, {progress.fraction:.0%}"
 
     @property
     def _growing(self) -> bool:

@@ -215,13 +215,14 @@ class Shown:
         found = self._find()
         if found is None or not len(found):
             return
-        self._moments, last = found, len(found) - 1
+        same, last = found is self._moments, len(found) - 1
+        self._moments = found
         if found.id != self._id:
             self._id, self._selected = found.id, None
             self.server.gui.set_panel_label(found.chain.name)
             self._scene = Scene(self.server, found.chain, stretch=found.stretch)
             self._scene.on_click(self._select)
-        elif last == self._last:
+        elif same and last == self._last:
             return
         self._last = last
         self._slider.max = max(last, 1)

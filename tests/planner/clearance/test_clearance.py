@@ -145,6 +145,7 @@ def test_modules_larger_than_their_cells_overlap() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_far_modules_are_told_apart_no_further() -> None:
     positions = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]])
     place = closest(CUBE, positions, np.broadcast_to(np.eye(3), (4, 3, 3)), size=0.5, enough=0.3)

@@ -166,6 +166,7 @@ def test_direct_servoing_of_a_real_shape_fails(shape: str, folded: Callable[...,
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_direct_servoing_with_motors_of_limited_force_tangles(folded: Callable[..., Any]) -> None:
     chain = folded("mallet-64", "direct").chain
     parameters = replace(preset("direct").playback, torque_limit=1000.0)

@@ -228,7 +228,7 @@ def test_waits_grow_and_differ() -> None:
     assert retries.pause_s(20) is None
 
 
-@pytest.mark.parametrize("trouble", [429, 503, "cut"])
+@pytest.mark.parametrize("trouble", [429, pytest.param(503, marks=pytest.mark.long), "cut"])
 def test_a_fold_is_followed_without_its_events(desk: Service, trouble: int | str) -> None:
     with client_of(desk) as owner:
         fold = owner.fold(SNAKE, seed=50 + len(str(trouble)))

@@ -231,8 +231,10 @@ def test_the_command_films_a_directory(
 
 @pytest.mark.parametrize(
     "environment",
-    [{"MUJOCO_GL": "off"}, {"PYOPENGL_PLATFORM": "none"}],
-    ids=["switched off", "no library"],
+    [
+        pytest.param({"MUJOCO_GL": "off"}, id="switched off"),
+        pytest.param({"PYOPENGL_PLATFORM": "none"}, id="no library", marks=pytest.mark.long),
+    ],
 )
 def test_without_opengl_it_says_what_to_install(
     service: Service, finished: dict[str, Any], tmp_path: Path, environment: dict[str, str]
