@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -61,7 +62,7 @@ def looked_at(page: Page, name: str) -> list[int]:
     found = page.evaluate(ORANGE)
     if found:
         orange = (seen[..., 0] > 120) & (seen[..., 0] - seen[..., 2] > 90)
-        assert (orange & (seen[..., 1] > 0.35 * seen[..., 0])).sum() > 400
+        assert (orange & (seen[..., 1] > 0.35 * seen[..., 0])).sum() > 150
         near = page.evaluate(INSIDE, found)
         assert near["nearest"] < near["distance"] / 2
     return found
@@ -132,11 +133,9 @@ def test_a_time_limit_on_a_phone(visit: Visit, hasty: Service) -> None:
 
 
 @pytest.mark.long
-def test_a_memory_limit(
-    visit: Visit, service: Service, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_memory_limit(visit: Visit, tmp_path_factory: pytest.TempPathFactory) -> None:
     cells = layered_snake((8, 8, 8)).tolist()
-    begun, ended = exploding_bytes(service, cells)
+    begun, ended = exploding_bytes(tmp_path_factory.mktemp("large") / "data", cells)
     assert ended - begun > 2**23
     limit = (begun + ended) // 2
     small = Service(tmp_path_factory.mktemp("small") / "data", child_memory_bytes=limit).start()
@@ -157,15 +156,22 @@ def test_a_memory_limit(
         assert small.stop() == 0
 
 
-def exploding_bytes(service: Service, cells: object) -> tuple[int, int]:
-    """What the process of a fold has in memory as its explosion begins, and as it ends."""
-    fold = service.fold(cells, strategy="simultaneous")["id"]
-    seen: list[int] = []
-    while not over(state := service.state(fold)):
-        if state["stage"] == "explode":
-            seen.append(max(p.memory_info().rss for p in service.children()))
-        time.sleep(0.05)
-    return seen[0], seen[-1]
+def exploding_bytes(data: Path, cells: object) -> tuple[int, int]:
+    """What the process of a fold has in memory as its explosion begins, and as it ends.
+
+    The service is one of its own: its processes have computed nothing before.
+    """
+    service = Service(data).start()
+    try:
+        fold = service.fold(cells, strategy="simultaneous")["id"]
+        seen: list[int] = []
+        while not over(state := service.state(fold)):
+            if state["stage"] == "explode":
+                seen.append(max(process.memory_info().rss for process in service.children()))
+            time.sleep(0.05)
+        return seen[0], seen[-1]
+    finally:
+        assert service.stop() == 0
 
 
 def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
@@ -185,7 +191,8 @@ def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
 @pytest.mark.long
 def test_a_knot(visit: Visit, service: Service) -> None:
     corners = [(-TAIL, 0, 0), *OVERHAND[1:-1], (4, 6 + TAIL, 2)]
-    fold = service.fold(walk(tuple(corners)).tolist())["id"]
+    # All at once it is shaken loose; module by module it is drawn tight.
+    fold = service.fold(walk(tuple(corners)).tolist(), strategy="peel")["id"]
     state = service.wait_over(fold)
     assert (state["status"], state["summary"]["stuck"]["kind"]) == ("failed", "knot")
     for options, name in ((LAPTOP, "failure-knot"), (PHONE, "failure-knot-phone")):
@@ -202,7 +209,7 @@ def test_a_knot(visit: Visit, service: Service) -> None:
     page.locator("#stuck-fold").click()
     page.locator("#stuck-attempts").click()
     tried = page.locator(".attempts li")
-    assert tried.count() >= 2
+    assert tried.count() >= 1
     for attempt in tried.all():
         expect(attempt).to_contain_text("it is knotted (determinant 3)")
     keep(page, "failure-knot-attempts")
