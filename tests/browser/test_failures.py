@@ -137,7 +137,7 @@ def test_a_memory_limit(visit: Visit, tmp_path_factory: pytest.TempPathFactory) 
     cells = layered_snake((8, 8, 8)).tolist()
     begun, ended = exploding_bytes(tmp_path_factory.mktemp("large") / "data", cells)
     assert ended - begun > 2**23
-    limit = (begun + ended) // 2
+    limit = begun + 3 * (ended - begun) // 4
     small = Service(tmp_path_factory.mktemp("small") / "data", child_memory_bytes=limit).start()
     try:
         fold = small.fold(cells, strategy="simultaneous")["id"]
