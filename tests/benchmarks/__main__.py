@@ -28,6 +28,7 @@ from tests.benchmarks.table.folds import table_folds
 from tests.benchmarks.table.paths import table_path_section
 from tests.benchmarks.table.playback import table_playback
 from tests.benchmarks.table.statics import statics
+from tests.benchmarks.table.tetrahedra import table_tetrahedra
 from tests.benchmarks.tables import write_sections
 from tests.benchmarks.tetrahedra import tetrahedra
 
@@ -46,6 +47,7 @@ SECTIONS = {
     "table-folds": table_folds,
     "table-paths": table_path_section,
     "table-playback": table_playback,
+    "table-tetrahedra": table_tetrahedra,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
     "statics": statics,

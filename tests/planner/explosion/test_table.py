@@ -12,9 +12,10 @@ from planner.certificate.table import table_certificate
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.explosion.peeling_window import Bend, Peelable
 from planner.explosion.strategies import strategies_for
 from planner.explosion.table import explode_on_table
-from planner.explosion.table_guard import SUNK
+from planner.explosion.table_guard import SUNK, Guard
 from planner.motion.record import Record
 from planner.motion.windows import Windows
 from planner.simulation.parameters import Parameters, TableParameters
@@ -65,6 +66,23 @@ def test_what_no_motor_can_bear_is_taken_back_and_told() -> None:
     assert found.table.bound == pytest.approx(0.3)
     assert found.table.taken_back > weak.refusals
     assert [bound for _, bound in found.table.raised][:2] == pytest.approx([0.23, 0.2645])
+
+
+def test_a_module_that_is_bent_into_the_table_is_refused() -> None:
+    chain = chain_of(BOX)
+    guard = Guard(chain, Peelable(chain), TableParameters())
+    straight = np.zeros_like(chain.folded_rad)
+    assert guard.holds(None, [Bend(time_s=0.0, first=0, angles=straight)])
+    whys: list[str] = []
+    for hinge in (-2, -1):
+        for angle in (-0.1, 0.1):
+            bent = straight.copy()
+            bent[hinge] = angle
+            whys.append(
+                "" if guard.holds(None, [Bend(time_s=0.0, first=0, angles=bent)]) else guard.why
+            )
+    assert sorted(bool(why) for why in whys) == [False, False, False, True]
+    assert any("in the table" in why for why in whys)
 
 
 def test_friction_counts_in_the_guard() -> None:
