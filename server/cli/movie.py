@@ -20,7 +20,7 @@ from server.cli.options import AsJson, FoldDirectory
 from server.ops.starting import settings_of
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
-from server.processes.movie_task import run_movie
+from server.processes.movie_task import ask_for_movie, is_on_table, run_movie
 from web.movies.movie import FORMATS, Movie
 
 
@@ -79,7 +79,7 @@ def movie(
             )
         if not out.resolve().parent.is_dir():
             raise InputError("no-directory", "its folder does not exist.", where=str(out))
-        _make(movie, timeline, out)
+        _make(movie, timeline, out, on_table=is_on_table(directory))
     except InputError as error:
         refuse(error, as_json)
     except ChildError as error:
@@ -92,7 +92,7 @@ def movie(
         Console().print(f"{out}: {movie.count} pictures, {megabytes:.1f} MB", markup=False)
 
 
-def _make(movie: Movie, timeline: Path, out: Path) -> None:
+def _make(movie: Movie, timeline: Path, out: Path, *, on_table: bool) -> None:
     settings = settings_of()
     with (
         tempfile.TemporaryDirectory(prefix="foldback-movie-") as folder,
@@ -105,8 +105,7 @@ def _make(movie: Movie, timeline: Path, out: Path) -> None:
         ) as bars,
     ):
         place = Path(folder)
-        request = {"movie": asdict(movie), "timeline": str(timeline), "part": "movie"}
-        (place / "request.json").write_text(json.dumps(request))
+        ask_for_movie(place, asdict(movie), timeline, "movie", on_table=on_table)
         bar = bars.add_task("", total=movie.count)
 
         def report(event: dict[str, Any]) -> None:

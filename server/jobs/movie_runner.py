@@ -7,7 +7,6 @@ makes has a name of its own, is put in its place whole, and its row turns ``read
 from __future__ import annotations
 
 import contextlib
-import json
 import logging
 import os
 from pathlib import Path
@@ -22,7 +21,7 @@ from server.jobs.progress import JobProgress
 from server.jobs.retry import patiently
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
-from server.processes.movie_task import run_movie
+from server.processes.movie_task import ask_for_movie, is_on_table, run_movie
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store
@@ -70,8 +69,7 @@ class MovieJobs:
                 return
             files = patiently(lambda: self._store.directory(fold_id))
             timeline = result(files, TIMELINE)
-            request = {"movie": row.wishes, "timeline": str(timeline), "part": PART}
-            (place / "request.json").write_text(json.dumps(request))
+            ask_for_movie(place, row.wishes, timeline, PART, on_table=is_on_table(files))
 
             def take(event: dict[str, Any]) -> None:
                 done.take(event)

@@ -224,6 +224,7 @@ def _movies(*, warm: bool) -> Task:
                 Path(request["timeline"]),
                 movie,
                 directory / request["part"],
+                on_table=request["on_table"],
                 backend=task,
                 progress=lambda done: progress(
                     Progress(stage="movie", fraction=done / movie.count, steps=done)

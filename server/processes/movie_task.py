@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from planner.simulation.parameters import FLOATING
 from server.processes.children import Child, ChildError
 from server.processes.limits import ChildLimits
 
@@ -17,6 +19,31 @@ NO_GL: Final = (
     "no OpenGL is there that draws without a screen. Install one on the machine of the service: on "
     "Debian or Ubuntu 'apt-get install libegl1 libgl1 libgl1-mesa-dri' (or 'libosmesa6')"
 )
+
+
+def is_on_table(directory: Path) -> bool:
+    """Whether the fold of a directory is one on a table; not where nobody knows."""
+    try:
+        asked = json.loads((directory / "request.json").read_bytes())
+    except (OSError, ValueError):
+        return False
+    return isinstance(asked, dict) and asked.get("world", FLOATING) != FLOATING
+
+
+def ask_for_movie(
+    place: Path, wishes: Mapping[str, Any], timeline: Path, part: str, *, on_table: bool
+) -> None:
+    """Writes the ``request.json`` that ``run_movie`` reads.
+
+    Args:
+        place: Its directory.
+        wishes: Fields of a ``web.movies.movie.Movie``.
+        timeline: The timeline's directory.
+        part: Name of the file there that is to be made.
+        on_table: Whether the chain folds on a table.
+    """
+    request = {"movie": wishes, "timeline": str(timeline), "part": part, "on_table": on_table}
+    (place / "request.json").write_text(json.dumps(request))
 
 
 def run_movie(

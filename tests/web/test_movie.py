@@ -17,18 +17,26 @@ from web.movies.encoding import Encoder, EncodingError
 from web.movies.make_movie import frame_numbers, make_movie
 from web.movies.movie import Movie
 from web.movies.renderer import NoGLError, Stage
-from web.pictures.lighting import THEMES
+from web.pictures.lighting import TABLES, THEMES
 from web.timeline.view import TimelineView
 
 SMALL = {"width": 320, "height": 180, "seconds": 0.8, "fps": 10}
 
 
-def made(timeline: Path, out: Path, backend: str, **options: Any) -> tuple[str, np.ndarray]:
+def made(
+    timeline: Path, out: Path, backend: str, *, on_table: bool = False, **options: Any
+) -> tuple[str, np.ndarray]:
     """What a reader finds in a movie: about it, and (K, H, W, 3) pictures."""
     movie = Movie.of({**SMALL, **options})
     done: list[int] = []
     whole = make_movie(
-        timeline, movie, out, backend=backend, progress=done.append, cancelled=lambda: False
+        timeline,
+        movie,
+        out,
+        on_table=on_table,
+        backend=backend,
+        progress=done.append,
+        cancelled=lambda: False,
     )
     assert whole and done == list(range(1, movie.count + 1))
     assert [path.name for path in out.parent.iterdir()] == [out.name]
@@ -86,6 +94,22 @@ def test_dark_stands_on_dark_ground(timeline_path: Path, tmp_path: Path, backend
         timeline_path, tmp_path / "fold.mp4", backend, theme="dark", seconds=0.1
     )
     assert picture[2, 2].max() < 60 < picture.max()
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_a_table_is_the_ground_of_a_fold_on_one(
+    timeline_path: Path, tmp_path: Path, backend: str, theme: str
+) -> None:
+    for on_table, themes in ((False, THEMES), (True, TABLES)):
+        _, (picture, *_) = made(
+            timeline_path,
+            tmp_path / "fold.mp4",
+            backend,
+            on_table=on_table,
+            theme=theme,
+            seconds=0.1,
+        )
+        assert picture[-2, 2] == pytest.approx(themes[theme].ground, abs=5)
 
 
 def test_cancelled_it_ends_and_leaves_no_more_than_its_own_file(
@@ -166,7 +190,7 @@ def test_the_same_options_have_the_same_key() -> None:
 
 def test_no_opengl_is_said(chain: Chain) -> None:
     with pytest.raises(NoGLError, match="glide"):
-        Stage(chain.module, len(chain), width=64, height=64, theme="light", backend="glide")
+        Stage(chain.module, len(chain), width=64, height=64, theme=THEMES["light"], backend="glide")
 
 
 def test_an_encoder_that_fails_says_why(tmp_path: Path) -> None:

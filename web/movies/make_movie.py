@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +16,7 @@ from web.movies.renderer import Shot, Stage
 from web.pictures.camera import few_points
 from web.pictures.camera_path import CameraPath, camera_path
 from web.pictures.colours import error_colours
+from web.pictures.lighting import TABLES, THEMES
 from web.pictures.visible import MOST_DRAWN, visible_modules
 from web.timeline.view import Snapshot, TimelineView
 
@@ -29,6 +31,7 @@ def make_movie(
     movie: Movie,
     out: Path,
     *,
+    on_table: bool = False,
     backend: str,
     progress: Callable[[int], None],
     cancelled: Callable[[], bool],
@@ -39,6 +42,7 @@ def make_movie(
         directory: The timeline's.
         movie: What it is to be.
         out: The file to write.
+        on_table: Whether the chain folds on a table, whose top is the ground then.
         backend: ``egl`` or ``osmesa``.
         progress: Told the number of pictures that are done.
         cancelled: Asked often whether it is not wanted any more.
@@ -59,10 +63,12 @@ def make_movie(
         min(len(timeline.chain), MOST_DRAWN),
         width=movie.width,
         height=movie.height,
-        theme=movie.theme,
+        theme=(TABLES if on_table else THEMES)[movie.theme],
         backend=backend,
     ) as stage:
         path = _path(timeline, movie, frames)
+        if on_table:
+            path = replace(path, grounds=np.full(len(frames), timeline.chain.table_height))
         with Encoder(movie, out) as encoder:
             for k, frame in enumerate(frames):
                 if cancelled():

@@ -20,7 +20,6 @@ from web.pictures.colours import FIRST, LAST
 from web.pictures.ground_shadow import CELLS, ground_shadow
 from web.pictures.lighting import (
     LEAN,
-    THEMES,
     UP,
     Theme,
     fill_light,
@@ -68,7 +67,7 @@ class Stage:
     """Holds the OpenGL context and what it draws; use it in one thread and close it there."""
 
     def __init__(
-        self, module: Module, modules: int, *, width: int, height: int, theme: str, backend: str
+        self, module: Module, modules: int, *, width: int, height: int, theme: Theme, backend: str
     ) -> None:
         """Opens an offscreen window.
 
@@ -77,13 +76,13 @@ class Stage:
             modules: How many are drawn at most.
             width: Width of a picture in pixels.
             height: Its height.
-            theme: One of ``THEMES``.
+            theme: The colours of the ground and the light.
             backend: ``egl`` or ``osmesa``.
 
         Raises:
             NoGLError: When this backend cannot draw here.
         """
-        self._theme = THEMES[theme]
+        self._theme = theme
         self._module = module
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
         self._picture = np.empty((height, width, 3), np.uint8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -70,6 +70,12 @@ THEMES: Final = {
         ground=(30, 35, 42), shade=(6, 8, 10), key=0.62, fill=0.16, ambient=0.34, dimmest=0.24
     ),
 }
+
+TABLES: Final = {
+    "light": replace(THEMES["light"], ground=(222, 214, 200), shade=(139, 127, 108)),
+    "dark": replace(THEMES["dark"], ground=(76, 83, 93), shade=(26, 30, 35)),
+}
+"""The same where the ground is a table, as ``js/viewer/table.js`` has it."""
 
 
 def key_light(view: View) -> Array:

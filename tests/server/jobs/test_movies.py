@@ -14,6 +14,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from server.cli.command_line import application
+from server.processes.movie_task import is_on_table
 from tests.server.service import PATIENCE_S, SNAKE, Service, owner
 from tests.tools import OPENGL
 
@@ -245,3 +246,22 @@ def test_without_opengl_it_says_what_to_install(
     assert failed.stderr.count("no-gl: no OpenGL is there") == 1
     assert "apt-get install libegl1" in failed.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("request_json", "on_table"),
+    [
+        ('{"world": "table"}', True),
+        ('{"world": "floating"}', False),
+        ("{}", False),
+        ("[]", False),
+        ("what", False),
+        (None, False),
+    ],
+)
+def test_only_folds_on_a_table_are_filmed_on_one(
+    tmp_path: Path, request_json: str | None, on_table: bool
+) -> None:
+    if request_json is not None:
+        (tmp_path / "request.json").write_text(request_json)
+    assert is_on_table(tmp_path) == on_table

@@ -24,6 +24,7 @@ from server.processes.children import Child
 from server.processes.fork_server import ForkServer, Kind
 from server.processes.landlock import Allowed
 from server.processes.limits import ChildLimits
+from server.processes.movie_task import ask_for_movie
 from server.settings import Settings
 from web.movies.movie import Movie
 
@@ -198,9 +199,7 @@ def attacked(
     (place / "aim.json").write_text(json.dumps(aim))
     timeline = settings.folds_dir / "filmed" / "timeline.zarr"
     wishes = asdict(Movie())
-    (place / "request.json").write_text(
-        json.dumps({"movie": wishes, "timeline": str(timeline), "part": "movie"})
-    )
+    ask_for_movie(place, wishes, timeline, "movie", on_table=False)
     limits = replace(ChildLimits.of(settings, awaited=kind in AWAITED), niceness=0)
     if kind == "retimer":
         limits = replace(limits, folders=(str(settings.motions_dir),))
