@@ -159,7 +159,8 @@ def _spec(
         if i:
             body = add_next_body(body, chain, i, names[i], material)
         set_inertia(body, module, 1.0)
-        add_module_geom(body, module, i, material)
+        hull = add_module_geom(body, module, i, material)
+        hull.solimp = [p.module_hardness, p.module_hardness, *SOLIMP[2:]]
     exclude(spec, names, module.exempt_pairs(n))
     spec.worldbody.add_geom(
         name="table",
