@@ -63,7 +63,7 @@ class TableCurve(WindowCurve):
         turns: dict[int, Array] = {}
         for start in range(0, len(points), CHUNK):
             part = points[start : start + CHUNK]
-            angles = self.at(part - 1.0, self._every)
+            angles = self.at(part.astype(np.float64) - 1.0, self._every)
             poses = self._poses(angles)
             heights = poses.positions[..., 2] + (
                 poses.rotations[..., 2, :] @ self.chain.module.vertices.T

@@ -59,6 +59,8 @@ class TableBody:
         self.model: Any = compiled(_spec(chain, parameters, height, torque_limit, friction))
         self.model.opt.timestep = parameters.step
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        # Nearly every hinge moves nearly every contact: three times as fast as sparse.
+        self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.data: Any = mujoco.MjData(self.model)
         self._planned: Any = mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in chain.joint_names]
