@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.motion.windows import Windows
+from planner.playback.table_curve import TableCurve
 from planner.playback.time_law import bounded_profile, duration, law_from_profile
-from planner.playback.window_course import WindowCurve
 from planner.simulation.parameters import TablePlaybackParameters
 from planner.simulation.table_body import TableBody
 
@@ -50,7 +50,7 @@ class TableCourse:
     ) -> None:
         self.chain = chain
         self.parameters = parameters
-        self.curve = WindowCurve(chain, record[::-1], parameters.spacing_rad)
+        self.curve = TableCurve(chain, record[::-1], parameters.spacing_rad)
         self._all = slice(0, len(chain.folded_rad))
         share, profile = self._profile(body, parameters.inertial_share * torque_limit)
         steps = max(FEWEST_STEPS, int(np.ceil(duration(share, profile) / parameters.step)))

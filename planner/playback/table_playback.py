@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
+from planner.chain.rotations import aligned_distances
 from planner.errors import InputError, SimulationError
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import Frames
 from planner.motion.windows import Windows
 from planner.playback.course import LOST_RAD
 from planner.playback.playback import Playback
-from planner.playback.run import CHECK_EVERY, REPORT_EVERY_S, PlaybackStatus
+from planner.playback.run import ARRIVED_WITHIN, CHECK_EVERY, REPORT_EVERY_S, PlaybackStatus
 from planner.playback.table_course import TableCourse
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.parameters import TablePlaybackParameters
@@ -50,6 +51,7 @@ class TablePlayback:
         torques: (F, J) of the motors, the largest either way since the frame before.
         position_errors: (F,) RMS over the modules of their distance from where they should be.
         final_error: The last of them.
+        aligned_error: RMS distance from the folded shape at the end, after alignment.
         rms_error: RMS over all of them.
         largest_error_rad: Largest joint error of all steps.
         torque_limit: Of the motors.
@@ -69,6 +71,7 @@ class TablePlayback:
     torques: Array
     position_errors: Array
     final_error: float
+    aligned_error: float
     rms_error: float
     largest_error_rad: float
     torque_limit: float
@@ -91,11 +94,16 @@ class TablePlayback:
             reference_rad=self.reference_rad,
             steps=self.steps,
             seconds=self.seconds,
-            rms_position_error=self.final_error,
+            rms_position_error=self.aligned_error,
             max_angle_error_rad=self.largest_error_rad,
             peak_torque=unit * self.largest_torque,
             rms_torque=unit * float(np.sqrt((largest**2).mean())),
         )
+
+
+def time_unit_s(chain: Chain) -> float:
+    """√(pitch / gravity), in seconds."""
+    return math.sqrt(chain.pitch_m / GRAVITY_M_S2)
 
 
 def play_on_table(
@@ -254,7 +262,12 @@ class _Run:
             root_wxyz=chain.folded_wxyz,
         ).positions
         errors = np.sqrt(((positions - wanted) ** 2).sum(axis=2).mean(axis=1))
-        unit = math.sqrt(chain.pitch_m / GRAVITY_M_S2)
+        aligned = aligned_distances(positions[-1], chain.folded_poses.positions)
+        status, reason = self.status, self.reason
+        if status == "folded" and errors[-1] > ARRIVED_WITHIN:
+            status = "missed"
+            reason = f"the chain ended {errors[-1]:.2g} pitches (RMS) from where it should be."
+        unit = time_unit_s(chain)
         frames = Frames.of_phase(
             "playback",
             time_s=start_s + unit * np.array(self._times),
@@ -262,15 +275,16 @@ class _Run:
             root_position=positions[:, chain.root],
             root_wxyz=np.array([wxyzs[chain.root] for _, wxyzs in self._poses]),
             joint_error_rad=np.abs(angles - targets),
-        )
+        ).clamped(chain)
         return TablePlayback(
-            status=self.status,
-            reason=self.reason,
+            status=status,
+            reason=reason,
             frames=frames,
             reference_rad=snapped(targets),
             torques=np.array(self._torques),
             position_errors=errors,
             final_error=float(errors[-1]),
+            aligned_error=float(np.sqrt((aligned**2).mean())),
             rms_error=float(np.sqrt((errors**2).mean())),
             largest_error_rad=self.largest_error,
             torque_limit=self.limit,

@@ -261,6 +261,7 @@ class TablePlaybackParameters:
         geom_size: Collision hull as a fraction of the full module.
         contact_time: ``solref[0]`` of contacts.
         table_hardness: ``solimp`` of contacts with the table: 1 would not give at all.
+        module_hardness: The same of contacts between modules.
         armature: Rotor inertia of every hinge.
         firmness: ``solimp`` of the motors: 1 would not give at all below their limit.
         gain: Rate of a motor for one radian that is left, per unit of time.
@@ -272,14 +273,15 @@ class TablePlaybackParameters:
         settle: Time that is left at the end.
     """
 
-    step: float = 0.08
-    geom_size: float = 0.98
-    contact_time: float = 0.16
+    step: float = 0.24
+    geom_size: float = 0.99
+    contact_time: float = 0.48
     table_hardness: float = 0.999
+    module_hardness: float = 0.999
     armature: float = 0.01
     firmness: float = 0.9999
     gain: float = 5.0
-    spacing_rad: float = 0.06
+    spacing_rad: float = 0.03
     inertial_share: float = 0.3
     braking_share: float = 0.2
     fastest: float = 0.3

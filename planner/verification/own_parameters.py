@@ -25,6 +25,11 @@ def playback_number(plan: Plan, name: str) -> float:
     return _checked_number(value, f"playback.{name}")
 
 
+def is_on_table(plan: Plan) -> bool:
+    """Whether the plan is one for a table."""
+    return plan.parameters.get("world", FLOATING) == "table"
+
+
 def own_parameters(plan: Plan, module_size: float | None) -> Parameters:
     """The plan's own parameters, as far as a certificate depends on them.
 

@@ -23,7 +23,9 @@ from planner.plan.differences import (
 )
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
-from planner.verification.own_parameters import own_preset, playback_number
+from planner.playback.table_playback import time_unit_s
+from planner.simulation.parameters import TablePlaybackParameters
+from planner.verification.own_parameters import is_on_table, own_preset, playback_number
 
 STEPS_WITHIN: Final = 1e-3
 """Steps by which the time of the frames may differ from that of a simulation's steps."""
@@ -67,7 +69,7 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
         if told[name] is None:
             yield f"plan.npz playback.{name}: got null, expected a number, as it was simulated"
     if not earlier:
-        steps = float(np.diff(plan.time_s).sum()) / playback_number(plan, "step_s")
+        steps = float(np.diff(plan.time_s).sum()) / _step_s(plan)
         if not abs(playback.steps - steps) <= STEPS_WITHIN:
             yield f"plan.npz playback.steps: got {playback.steps}, expected {steps:.9g}"
     played, reference = playback.frames, playback.reference_rad
@@ -85,6 +87,13 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
             "timeline.zarr joint angles: got those of plan.npz to the last digit, expected "
             "those of a simulation, which never are"
         )
+
+
+def _step_s(plan: Plan) -> float:
+    """Seconds of a step of its simulation."""
+    if is_on_table(plan):
+        return time_unit_s(plan.chain) * TablePlaybackParameters().step
+    return playback_number(plan, "step_s")
 
 
 def _kinematic_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:

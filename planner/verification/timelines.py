@@ -24,6 +24,10 @@ from planner.plan.differences import (
 )
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
+from planner.verification.own_parameters import is_on_table
+
+CLAMPED_WITHIN: Final = 1e-6
+"""Pitches, and parts of a quaternion, by which a root may be off where its angles put it."""
 
 
 def chain_differs(timeline: Timeline, plan: Plan) -> Differences:
@@ -133,6 +137,16 @@ def playback_differs(plan: Plan, playback: Playback) -> Differences:
     played, motion = playback.frames, plan.motion
     columns = {"time_s": played.time_s - played.time_s[0] if len(played) else played.time_s}
     names = ("base_position", "base_wxyz") if isinstance(played, Windows) else _ROOT
+    if is_on_table(plan) and isinstance(played, Frames) and isinstance(motion, Frames):
+        # Both have the first module where the table has it, each with angles of its own.
+        for file, frames in (("plan.npz", motion), ("timeline.zarr", played)):
+            held = frames.clamped(plan.chain)
+            for name in names:
+                what = f"{file} {name} of a chain whose first module is clamped"
+                yield from array_difference(
+                    getattr(frames, name), getattr(held, name), what, atol=CLAMPED_WITHIN
+                )
+        names = ()
     columns |= {name: getattr(played, name) for name in names}
     if isinstance(played, Frames) and not playback.simulated:
         columns["joint_angles_rad"] = played.joint_angles_rad

@@ -26,7 +26,7 @@ from tests.benchmarks.tables import Section
 Cells = NDArray[np.int64]
 BOXES: Final = {"3×3×3": (3, 3, 3), "4×4×2": (4, 4, 2)}
 NAMED: Final = ("mallet-24", "mallet-64", "letter-f")
-ATTEMPTS: Final = 4
+ATTEMPTS: Final = 8
 """Paths, each with a seed of its own, until one explosion ends straight."""
 STRONGER: Final = 1.5
 """Limit of the motors, of the certificate's torque."""

@@ -1,0 +1,120 @@
+"""Table curve: a smooth curve through the record of an explosion on a table, kept out of the table.
+
+A long tail goes far for a small turn: halfway between two frames, and where a smooth curve leaves
+them, its modules would lie in the table. The curve's control points are moved by the least that
+lifts them out.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import Poses, forward_kinematics
+from planner.chain.statics import hinge_frames
+from planner.kernels.statics import Hinges, columns
+from planner.motion.windows import Windows
+from planner.playback.window_course import WindowCurve
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+SUNK: Final = 0.01
+"""Pitches that modules may lie in the table, as in the record."""
+LIFTED_TO: Final = 0.5
+"""Share of that to which those are lifted that lie deeper."""
+ROUNDS: Final = 8
+"""Times that control points are moved, at most."""
+SHORT: Final = 0.03
+"""Pitches: modules that a turn of the window's hinges moves by less for each radian stay."""
+MOST_RAD: Final = 0.01
+"""Turn of a hinge in a round, at most."""
+CHUNK: Final = 256
+"""Places that are looked at together."""
+
+
+class TableCurve(WindowCurve):
+    """A uniform cubic B-spline through windows, kept out of the table.
+
+    Args:
+        chain: The chain; folded, it stands on the table with its lowest modules, z up.
+        windows: Snapshots in the order of the playback, the first module where it is when folded.
+        spacing_rad: Turn of the fastest hinge from one control point to the next.
+    """
+
+    def __init__(self, chain: Chain, windows: Windows, spacing_rad: float) -> None:
+        super().__init__(chain, windows, spacing_rad)
+        self._every = slice(0, len(chain.folded_rad))
+        drawn = super()._point
+        self._points = np.stack([drawn(k, self._every) for k in range(len(self._after))])
+        hinges = chain.module.hinges_per_joint
+        self._before = np.repeat(np.arange(chain.joint_count) + chain.module.rigid_links, hinges)
+        deep = np.arange(2, len(self._points) - 2)
+        for _ in range(ROUNDS):
+            deep = self._lift(deep)
+
+    def _point(self, k: int, hinges: slice) -> Array:
+        return self._points[k, hinges]
+
+    def _lift(self, points: Ints) -> Ints:
+        """Moves those of some control points where the curve lies too deep; which may do so now."""
+        turns: dict[int, Array] = {}
+        for start in range(0, len(points), CHUNK):
+            part = points[start : start + CHUNK]
+            angles = self.at(part.astype(np.float64) - 1.0, self._every)
+            poses = self._poses(angles)
+            heights = poses.positions[..., 2] + (
+                poses.rotations[..., 2, :] @ self.chain.module.vertices.T
+            ).min(axis=-1)
+            for i in np.flatnonzero(heights.min(axis=1) < -SUNK):
+                here = Poses(positions=poses.positions[i], rotations=poses.rotations[i])
+                turns[int(part[i])] = self._turn(int(part[i]), angles[i], here, heights[i])
+        for k, turn in turns.items():
+            self._points[k] = np.clip(self._points[k] + turn, -self._limit, self._limit)
+        around = np.unique(np.array([*turns], dtype=np.int64)[:, None] + np.arange(-1, 2))
+        return around[(around >= 2) & (around < len(self._points) - 2)]
+
+    def _poses(self, angles: Array) -> Poses:
+        """Of (F, J) angles, above a table at z = 0."""
+        chain = self.chain
+        return forward_kinematics(
+            chain.module,
+            angles,
+            root=0,
+            root_position=chain.folded_position - np.array([0.0, 0.0, chain.table_height]),
+            root_wxyz=chain.folded_wxyz,
+        )
+
+    def _turn(self, point: int, angles: Array, poses: Poses, heights: Array) -> Array:
+        """(J,) the least turn of a window's hinges that lifts those modules that lie too deep.
+
+        Args:
+            point: The control point.
+            angles: (J,) there.
+            poses: Of the modules there.
+            heights: (n,) of their lowest corners.
+        """
+        deep = np.flatnonzero(heights < -SUNK)
+        corners = poses.rotations[deep] @ self.chain.module.vertices.T
+        lowest = corners[np.arange(len(deep)), :, corners[:, 2].argmin(axis=1)]
+        axes, anchors = hinge_frames(self.chain, angles, poses)
+        hinges = Hinges(
+            axes=np.ascontiguousarray(axes.reshape(-1, 3)),
+            anchors=np.repeat(anchors, axes.shape[1], axis=0),
+            before=self._before,
+        )
+        up = np.tile([0.0, 0.0, 1.0], (len(deep), 1))
+        nothing = np.full(len(deep), -1)
+        starts, rows, values = columns(
+            hinges, 0, True, deep, nothing, poses.positions[deep] + lowest, up
+        )
+        # A hinge holds against what a turn would follow: a lever is the opposite of its torque.
+        levers = np.zeros((len(deep), len(angles)))
+        levers[np.repeat(np.arange(len(deep)), np.diff(starts)), rows] = -values
+        levers[:, : self.first[point]] = levers[:, self.last[point] :] = 0.0
+        wanted = -LIFTED_TO * SUNK - heights[deep]
+        square = levers @ levers.T + SHORT**2 * np.eye(len(deep))
+        turn = levers.T @ np.linalg.solve(square, wanted)
+        return np.asarray(np.clip(turn, -MOST_RAD, MOST_RAD))

@@ -1,0 +1,78 @@
+"""The curve that is followed on a table: where it may not lie deep, and what it leaves alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.path import Path
+from planner.motion.frames import Frames
+from planner.motion.windows import Windows
+from planner.playback.table_curve import SUNK, TableCurve
+from planner.playback.window_course import WindowCurve
+from planner.statics.contacts import floor_clearances
+
+Array = NDArray[np.float64]
+MODULES = 24
+DIP = 0.04
+"""Pitches by which the row's end goes into the table; the other way it rises."""
+ACROSS, DOWN = 0, 1
+"""Hinges of the first joint that turn a row that lies flat along the table, and into it."""
+
+
+@pytest.fixture(scope="module")
+def row() -> Chain:
+    return Chain.from_path(Path.from_cells([(x, 0, 0) for x in range(MODULES)], name="row"))
+
+
+def swept(row: Chain, dip: float) -> Windows:
+    """A row that sweeps along the table by a radian and dips halfway, its end the farthest."""
+    share = np.linspace(0.0, 1.0, 21)
+    angles = np.zeros((len(share), len(row.folded_rad)))
+    angles[:, ACROSS] = share * (1.0 - share)
+    angles[:, DOWN] = dip / (MODULES - 2) * np.sin(np.pi * share) ** 2
+    frames = Frames.of_phase(
+        "explosion",
+        time_s=share,
+        joint_angles_rad=angles,
+        root_position=np.zeros((len(share), 3)),
+        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (len(share), 1)),
+    )
+    return Windows.of(row, frames)
+
+
+def drawn(row: Chain, curve: WindowCurve) -> tuple[Array, float]:
+    """Angles along a curve, and how high the lowest corner of all is."""
+    angles = curve.at(np.linspace(0.0, curve.end, 200), slice(0, len(row.folded_rad)))
+    poses = forward_kinematics(
+        row.module,
+        angles,
+        root=0,
+        root_position=row.folded_position - np.array([0.0, 0.0, row.table_height]),
+        root_wxyz=row.folded_wxyz,
+    )
+    heights = floor_clearances(row.module, poses.positions, poses.rotations)
+    return angles, float(heights.min())
+
+
+def test_a_row_that_dips_is_lifted_by_the_least_turn(row: Chain) -> None:
+    windows = swept(row, DIP)
+    plain, low = drawn(row, WindowCurve(row, windows, 0.03))
+    assert low < -0.03
+    mended, least = drawn(row, TableCurve(row, windows, 0.03))
+    assert least > -SUNK - 1e-3
+    turned = np.abs(mended - plain).max(axis=0)
+    assert turned.max() < 1.5 * abs(DIP) / MODULES
+    assert turned[ACROSS] < 0.1 * turned[DOWN]
+    np.testing.assert_array_equal(mended[[0, -1]], plain[[0, -1]])
+
+
+def test_what_dips_no_deeper_than_a_record_may_or_rises_stays_as_it_is(row: Chain) -> None:
+    for dip in (0.2 * DIP, -DIP):
+        windows = swept(row, dip)
+        plain, _ = drawn(row, WindowCurve(row, windows, 0.03))
+        mended, _ = drawn(row, TableCurve(row, windows, 0.03))
+        np.testing.assert_array_equal(mended, plain)
