@@ -225,7 +225,9 @@ class TablePeeling(Peeling):
 
     def _boxes(self, first: int) -> tuple[Array, Array]:
         centres, halves = super()._boxes(first)
-        top = self._lowest - 0.5 + LIFTED
+        # Not where the chain begins on the floor: its first free module would be jammed there.
+        raised = float(self.core.cells[first + 1] @ self.up) > self._lowest + 0.5
+        top = self._lowest - 0.5 + (LIFTED if raised else 0.0)
         table = np.where(self.up != 0.0, 0.5 * THICK, WIDE)
         return (
             np.concatenate([centres, [(top - 0.5 * THICK) * self.up]]),

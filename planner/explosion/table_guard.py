@@ -135,8 +135,8 @@ class Guard:
             return False
         how: dict[str, Any] = {}
         if self._parameters.friction and earlier is not None:
-            # What drags on the floor needs a hold: the first module is fixed to the table.
-            how["clamped"] = 0
+            if self._parameters.clamped:
+                how["clamped"] = 0
             how["friction"] = Friction(
                 coefficient=self._parameters.friction,
                 positions=earlier.poses.positions,
