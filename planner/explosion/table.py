@@ -43,6 +43,8 @@ LEAST_BEND_RAD: Final = 1e-3
 """Of a hinge, below which its spring is not made stiffer any more."""
 DIRECTIONS: Final = 72
 """Directions over the table in which the rod may point."""
+LIFTED: Final = 0.006
+"""Pitches by which the simulated table is too high, as contacts give."""
 ROOM: Final = 1.8
 """Pitches that the rod keeps from the core once it is far enough out."""
 LOOKED_ALONG: Final = 12.0
@@ -223,7 +225,9 @@ class TablePeeling(Peeling):
 
     def _boxes(self, first: int) -> tuple[Array, Array]:
         centres, halves = super()._boxes(first)
-        top = self._lowest - 0.5
+        # Not where the chain begins on the floor: its first free module would be jammed there.
+        raised = float(self.core.cells[first + 1] @ self.up) > self._lowest + 0.5
+        top = self._lowest - 0.5 + (LIFTED if raised else 0.0)
         table = np.where(self.up != 0.0, 0.5 * THICK, WIDE)
         return (
             np.concatenate([centres, [(top - 0.5 * THICK) * self.up]]),

@@ -65,6 +65,8 @@ class Guard:
         """When it was, and the bound from then on."""
         self.why = ""
         """What was wrong with the frame that was refused last."""
+        self._sunk = False
+        """Whether that was that something lay in the table, for which no motor can do anything."""
 
     def holds(self, before: Bend | None, bends: Sequence[Bend]) -> bool:
         """Whether snapshots of an explosion may be kept, one after the other.
@@ -85,6 +87,8 @@ class Guard:
         """Counts frames that were taken back; False when the bound cannot be raised any more."""
         p = self._parameters
         self.taken_back += 1
+        if self._sunk:
+            return True
         self.refused += 1.0
         if self.refused <= p.refusals:
             return True
@@ -124,13 +128,15 @@ class Guard:
     def _stands(self, placed: Placed, earlier: Placed | None) -> bool:
         positions, rotations = placed.poses.positions, placed.poses.rotations
         corners = positions[:, None, 2] + (rotations @ self._chain.module.vertices.T)[:, 2]
-        if (lowest := float(corners.min())) < -SUNK:
+        lowest = float(corners.min())
+        self._sunk = lowest < -SUNK
+        if self._sunk:
             self.why = f"a module lay {-lowest:.3f} pitches in the table"
             return False
         how: dict[str, Any] = {}
         if self._parameters.friction and earlier is not None:
-            # What drags on the floor needs a hold: the first module is fixed to the table.
-            how["clamped"] = 0
+            if self._parameters.clamped:
+                how["clamped"] = 0
             how["friction"] = Friction(
                 coefficient=self._parameters.friction,
                 positions=earlier.poses.positions,

@@ -223,6 +223,8 @@ class TableParameters(PeelingParameters):
         most_pushes: Times without progress in a row after which it goes back to an earlier release.
         most_returns: Times that it does so without getting farther, before it has stalled.
         friction: μ between modules and floor.
+        clamped: Whether the first module is clamped to the table where there is friction; else the
+            chain lies free, and drifts as a whole so that it rubs least.
     """
 
     unit: int = 1
@@ -248,6 +250,7 @@ class TableParameters(PeelingParameters):
     most_pushes: int = 14
     most_returns: int = 1
     friction: float = 0.0
+    clamped: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.table import table_certificate
+from planner.certificate.table_figures import Base
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
@@ -33,6 +34,16 @@ SIZE, LARGE = 0.98, 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What is asked of a fold: friction, its hold, the largest torque in w·p, the module size."""
+
+    friction: float
+    limit: float
+    size: float
+    base: Base = "free"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
     """What came of the attempts at a shape."""
 
@@ -46,21 +57,22 @@ class Found:
 def table_folds(reference_seconds: float) -> Section:
     """Small boxes with and without friction, and the gallery up to 64 modules."""
     section = Section(name="table-folds")
-    for friction, bar, limit in (
-        (0.0, "≤ 4 w·p, ≥ 14 of 15, ≤ 30 s", 4.0),
-        (0.1, "≤ 10 w·p", 10.0),
+    for asked, bar in (
+        (Asked(friction=0.0, limit=4.0, size=SIZE), "≤ 4 w·p, ≥ 14 of 15, ≤ 30 s"),
+        (Asked(friction=0.1, base="free", limit=10.0, size=SIZE), "≤ 10 w·p"),
+        (Asked(friction=0.1, base="clamped", limit=10.0, size=SIZE), "≤ 10 w·p"),
     ):
         runs = [
-            _run(
-                section, name, np.argwhere(np.ones(sides, dtype=bool)), seed, friction, limit, SIZE
-            )
+            _run(section, name, np.argwhere(np.ones(sides, dtype=bool)), seed, asked)
             for name, sides in SMALL.items()
             for seed in range(SEEDS)
         ]
+        limit = asked.limit
         good = [run for run in runs if run.torque is not None and run.torque <= limit]
         most = max((run.torque or 0.0 for run in good), default=0.0)
         section.add(
-            f"24 to 32 modules, friction {friction:g}: straight within {limit:g} w·p at {SIZE:g}",
+            f"24 to 32 modules, friction {asked.friction:g}, {asked.base}: straight within "
+            f"{limit:g} w·p at {SIZE:g}",
             f"{len(good)} of {len(runs)}, at most {most:.2f} w·p, median "
             f"{np.median([r.seconds for r in runs]):.1f} s, longest "
             f"{max(r.seconds for r in runs):.1f} s (reference {reference_seconds:.2f} s)",
@@ -68,7 +80,7 @@ def table_folds(reference_seconds: float) -> Section:
             len(good) >= len(runs) - 1,
         )
     runs = [
-        _run(section, name, cells, 0, 0.0, 8.0, LARGE)
+        _run(section, name, cells, 0, Asked(friction=0.0, limit=8.0, size=LARGE))
         for name, cells in gallery_cells(64)
         if name != "wrench-24"  # which has no path for a table
     ]
@@ -82,15 +94,14 @@ def table_folds(reference_seconds: float) -> Section:
     return section
 
 
-def _run(
-    section: Section, name: str, cells: Cells, seed: int, friction: float, limit: float, size: float
-) -> Found:
-    found = explored(name, cells, seed, friction, limit, size)
+def _run(section: Section, name: str, cells: Cells, seed: int, asked: Asked) -> Found:
+    found = explored(name, cells, seed, asked)
     section.rows.append(
         {
             "shape": name,
             "seed": seed,
-            "friction": friction,
+            "friction": asked.friction,
+            "base": asked.base,
             "torque_wp": found.torque,
             "clearance": found.clearance,
             "attempts": found.attempts,
@@ -101,13 +112,17 @@ def _run(
     return found
 
 
-def explored(
-    name: str, cells: Cells, seed: int, friction: float, limit: float, size: float
-) -> Found:
+def explored(name: str, cells: Cells, seed: int, asked: Asked) -> Found:
     """Attempts at a shape until one lies straight within a torque, and clear at a module size."""
     begun = time.perf_counter()
     paths = table_paths(cells, seed=seed)
-    parameters = replace(TableParameters(), most_torque=limit, friction=friction, verify_size=size)
+    parameters = replace(
+        TableParameters(),
+        most_torque=asked.limit,
+        friction=asked.friction,
+        clamped=asked.base == "clamped",
+        verify_size=asked.size,
+    )
     reason = ""
     for attempt in range(ATTEMPTS):
         path = Path.from_cells(paths[attempt % len(paths)].cells, name=name)
@@ -120,12 +135,12 @@ def explored(
         certificate = table_certificate(
             chain,
             record.frames[::-1],
-            friction=friction,
-            base="clamped" if friction else "free",
+            friction=asked.friction,
+            base=asked.base,
             on_table=True,
             height=chain.table_height,
         )
-        clearance = sweep(chain, record.frames, size=size).clearance
+        clearance = sweep(chain, record.frames, size=asked.size).clearance
         if certificate.rests and clearance > 0.0:
             return Found(
                 torque=certificate.torque,

@@ -99,6 +99,45 @@ def test_friction_counts_in_the_guard() -> None:
     assert certificate.torque <= 1.2 * found.table.bound
 
 
+def test_a_chain_that_lies_free_drifts_and_rubs_less_than_a_clamped_one() -> None:
+    chain = chain_of(BOX)
+    rubbing = replace(TableParameters(), friction=0.2, most_torque=20.0)
+    bounds: dict[bool, float] = {}
+    for clamped in (True, False):
+        found = explode_on_table(chain, replace(rubbing, clamped=clamped), seed=1)
+        assert found.status == "straight", found.reason
+        assert found.table is not None
+        assert isinstance(found.frames, Windows)
+        bounds[clamped] = found.table.bound
+        certificate = table_certificate(
+            chain,
+            found.frames[::-1],
+            friction=0.2,
+            base="clamped" if clamped else "free",
+            on_table=True,
+            height=chain.table_height,
+        )
+        assert certificate.torque is not None
+        assert certificate.torque <= 1.2 * found.table.bound
+    assert bounds[False] < 0.8 * bounds[True]
+
+
+def test_what_lies_in_the_table_is_refused_but_raises_no_bound() -> None:
+    chain = chain_of(BOX)
+    parameters = replace(TableParameters(), refusals=0)
+    guard = Guard(chain, Peelable(chain), parameters)
+    bend = Bend(time_s=0.0, first=0, angles=np.zeros(2))
+    for hinge, turn in ((0, 0.3), (0, -0.3), (1, 0.3), (1, -0.3)):
+        angles = chain.folded_rad.copy()
+        angles[hinge] += turn
+        if not guard.holds(None, [replace(bend, angles=angles)]) and "in the table" in guard.why:
+            break
+    else:
+        pytest.fail("no turn of the first joint puts the box into the table")
+    assert all(guard.refuse(0.0) for _ in range(3))
+    assert (guard.taken_back, guard.bound) == (3, parameters.first_bound)
+
+
 def test_a_record_says_what_was_taken_back(tmp_path: FilePath, record: Record) -> None:
     record.save(tmp_path / "record.npz")
     assert Record.load(tmp_path / "record.npz").table == record.table
