@@ -19,6 +19,7 @@ import numpy as np
 
 from planner.certificate.certificate import Certificate, certify
 from planner.certificate.measure import write_figures
+from planner.certificate.table import table_certificate
 from planner.certificate.table_forces import FILE as FORCES
 from planner.chain.chain import Chain
 from planner.explosion.strategies import on_lattice, strategies_for
@@ -68,7 +69,9 @@ from planner.robot.smoothed import before_and_after, check_smoothable
 from planner.simulation.parameters import BASELINE, ExplosionParameters
 
 STRONGER_MOTORS: Final = 1.5
-"""Limit of the motors on a table, as a multiple of the bound on what standing asks."""
+"""Limit of the motors on a table, as a multiple of what standing asks in the record …"""
+LEAST_TORQUE_WP: Final = 1.0
+"""… or of so much, where that is hardly anything: something must speed the chain up."""
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
 
@@ -252,13 +255,24 @@ def _play_on_table(
     # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.
     timeline = place / TIMELINE
     exploded = record.frames.dense(chain)
+    progress(Progress(stage="play_back", fraction=0.0, message="balancing what was recorded"))
+    friction = record.table.friction
+    standing = table_certificate(
+        chain,
+        record.frames[::-1],
+        friction=friction,
+        base="clamped" if friction else "free",
+        on_table=True,
+        height=chain.table_height,
+    )
+    asked = record.table.bound if standing.torque is None else standing.torque
     with TimelineWriter.create(timeline, chain) as writer:
         writer.append(exploded)
         playback = play_on_table(
             chain,
             record.frames,
-            torque_limit_wp=STRONGER_MOTORS * record.table.bound,
-            friction=record.table.friction,
+            torque_limit_wp=STRONGER_MOTORS * max(asked, LEAST_TORQUE_WP),
+            friction=friction,
             start_s=float(exploded.time_s[-1]),
             progress=progress,
             cancelled=cancelled,

@@ -15,7 +15,7 @@ from planner.motion.frames import Frames
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import Request
-from planner.pipeline.stages import run_stages
+from planner.pipeline.stages import LEAST_TORQUE_WP, STRONGER_MOTORS, run_stages
 from planner.plan.plan import Plan
 from planner.simulation.parameters import Parameters
 from planner.verification.verify import verify
@@ -36,6 +36,10 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
     assert table.torque is not None
     assert table.torque <= Parameters().table.most_torque
     assert len(table.torques) == len(plan.motion)
+    assert plan.certificate.peak_torque_nm is not None
+    # Motors are limited by what the record asks, which the plan's curve leaves by a little.
+    allowed = 1.05 * STRONGER_MOTORS * max(table.torque, LEAST_TORQUE_WP)
+    assert plan.certificate.peak_torque_nm <= allowed * table.unit_nm
     assert any("rictionless" in words for words in table.assumptions)
     assert len(TableForces.load(tmp_path / "table.npz")) == len(plan.motion)
     assert verify(tmp_path).verified, verify(tmp_path).problems
