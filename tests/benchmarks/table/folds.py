@@ -29,6 +29,7 @@ Cells = NDArray[np.int64]
 SMALL: Final = {"4×3×2": (4, 3, 2), "3×3×3": (3, 3, 3), "4×4×2": (4, 4, 2)}
 SEEDS: Final = 5
 ATTEMPTS: Final = 8
+LONGER: Final = ("wrench-80", "wrench-160", "mallet-160")
 SIZE, LARGE = 0.98, 0.95
 """Module sizes at which small shapes, and those of the gallery, are to be clear."""
 
@@ -91,6 +92,15 @@ def table_folds(reference_seconds: float) -> Section:
         "≥ 90 %, ≤ 120 s",
         len(good) >= 0.9 * len(runs),
     )
+    for name, cells in gallery_cells(160):
+        if name in LONGER:
+            run = _run(section, name, cells, 0, Asked(friction=0.0, limit=10.0, size=LARGE))
+            section.add(
+                f"{name}: straight within 10 w·p at {LARGE}",
+                f"{run.reason[:60] if run.torque is None else f'{run.torque:.2f} w·p'}, "
+                f"{run.attempts} attempts, {run.seconds:.0f} s",
+                "shown",
+            )
     return section
 
 

@@ -99,6 +99,8 @@ def test_friction_counts_in_the_guard() -> None:
     assert certificate.torque <= 1.2 * found.table.bound
 
 
+@pytest.mark.slow
+@pytest.mark.long
 def test_a_chain_that_lies_free_drifts_and_rubs_less_than_a_clamped_one() -> None:
     chain = chain_of(BOX)
     rubbing = replace(TableParameters(), friction=0.2, most_torque=20.0)
