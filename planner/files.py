@@ -1,4 +1,4 @@
-"""Files that are either whole or not there."""
+"""Files that are either whole or not there, and zarr groups."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
-from typing import Any
+from threading import Lock
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+if TYPE_CHECKING:
+    import zarr
+
+_LOADING: Final = Lock()
 
 
 def write_whole(path: FilePath, data: bytes) -> None:
@@ -31,6 +37,20 @@ def json_of(path: FilePath) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def zarr_group(path: str | FilePath, mode: Literal["r", "r+", "w"] = "r") -> zarr.Group:
+    """The zarr group at a path; a new one for ``w``.
+
+    zarr takes a while to load, so that is left to whoever opens a group first. Its modules import
+    each other in circles, which two threads that begin at once would break.
+    """
+    with _LOADING:
+        import zarr
+        from zarr.codecs import BloscCodec
+
+        del BloscCodec
+    return zarr.open_group(str(path), mode=mode, zarr_format=3 if mode == "w" else None)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import TimelineError
+from planner.files import zarr_group
 
 if TYPE_CHECKING:
     import zarr
@@ -57,10 +58,8 @@ class Curves:
         Raises:
             TimelineError: When there are no figures, they are damaged, or the range is not in them.
         """
-        import zarr  # late: who tells of a fold need not read its figures
-
         try:
-            group = zarr.open_group(str(path), mode="r")
+            group = zarr_group(path)
             attributes = group.attrs.asdict()
             arrays = {f.name: cast("zarr.Array[Any]", group[f.name]) for f in fields(cls)}
         except (OSError, ValueError, KeyError) as error:
@@ -105,13 +104,11 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
 
     What is there in the end is a whole zarr group, or what was there before.
     """
-    import zarr  # as above
-
     whole = FilePath(path)
     aside = whole.with_name(f".{whole.name}.{os.getpid()}")
     rmtree(aside, ignore_errors=True)
     try:
-        group = zarr.open_group(str(aside), mode="w", zarr_format=3)
+        group = zarr_group(aside, "w")
         group.attrs.put({"format": FORMAT, "reach": REACH})
         arrays: dict[str, zarr.Array[Any]] = {}
         curves: list[Curves] = []
@@ -136,7 +133,7 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
 def _array(
     group: zarr.Group, name: str, frames: int, values: NDArray[Any], chunk: int
 ) -> zarr.Array[Any]:
-    from zarr.codecs import BloscCodec  # as above
+    from zarr.codecs import BloscCodec  # late: ``zarr_group`` has loaded it
 
     tail = values.shape[1:]
     return group.create_array(

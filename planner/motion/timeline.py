@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import module_named
 from planner.errors import UNREADABLE, InputError, TimelineError
+from planner.files import zarr_group
 from planner.motion.frames import Frames
 from planner.motion.motion import Motion, joined
 from planner.motion.windows import Windows
@@ -121,11 +122,11 @@ class TimelineWriter:
             chain: Whose frames it holds.
             windowed: Whether it takes ``Windows``; else it takes ``Frames``.
         """
-        from zarr.codecs import BloscCodec  # late, as in ``_opened``
-
         # First of all: who has read frames while their files were deleted sees that by its absence.
         (FilePath(path) / "zarr.json").unlink(missing_ok=True)
-        group = _opened(str(path), "w")
+        group = zarr_group(path, "w")
+        from zarr.codecs import BloscCodec  # late: ``zarr_group`` has loaded it
+
         codec = BloscCodec(cname="zstd", clevel=3, shuffle="shuffle")
         columns = _window_columns() if windowed else _frame_columns(len(chain.folded_rad))
         for name, (tail, dtype, rows) in columns.items():
@@ -163,7 +164,7 @@ class TimelineWriter:
             raise TimelineError(
                 f"got {kept} frames to keep, expected 0 to {len(timeline)}, which {path} holds."
             )
-        group = _opened(str(path), "r+")
+        group = zarr_group(path, "r+")
         if kept < len(timeline):
             # Who has read what is dropped has to begin anew.
             group.attrs.update({"id": secrets.token_hex(8)})
@@ -276,7 +277,7 @@ class Timeline:
         told = attributes["chain"]
         if self.windowed:
             try:
-                folded = cast("zarr.Array[Any]", _opened(path)["folded_rad"])
+                folded = cast("zarr.Array[Any]", zarr_group(path)["folded_rad"])
             except KeyError as error:
                 raise TimelineError(f"{path} is damaged: it lacks {error}.") from error
             told = {**told, "folded_rad": np.asarray(folded[:]).tolist()}
@@ -416,7 +417,7 @@ class Timeline:
     def _take(self, attributes: dict[str, Any]) -> None:
         frames = int(attributes["frames"])
         if frames != self._frames or not self._arrays:
-            group = _opened(self.path)
+            group = zarr_group(self.path)
             columns = _window_columns() if self.windowed else _frame_columns(0)
             try:
                 self._arrays = {
@@ -449,16 +450,9 @@ def _strided(array: zarr.Array[Any], start: int, end: int, stride: int) -> NDArr
     return np.concatenate(parts) if parts else cast("NDArray[Any]", array[start:start])
 
 
-def _opened(path: str, mode: Literal["r", "r+", "w"] = "r") -> zarr.Group:
-    """The group at ``path``; zarr is loaded with the first one that somebody opens."""
-    import zarr
-
-    return zarr.open_group(path, mode=mode, zarr_format=3 if mode == "w" else None)
-
-
 def _attributes(path: str) -> dict[str, Any]:
     try:
-        attributes = _opened(path).attrs.asdict()
+        attributes = zarr_group(path).attrs.asdict()
     except (OSError, ValueError, KeyError) as error:
         raise TimelineError(f"no timeline at {path}: {error}") from error
     if attributes.get("format") not in (FORMAT, WINDOWS_FORMAT):

@@ -17,7 +17,7 @@ import numpy as np
 
 from planner.certificate.table_forces import FILE as FORCES
 from planner.errors import UNREADABLE
-from planner.files import write_json
+from planner.files import write_json, zarr_group
 from planner.pipeline.attempts import CANDIDATES
 from planner.playback.unfolding import START_CHAIN, START_PLAN
 from planner.robot import RECORDED_PLAN
@@ -134,9 +134,7 @@ def _fields(path: FilePath) -> Iterator[tuple[str, str]]:
                 else:
                     yield name, _of_array(array)
     elif path.suffix == ".zarr":
-        import zarr  # late: it takes a while, and many plans are told without their timeline
-
-        group = zarr.open_group(str(path), mode="r")
+        group = zarr_group(path)
         for key, digest in _of_values(group.attrs.asdict()):
             yield f"attributes.{key}", digest
         for name, array in sorted(group.arrays()):

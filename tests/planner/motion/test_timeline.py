@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 import threading
 from pathlib import Path as FilePath
 
@@ -358,3 +360,41 @@ def test_chunks_without_a_wanted_frame_are_not_read(place: FilePath, hook_chain:
     assert_same(timeline.frames(0, 400, 300), some_frames(400)[0:400:300])
     with pytest.raises(RuntimeError):
         timeline.frames(0, 400, 100)
+
+
+AT_ONCE = """
+import sys, threading, time
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.errors import TimelineError
+from planner.motion.timeline import Timeline, TimelineWriter
+
+chain = Chain.from_path(Path.from_cells([[0, 0, 0], [1, 0, 0], [1, 1, 0]], name="three"))
+begin = threading.Barrier(2)
+
+def look():
+    begin.wait()
+    try:
+        Timeline.open(sys.argv[1])
+    except TimelineError:
+        pass
+
+looking = threading.Thread(target=look)
+looking.start()
+begin.wait()
+time.sleep(float(sys.argv[2]))
+TimelineWriter.create(sys.argv[1], chain).close()
+looking.join()
+assert Timeline.open(sys.argv[1]).status == "complete"
+"""
+
+
+@pytest.mark.slow
+def test_who_looks_first_does_not_disturb_who_writes_first(tmp_path: FilePath) -> None:
+    for k in range(5):
+        subprocess.run(
+            [sys.executable, "-W", "error", "-c", AT_ONCE, str(tmp_path / f"{k}"), f"{k * 0.015}"],
+            cwd=FilePath(__file__).parents[3],
+            timeout=60,
+            check=True,
+        )
