@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from threading import Lock
@@ -46,10 +47,9 @@ def zarr_group(path: str | FilePath, mode: Literal["r", "r+", "w"] = "r") -> zar
     each other in circles, which two threads that begin at once would break.
     """
     with _LOADING:
-        import zarr
-        from zarr.codecs import BloscCodec
+        import_module("zarr.codecs")
+    import zarr
 
-        del BloscCodec
     return zarr.open_group(str(path), mode=mode, zarr_format=3 if mode == "w" else None)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
 from planner.certificate.table import table_certificate
-from planner.certificate.table_figures import TableCertificate
+from planner.certificate.table_figures import TableCertificate, base_of_fold
 from planner.certificate.table_forces import TableForces
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
 from planner.chain.chain import Chain
@@ -302,7 +302,7 @@ def _on_table(
         chain,
         frames,
         friction=parameters.table.friction,
-        base="clamped" if parameters.table.friction else "free",
+        base=base_of_fold(parameters.table.friction),
         density_kg_m3=parameters.density_kg_m3,
         bound=parameters.table.most_torque,
         on_table=True,

@@ -12,6 +12,11 @@ FORMAT: Final = "foldback-table/1"
 FRICTIONLESS: Final = "frictionless"
 
 
+def base_of_fold(friction: float) -> Base:
+    """How a fold on a table is held: what drags on the table needs a hold, else it may lie free."""
+    return "clamped" if friction else "free"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableCertificate:
     """What a motion asks of the hinges on a table. Lengths in pitches, torques in w·p.

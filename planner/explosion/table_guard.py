@@ -20,11 +20,10 @@ from planner.explosion.peeling_window import Bend, Peelable
 from planner.motion.record import TableRecord
 from planner.simulation.parameters import TableParameters
 from planner.statics.balance import Balance
+from planner.statics.contacts import SUNK, floor_clearances
 from planner.statics.friction import Friction
 
 Array = NDArray[np.float64]
-SUNK: Final = 0.01
-"""Pitches that a module may lie in the table: a simulated one gives."""
 FORGIVEN: Final = 0.2
 """Refusals that count no more for each time that frames were kept."""
 
@@ -127,8 +126,7 @@ class Guard:
 
     def _stands(self, placed: Placed, earlier: Placed | None) -> bool:
         positions, rotations = placed.poses.positions, placed.poses.rotations
-        corners = positions[:, None, 2] + (rotations @ self._chain.module.vertices.T)[:, 2]
-        lowest = float(corners.min())
+        lowest = float(floor_clearances(self._chain.module, positions, rotations))
         self._sunk = lowest < -SUNK
         if self._sunk:
             self.why = f"a module lay {-lowest:.3f} pitches in the table"

@@ -20,6 +20,7 @@ import numpy as np
 from planner.certificate.certificate import Certificate, certify
 from planner.certificate.measure import write_figures
 from planner.certificate.table import table_certificate
+from planner.certificate.table_figures import base_of_fold
 from planner.certificate.table_forces import FILE as FORCES
 from planner.chain.chain import Chain
 from planner.explosion.strategies import on_lattice, strategies_for
@@ -261,7 +262,7 @@ def _play_on_table(
         chain,
         record.frames[::-1],
         friction=friction,
-        base="clamped" if friction else "free",
+        base=base_of_fold(friction),
         on_table=True,
         height=chain.table_height,
     )

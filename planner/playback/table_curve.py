@@ -18,11 +18,10 @@ from planner.chain.statics import hinge_frames
 from planner.kernels.statics import Hinges, columns
 from planner.motion.windows import Windows
 from planner.playback.window_course import WindowCurve
+from planner.statics.contacts import SUNK, lowest_corners
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-SUNK: Final = 0.01
-"""Pitches that modules may lie in the table, as in the record."""
 LIFTED_TO: Final = 0.5
 """Share of that to which those are lifted that lie deeper."""
 ROUNDS: Final = 8
@@ -65,9 +64,7 @@ class TableCurve(WindowCurve):
             part = points[start : start + CHUNK]
             angles = self.at(part.astype(np.float64) - 1.0, self._every)
             poses = self._poses(angles)
-            heights = poses.positions[..., 2] + (
-                poses.rotations[..., 2, :] @ self.chain.module.vertices.T
-            ).min(axis=-1)
+            heights = lowest_corners(self.chain.module, poses.positions, poses.rotations)
             for i in np.flatnonzero(heights.min(axis=1) < -SUNK):
                 here = Poses(positions=poses.positions[i], rotations=poses.rotations[i])
                 turns[int(part[i])] = self._turn(int(part[i]), angles[i], here, heights[i])

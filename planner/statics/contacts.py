@@ -25,6 +25,8 @@ FLOOR_GAP: Final = 0.02
 """Corners of modules up to this high stand on the floor, in pitches."""
 MODULE_GAP: Final = 0.03
 """Modules up to this far from each other touch, in pitches."""
+SUNK: Final = 0.01
+"""Pitches that a module of a motion may lie in the table: a simulated one gives."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -144,5 +146,12 @@ def floor_clearances(
         rotations: (F, n, 3, 3) orientations.
         size: Module size as a fraction of the pitch.
     """
-    lowest = (rotations[..., 2, :] @ (module.vertices * size).T).min(axis=-1) + positions[..., 2]
-    return lowest.min(axis=-1) - (1.0 - size) * module.inner_radius
+    lowest = lowest_corners(module, positions, rotations, size=size).min(axis=-1)
+    return lowest - (1.0 - size) * module.inner_radius
+
+
+def lowest_corners(
+    module: Module, positions: Array, rotations: Array, *, size: float = 1.0
+) -> Array:
+    """(F, n) how high the lowest corner of each module is; see ``floor_clearances``."""
+    return (rotations[..., 2, :] @ (module.vertices * size).T).min(axis=-1) + positions[..., 2]

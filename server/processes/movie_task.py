@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from planner.files import json_of
 from planner.simulation.parameters import FLOATING
 from server.processes.children import Child, ChildError
 from server.processes.limits import ChildLimits
@@ -23,11 +24,7 @@ NO_GL: Final = (
 
 def is_on_table(directory: Path) -> bool:
     """Whether the fold of a directory is one on a table; not where nobody knows."""
-    try:
-        asked = json.loads((directory / "request.json").read_bytes())
-    except (OSError, ValueError):
-        return False
-    return isinstance(asked, dict) and asked.get("world", FLOATING) != FLOATING
+    return json_of(directory / "request.json").get("world", FLOATING) != FLOATING
 
 
 def ask_for_movie(

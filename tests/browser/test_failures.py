@@ -21,6 +21,8 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 TAIL = 20
 LAPTOP = {"width": 960, "height": 420, "color_scheme": "light"}
+LARGE = {"width": 1440, "height": 1000, "color_scheme": "light"}
+"""For what is still packed when it stops: few modules that it sticks at are seen then."""
 PHONE = {"width": 390, "height": 844, "has_touch": True}
 ORANGE = """() => {
   const { player } = window.foldback;
@@ -62,7 +64,7 @@ def looked_at(page: Page, name: str) -> list[int]:
     found = page.evaluate(ORANGE)
     if found:
         orange = (seen[..., 0] > 120) & (seen[..., 0] - seen[..., 2] > 90)
-        assert (orange & (seen[..., 1] > 0.35 * seen[..., 0])).sum() > 150
+        assert (orange & (seen[..., 1] > 0.35 * seen[..., 0])).sum() > 400
         near = page.evaluate(INSIDE, found)
         assert near["nearest"] < near["distance"] / 2
     return found
@@ -145,7 +147,7 @@ def test_a_memory_limit(visit: Visit, tmp_path_factory: pytest.TempPathFactory) 
         assert (state["stage"], state["error"]["code"]) == ("explode", "memory-limit"), state
         frames = Timeline.open(small.directory(fold) / "timeline.zarr")
         assert frames.status == "failed" and len(frames) > 2
-        page = opened(visit(f"{small.http.base_url}/folds/{fold}", **LAPTOP))
+        page = opened(visit(f"{small.http.base_url}/folds/{fold}", **LARGE))
         expect(page.locator("#stuck-heading")).to_have_text("Not finished")
         expect(page.locator("#stuck-text")).to_contain_text(f"more than the {limit // 2**20} MiB")
         assert looked_at(page, "failure-memory") == state["summary"]["stuck"]["modules"]
@@ -209,9 +211,8 @@ def test_a_knot(visit: Visit, service: Service) -> None:
     page.locator("#stuck-fold").click()
     page.locator("#stuck-attempts").click()
     tried = page.locator(".attempts li")
-    assert tried.count() >= 1
-    for attempt in tried.all():
-        expect(attempt).to_contain_text("it is knotted (determinant 3)")
+    expect(tried).to_have_count(1)  # it is peeled one way only
+    expect(tried).to_contain_text("it is knotted (determinant 3)")
     keep(page, "failure-knot-attempts")
 
 

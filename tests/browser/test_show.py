@@ -17,7 +17,11 @@ from tests.browser.conftest import PATIENCE_MS, keep
 from tests.web.conftest import SNAKE, folding
 from web.viser import Shown, show
 
-pytestmark = [pytest.mark.browser]
+pytestmark = [
+    pytest.mark.browser,
+    # viser tells so of a page that is closed just as its camera is moved.
+    pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection:UserWarning"),
+]
 LAST = 59
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import PATIENCE_MS, keep, picture
+from tests.browser.conftest import keep, picture
+from tests.browser.test_failures import opened
 from tests.browser.test_preview import answered, choose
 from tests.server.api.test_table import voxels
 from tests.server.service import Service
@@ -24,17 +24,6 @@ TABLE = np.array([78, 84, 94])
 def colour_by(page: Page, name: str) -> np.ndarray:
     page.locator("#colour-by").select_option(name)
     return picture(page)
-
-
-def table_seen(page: Page) -> np.ndarray:
-    """The 3D view at rest, once a fifth of it is the table."""
-    deadline = time.monotonic() + PATIENCE_MS / 1000
-    while True:
-        seen = picture(page)
-        if (np.abs(seen - TABLE).max(axis=-1) < 14).mean() > 0.2:
-            return seen
-        assert time.monotonic() < deadline, "no table is seen"
-        page.wait_for_timeout(200)
 
 
 def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
@@ -61,8 +50,9 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
     )
     fold = page.url.rpartition("/")[2]
 
-    page = visit(f"/folds/{fold}#frame=100000", width=1000, height=620)
-    seen = table_seen(page)
+    page = opened(visit(f"/folds/{fold}#frame=100000", width=1000, height=620))
+    seen = picture(page)
+    assert (np.abs(seen - TABLE).max(axis=-1) < 14).mean() > 0.2
     keep(page, "table-dark")
     torques = colour_by(page, "joint_torque")
     expect(page.locator("#legend-high")).to_have_text(re.compile(r"^[\d.]+ w·p, [\d.e-]+ N·m$"))

@@ -29,6 +29,7 @@ from planner.pipeline.prepare import prepare
 from planner.simulation.model import SOLIMP, Material, compiled, tree_spec
 from planner.simulation.mujoco import mujoco
 from planner.statics.balance import Balance
+from planner.statics.contacts import floor_clearances
 from planner.statics.resting import resting_poses
 from server.store.gallery import Gallery
 from tests.benchmarks.tables import Section
@@ -225,8 +226,7 @@ class _Run:
         mujoco.mj_kinematics(self.model, data)
         positions = data.xpos[self.bodies].copy()
         rotations = data.xmat[self.bodies].reshape(-1, 3, 3).copy()
-        corners = positions[:, None, 2] + (rotations @ module.vertices.T)[:, 2]
-        if corners.min() < -SUNK:
+        if floor_clearances(module, positions, rotations) < -SUNK:
             return "sunk"
         if closest(module, positions, rotations, size=VERIFY_SIZE).clearance < 0.0:
             return "touching"
