@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
 from planner.certificate.table import table_certificate
-from planner.certificate.table_figures import TableCertificate, base_of_fold
+from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
 from planner.chain.chain import Chain
@@ -292,19 +292,19 @@ def _on_table(
     forces: Callable[[TableForces], object] | None,
 ) -> TableCertificate:
     """What the plan asks on the table that it was made for."""
-    reference = playback.reference
+    reference, table = playback.reference, parameters.table
     frames = playback.frames
     if isinstance(reference, Windows):
         frames = reference
     elif isinstance(frames, Frames):
-        frames = replace(frames, joint_angles_rad=reference).clamped(chain)
+        frames = frames.planned(chain, reference, clamped=table.held)
     return table_certificate(
         chain,
         frames,
-        friction=parameters.table.friction,
-        base=base_of_fold(parameters.table.friction),
+        friction=table.friction,
+        base=table.base,
         density_kg_m3=parameters.density_kg_m3,
-        bound=parameters.table.most_torque,
+        bound=table.most_torque,
         on_table=True,
         height=chain.table_height,
         sink=forces,
