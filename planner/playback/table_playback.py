@@ -1,9 +1,9 @@
 """Table playback: a chain is folded on a table, simulated with gravity, contacts and weak motors.
 
-The straight chain lies on the table, its first module clamped there or free, and follows the record
-of its explosion back. Gravity, the table and the modules' contacts are MuJoCo's; motors never exceed
-their limit. Where what touches bears less than the statics reckon with, because modules are smaller
-than a pitch, the chain gives way until it touches.
+The straight chain lies on the table, its first module clamped there or free, and follows the
+record of its explosion back. Gravity, the table and the modules' contacts are MuJoCo's; motors
+never exceed their limit. Where what touches bears less than the statics reckon with, because
+modules are smaller than a pitch, the chain gives way until it touches.
 """
 
 from __future__ import annotations
