@@ -43,6 +43,8 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
     page.locator("#fold").click()
     expect(page.locator("#problem")).to_contain_text("got table_torque = '0'")
     page.locator("[name=table_torque]").fill("9")
+    assert page.locator("[name=table_base] option").all_inner_texts() == ["clamped", "free"]
+    expect(page.locator("[name=table_base]")).to_have_value("free")
     page.locator("#fold").click()
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     expect(page.locator("#rests")).to_contain_text(
