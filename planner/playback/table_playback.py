@@ -130,7 +130,7 @@ def play_on_table(
         torque_limit_wp: Largest torque of every motor.
         friction: μ between modules and table.
         clamped: Whether the first module is clamped to the table; else the chain lies free.
-        parameters: Of the simulation.
+        parameters: Of the simulation; the usual ones when None.
         start_s: Time of the first frame.
         progress: Told how far it is, a few times a second.
         cancelled: Asked now and then whether to stop.
@@ -148,7 +148,7 @@ def play_on_table(
         raise InputError("bad-table", f"got {friction:g}, expected 0 to 2.", where="friction")
     if len(record) < 2:
         raise InputError("no-record", f"got {len(record)} frames, expected two or more.")
-    p = TablePlaybackParameters() if parameters is None else parameters
+    p = TablePlaybackParameters.usual(friction) if parameters is None else parameters
     run = _Run(chain, record, p, torque_limit_wp, friction, clamped)
     run.simulate(progress, cancelled)
     return run.result(start_s)
