@@ -303,7 +303,7 @@ class TablePlaybackParameters:
 
     @classmethod
     def usual(cls, friction: float) -> TablePlaybackParameters:
-        """The usual ones: steps are half as long where modules rub, else they overlap on the way."""
+        """The usual ones; with friction modules overlap on the way in steps twice as long."""
         return cls(step=0.12, contact_time=0.24) if friction else cls()
 
 

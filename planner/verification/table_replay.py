@@ -1,14 +1,15 @@
 """Table replay: frames of a motion on a table, put into plain MuJoCo and let go.
 
 Nothing of the statics is used here: gravity, the table and contacts are MuJoCo's, and every hinge
-is held by an ordinary position servo whose torque is limited to a little more than what was
-certified. A frame that rests stays; one that asks for more sinks.
+is held by a brake, which slips beyond a torque a little larger than what was certified. A frame
+that rests stays; one that asks for more sinks.
 
 Units are natural: module mass, pitch and gravity are 1, time is in √(pitch / gravity).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -23,15 +24,12 @@ from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
 SPARE: Final = 1.1
-"""Torque of the servos, of what was certified."""
+"""Torque of the brakes, of what was certified."""
 LEAST_TORQUE: Final = 0.1
-"""w·p that the servos have at least."""
-GEOM_SIZE: Final = 0.98
-"""Collision hull as a fraction of the full module: full ones would overlap between cells."""
-STIFFNESS: Final = 4000.0
-"""w·p for a radian."""
-DAMPING: Final = 200.0
-"""w·p for a radian per unit of time."""
+"""w·p that the brakes have at least."""
+GEOM_SIZE: Final = 0.99
+"""Collision hull as a fraction of the full module: full ones would overlap between cells. The
+smaller it is the farther modules sink until they touch, and long tails with them."""
 STEP: Final = 0.01
 DURATION: Final = 20.0
 """Time for which a frame is left alone."""
@@ -48,7 +46,7 @@ class TableReplay:
         frames: Those that were let go.
         drifts: How far the module went that went farthest, of each.
         still_drifts: The same of the last half of the time alone.
-        torque_limit: Of the servos.
+        torque_limit: Of the brakes.
         friction: μ between modules and table.
     """
 
@@ -71,6 +69,7 @@ def table_replay(
     torque: float,
     friction: float = 0.0,
     count: int = 8,
+    also: Sequence[int] = (),
     spare: float = SPARE,
     duration: float = DURATION,
 ) -> TableReplay:
@@ -82,11 +81,13 @@ def table_replay(
         torque: What was certified, in w·p.
         friction: μ between modules and table.
         count: How many frames, evenly spread.
-        spare: Torque of the servos, of what was certified.
+        also: Frames that are let go besides, as the one that asks most.
+        spare: Torque of the brakes, of what was certified.
         duration: Time for which each is left alone.
     """
     limit = max(spare * torque, LEAST_TORQUE)
-    numbers = np.unique(np.linspace(0, len(frames) - 1, count).round().astype(int))
+    spread = np.linspace(0, len(frames) - 1, count).round().astype(int)
+    numbers = np.union1d(spread, np.array(also, dtype=int))
     model = _model(chain, limit, friction)
     found = [_let_go(chain, model, frames, int(k), duration) for k in numbers]
     return TableReplay(
@@ -108,7 +109,6 @@ def _let_go(
     data.qpos[:3], data.qpos[3:7] = one.root_position[0], one.root_wxyz[0]
     for name, angle in zip(chain.joint_names, one.joint_angles_rad[0], strict=True):
         data.qpos[model.joint(name).qposadr[0]] = angle
-        data.ctrl[model.actuator(name).id] = angle
     _hold_first(data, poses)
     bodies = [model.body(f"module_{i}").id for i in range(len(chain))]
     steps = int(duration / STEP)
@@ -154,12 +154,7 @@ def _model(chain: Chain, limit: float, friction: float) -> Any:
     weld.data[:11] = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1]
     weld.solref, weld.solimp = STIFF
     for name in chain.joint_names:
-        servo = spec.add_actuator(name=name, target=name)
-        servo.trntype = mujoco.mjtTrn.mjTRN_JOINT
-        servo.gaintype = mujoco.mjtGain.mjGAIN_FIXED
-        servo.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        servo.gainprm[0] = STIFFNESS
-        servo.biasprm[:3] = [0.0, -STIFFNESS, -DAMPING]
-        servo.forcelimited = True
-        servo.forcerange = [-limit, limit]
+        brake = spec.joint(name)
+        brake.frictionloss = limit
+        brake.solref_friction, brake.solimp_friction = [2.0 * STEP, 1.0], STIFF[1]
     return compiled(spec)

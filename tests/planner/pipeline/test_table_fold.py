@@ -115,6 +115,14 @@ def plan_told(table: dict[str, object]) -> Plan:
     return cast("Plan", SimpleNamespace(parameters=parameters, preset="default"))
 
 
+def test_what_lies_flat_is_verified_again_from_its_files(tmp_path: Path) -> None:
+    """Its hinges turn by less than they are folded by from the moment in which they are free."""
+    cells = [[x, y, 0] for x in range(3) for y in range(3)]
+    write_request(tmp_path, ON_TABLE, json.dumps(cells).encode())
+    run_stages(tmp_path)
+    assert verify(tmp_path).verified, verify(tmp_path).problems
+
+
 @pytest.mark.parametrize(
     ("request_", "code"),
     [
