@@ -383,7 +383,7 @@ def read_settings(text: str) -> dict[str, Value]:
         setting = _BY_NAME.get(name)
         if setting is None or not equals:
             raise _bad(
-                f"got {part[:40]!r}, expected NAME=NUMBER with one of: {', '.join(_BY_NAME)}."
+                f"got {part[:40]!r}, expected NAME=VALUE with one of: {', '.join(_BY_NAME)}."
             )
         if name in found:
             raise _bad(f"got {name} twice, expected it once.")

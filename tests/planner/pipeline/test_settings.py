@@ -61,8 +61,8 @@ def test_settings_are_written_in_one_way() -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("speed=1", "got 'speed=1', expected NAME=NUMBER with one of: radial_gain"),
-        ("damping", "got 'damping', expected NAME=NUMBER"),
+        ("speed=1", "got 'speed=1', expected NAME=VALUE with one of: radial_gain"),
+        ("damping", "got 'damping', expected NAME=VALUE"),
         ("damping=", "damping = '', expected a number from 0 to 0.9"),
         ("damping=nan", "expected a number from 0 to 0.9"),
         ("damping=1", "expected a number from 0 to 0.9"),
