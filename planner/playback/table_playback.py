@@ -148,7 +148,7 @@ def play_on_table(
         raise InputError("bad-table", f"got {friction:g}, expected 0 to 2.", where="friction")
     if len(record) < 2:
         raise InputError("no-record", f"got {len(record)} frames, expected two or more.")
-    p = TablePlaybackParameters.usual(friction) if parameters is None else parameters
+    p = TablePlaybackParameters.usual(clamped=clamped) if parameters is None else parameters
     run = _Run(chain, record, p, torque_limit_wp, friction, clamped)
     run.simulate(progress, cancelled)
     return run.result(start_s)

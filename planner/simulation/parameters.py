@@ -302,9 +302,9 @@ class TablePlaybackParameters:
     settle: float = 5.0
 
     @classmethod
-    def usual(cls, friction: float) -> TablePlaybackParameters:
-        """The usual ones; with friction modules overlap on the way in steps twice as long."""
-        return cls(step=0.12, contact_time=0.24) if friction else cls()
+    def usual(cls, *, clamped: bool) -> TablePlaybackParameters:
+        """The usual ones; modules of a chain that lies free overlap in steps twice as long."""
+        return cls() if clamped else cls(step=0.12, contact_time=0.24)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

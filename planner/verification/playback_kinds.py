@@ -92,7 +92,8 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
 def _step_s(plan: Plan) -> float:
     """Seconds of a step of its simulation."""
     if is_on_table(plan):
-        return time_unit_s(plan.chain) * TablePlaybackParameters().step
+        held = own_parameters(plan, None).table.held
+        return time_unit_s(plan.chain) * TablePlaybackParameters.usual(clamped=held).step
     return playback_number(plan, "step_s")
 
 
