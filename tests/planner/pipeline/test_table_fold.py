@@ -62,7 +62,8 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
 
 
 def test_with_friction_a_chain_lies_free_and_its_plan_drifts_as_it_does(tmp_path: Path) -> None:
-    write_request(tmp_path, replace(ON_TABLE, settings=RUBBING), json.dumps(CELLS).encode())
+    cells = json.dumps([cell for cell in CELLS if cell[0] < 2]).encode()
+    write_request(tmp_path, replace(ON_TABLE, settings=RUBBING), cells)
     run_stages(tmp_path)
     plan = Plan.load(tmp_path / "plan.npz")
     table, motion = plan.certificate.table, plan.motion
