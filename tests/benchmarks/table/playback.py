@@ -1,7 +1,7 @@
 """Playback on the table: how closely limited motors fold what an explosion on it has recorded.
 
 ``python -m tests.benchmarks --only table-playback``. Whole folds, as ``foldback fold --world
-table`` makes them; frames of the plan are let go in plain MuJoCo besides.
+table`` makes them; frames as simulated are let go in plain MuJoCo besides.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _shape(section: Section, name: str, data: bytes, directory: FilePath) -> Non
     torque = max(table.torque, LEAST_TORQUE_WP)
     limit = STRONGER_MOTORS * torque
     used = (plan.certificate.peak_torque_nm or 0.0) / table.unit_nm
-    rests = table_replay(chain, plan.motion, torque=torque, also=(table.frame,))
+    rests = table_replay(chain, played.frames, torque=torque, also=(table.frame,))
     section.rows.append(
         {
             "shape": name,
