@@ -33,7 +33,7 @@ class Above:
     def __init__(self, up: Array) -> None:
         one = np.eye(3)[int(np.argmin(np.abs(up)))]
         self.up = up
-        self.across: Array = np.stack([one, np.cross(up, one)])
+        self.across: Array = np.stack([one, np.cross(up, one).astype(np.float64)])
         """(2, 3) unit vectors along the table."""
 
     def seen(self, vectors: Array) -> Array:
