@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.explosion.from_above import crosses_itself
+from planner.explosion.peeling import FEWEST_LEFT
 from planner.explosion.peeling_window import Bend, Peelable
 from planner.kernels.core import FIXED
 from planner.motion.record import TableRecord
@@ -44,11 +45,6 @@ class Placed:
     poses: Poses
     first: int
 
-    @property
-    def loops(self) -> bool:
-        """Whether what is let go lies over itself."""
-        return crosses_itself(self.poses.positions[self.first + FIXED - 1 :, :2])
-
 
 class Guard:
     """Asks of frames whether they hold, and keeps count of those that do not.
@@ -65,6 +61,9 @@ class Guard:
         self._parameters = parameters
         self._balance = Balance(chain)
         self._height = chain.table_height
+        heights = chain.folded_poses.positions[: FEWEST_LEFT + FIXED, 2]
+        self._stacked = bool(np.ptp(heights) > 0.5)
+        """Whether what is let go last, all at once, lies over itself while it is folded."""
         self.bound = parameters.first_bound
         self.refused = 0.0
         """Frames that were refused since the bound was raised, less what is forgiven."""
@@ -93,7 +92,12 @@ class Guard:
 
     def loops(self, bend: Bend) -> bool:
         """Whether what is let go would lie over itself."""
-        return self._placed(bend).loops
+        return self._loops(self._placed(bend))
+
+    def _loops(self, placed: Placed) -> bool:
+        if placed.first == 0 and self._stacked:
+            return False
+        return crosses_itself(placed.poses.positions[placed.first + FIXED - 1 :, :2])
 
     def refuse(self, time_s: float) -> bool:
         """Counts frames that were taken back; False when the bound cannot be raised any more."""
@@ -144,7 +148,7 @@ class Guard:
         if lowest < -SUNK:
             self.why = f"a module lay {-lowest:.3f} pitches in the table"
             return False
-        if placed.loops:
+        if self._loops(placed):
             self.why = "the chain lay over itself, in a loop that never opens"
             return False
         how: dict[str, Any] = {}
