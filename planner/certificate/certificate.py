@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
 from planner.certificate.table import table_certificate
-from planner.certificate.table_figures import TableCertificate, base_of_fold
+from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
 from planner.chain.chain import Chain
@@ -217,6 +217,9 @@ def certify(
     unusable = _unusable(chain, record, playback, start)
     if unusable:
         record = playback = None
+    if record is not None and playback is not None and isinstance(playback.frames, Frames):
+        # As the timeline has them, which holds frames of one kind: a table's record is of windows.
+        record = replace(record, frames=record.frames.dense(chain))
 
     of_record = of_plan = of_playback = exempt = None
     of_others: list[Sweep] = []
@@ -275,7 +278,7 @@ def certify(
         min_clearance_playback_at=_place(of_playback),
         min_clearance_record=of_record and of_record.clearance,
         min_clearance_record_at=_place(of_record),
-        max_angle_record_rad=_largest_recorded(chain, record),
+        max_angle_record_rad=None if record is None else _largest_angle(_angles(record.frames)),
         in_betweens=_in_betweens(of_record, of_plan, of_playback, *of_others),
         joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
         gravity_torque_folded_nm=weight * static_torque(chain, chain.folded_rad),
@@ -292,19 +295,19 @@ def _on_table(
     forces: Callable[[TableForces], object] | None,
 ) -> TableCertificate:
     """What the plan asks on the table that it was made for."""
-    reference = playback.reference
+    reference, table = playback.reference, parameters.table
     frames = playback.frames
     if isinstance(reference, Windows):
         frames = reference
     elif isinstance(frames, Frames):
-        frames = replace(frames, joint_angles_rad=reference).clamped(chain)
+        frames = frames.planned(chain, reference, clamped=table.held)
     return table_certificate(
         chain,
         frames,
-        friction=parameters.table.friction,
-        base=base_of_fold(parameters.table.friction),
+        friction=table.friction,
+        base=table.base,
         density_kg_m3=parameters.density_kg_m3,
-        bound=parameters.table.most_torque,
+        bound=table.most_torque,
         on_table=True,
         height=chain.table_height,
         sink=forces,
@@ -467,14 +470,6 @@ def _off(chain: Chain, angles: Array) -> Array:
 def _largest_angle(motion: Array | Windows) -> float:
     angles = motion.angles_rad if isinstance(motion, Windows) else motion
     return float(np.abs(angles).max(initial=0.0))
-
-
-def _largest_recorded(chain: Chain, record: Record | None) -> float | None:
-    """Of the windows of an explosion on a table, hinges count that are still folded outside."""
-    if record is None:
-        return None
-    folded = 0.0 if record.table is None else _largest_angle(chain.folded_rad)
-    return max(folded, _largest_angle(_angles(record.frames)))
 
 
 def _in_betweens(*sweeps: Sweep | None) -> int:

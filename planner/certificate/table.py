@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.table_figures import Base, TableCertificate
+from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
@@ -25,6 +25,7 @@ from planner.cores import cores
 from planner.errors import InputError
 from planner.motion.frames import Frames
 from planner.motion.motion import Motion
+from planner.simulation.parameters import Base
 from planner.statics.balance import LEAST, Balance, Standing
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, floor_clearances
 from planner.statics.friction import FANS, SIDES, Friction

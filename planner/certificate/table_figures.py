@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from planner.errors import InputError
+from planner.simulation.parameters import Base
 
-Base = Literal["clamped", "free"]
 FORMAT: Final = "foldback-table/1"
 FRICTIONLESS: Final = "frictionless"
-
-
-def base_of_fold(friction: float) -> Base:
-    """How a fold on a table is held: what drags on the table needs a hold, else it may lie free."""
-    return "clamped" if friction else "free"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +73,10 @@ class TableCertificate:
 
     @property
     def told_friction(self) -> str:
-        """What is said beside every figure."""
-        return friction_words(self.friction)
+        """What is said beside every figure: of friction, and of the base where that matters."""
+        if self.friction == 0.0:
+            return FRICTIONLESS
+        return f"friction {self.friction:g}, {self.base} base"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -110,8 +107,3 @@ class TableCertificate:
             found[name] = tuple(found[name])
         found["standing"] = tuple(tuple(each) for each in found["standing"])
         return cls(**found)
-
-
-def friction_words(friction: float) -> str:
-    """What is said of friction beside every figure."""
-    return FRICTIONLESS if friction == 0.0 else f"friction {friction:g}"

@@ -41,3 +41,28 @@ def aligned_distances(points: Array, target: Array) -> Array:
     handed = np.sign(np.linalg.det(left @ right))
     rotation = left @ np.diag([1.0, 1.0, handed]) @ right
     return np.linalg.norm(moved @ rotation - fixed, axis=1)
+
+
+def motion_in_plane(points: Array, target: Array) -> tuple[Array, Array]:
+    """The best turn about the vertical, and then shift along the plane, of points onto a target.
+
+    Args:
+        points: (F, n, 3).
+        target: (F, n, 3).
+
+    Returns:
+        (F, 3, 3) rotations and (F, 3) shifts, whose z is 0.
+    """
+    middles, there = points.mean(axis=1), target.mean(axis=1)
+    moved, fixed = points - middles[:, None], target - there[:, None]
+    along = (moved * fixed)[..., :2].sum(axis=(1, 2))
+    across = (moved[..., 0] * fixed[..., 1] - moved[..., 1] * fixed[..., 0]).sum(axis=1)
+    turns = np.arctan2(across, along)
+    rotations = np.zeros((len(turns), 3, 3))
+    rotations[:, 0, 0] = rotations[:, 1, 1] = np.cos(turns)
+    rotations[:, 1, 0] = np.sin(turns)
+    rotations[:, 0, 1] = -rotations[:, 1, 0]
+    rotations[:, 2, 2] = 1.0
+    shifts = there - (rotations @ middles[:, :, None])[..., 0]
+    shifts[:, 2] = 0.0
+    return rotations, shifts

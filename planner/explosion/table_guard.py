@@ -151,10 +151,8 @@ class Guard:
         if self._loops(placed):
             self.why = "the chain lay over itself, in a loop that never opens"
             return False
-        how: dict[str, Any] = {}
+        how: dict[str, Any] = {"clamped": 0} if self._parameters.base == "clamped" else {}
         if self._parameters.friction and earlier is not None:
-            if self._parameters.clamped:
-                how["clamped"] = 0
             how["friction"] = Friction(
                 coefficient=self._parameters.friction,
                 positions=earlier.poses.positions,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
-from planner.chain.rotations import wxyz_from_matrix
+from planner.chain.rotations import motion_in_plane, wxyz_from_matrix
 
 Array = NDArray[np.float64]
 PHASES: Final = ("explosion", "playback", "unfolding")
@@ -72,6 +72,29 @@ class Frames:
             self,
             root_position=poses.positions[:, chain.root],
             root_wxyz=wxyz_from_matrix(poses.rotations[:, chain.root]),
+        )
+
+    def planned(self, chain: Chain, angles_rad: Array, *, clamped: bool) -> Frames:
+        """The same with other angles, lying where a playback on a table should have them.
+
+        Args:
+            chain: The chain; folded, it stands on the table.
+            angles_rad: (F, J) what the angles should be.
+            clamped: Whether the first module is where it is when folded. A chain that lies free
+                drifts: turned about the vertical and shifted along the table, its modules then lie
+                as closely as they can to where these frames have them.
+        """
+        wanted = replace(self, joint_angles_rad=angles_rad).clamped(chain)
+        if clamped:
+            return wanted
+        poses = chain.poses(wanted.joint_angles_rad, wanted.root_position, wanted.root_wxyz)
+        here = chain.poses(self.joint_angles_rad, self.root_position, self.root_wxyz)
+        turns, shifts = motion_in_plane(poses.positions, here.positions)
+        roots = turns @ wanted.root_position[:, :, None]
+        return replace(
+            wanted,
+            root_position=roots[..., 0] + shifts,
+            root_wxyz=wxyz_from_matrix(turns @ poses.rotations[:, chain.root]),
         )
 
     @classmethod

@@ -1,8 +1,9 @@
-"""Settings: numbers of the published method, and of the robots that a plan of ours is tried on.
+"""Settings: numbers of the published method, of robots and of tables that a plan of ours is for.
 
 They are written as one text, ``damping=0.05, radial_gain=0.2``, on the command line, in the API and
 on the page. ``SETTINGS`` are what the paper names, what it gives, and what is read into it
-(docs/decisions/0002); ``ROBOT_SETTINGS`` what robots are like (docs/decisions/0001).
+(docs/decisions/0002); ``ROBOT_SETTINGS`` what robots are like (docs/decisions/0001),
+``TABLE_SETTINGS`` what tables are (docs/decisions/0026).
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 from planner.errors import InputError
-from planner.simulation.parameters import PaperExplosionParameters, Parameters
+from planner.simulation.parameters import Base, PaperExplosionParameters, Parameters
 
 LONGEST: Final = 500
 """Characters of a text of settings."""
@@ -25,11 +26,13 @@ NUMBER: Final = re.compile(
 MOST_TURNED: Final = 1.0
 """Share of what is left that a motor may turn in one step."""
 Source = Literal["published", "named", "ours"]
+Value = float | str | None
+"""Of a setting: a number, one of its words, or no limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """One number of the published method.
+    """One number of a method, or one of a few words.
 
     Attributes:
         name: As written in a text of settings.
@@ -38,6 +41,7 @@ class Setting:
         source: ``published`` with this value, only ``named`` in the paper, or ``ours``.
         meaning: In a line.
         least, most: Its range.
+        words: What it may be, where it is no number.
         whole: Whether it is a whole number.
         explosion: The field of ``PaperExplosionParameters`` that it sets, if any.
         playback: The field of ``PlaybackParameters`` that it sets, if any.
@@ -52,8 +56,9 @@ class Setting:
     unit: str
     source: Source
     meaning: str
-    least: float
-    most: float
+    least: float = 0.0
+    most: float = 0.0
+    words: tuple[str, ...] = ()
     whole: bool = False
     explosion: str | None = None
     playback: str | None = None
@@ -62,7 +67,7 @@ class Setting:
     optional: bool = False
     direct: bool = False
 
-    def default(self, parameters: Parameters) -> float | None:
+    def default(self, parameters: Parameters) -> Value:
         """What it is in the parameters of a preset that uses it."""
         explosion = parameters.explosion
         if self.table is not None:
@@ -340,10 +345,20 @@ TABLE_SETTINGS: Final = (
         label="Friction of the table",
         unit="",
         source="ours",
-        meaning="μ between modules and table; the first module is then clamped to it.",
+        meaning="μ between modules and table.",
         least=0.0,
         most=2.0,
         table="friction",
+    ),
+    Setting(
+        name="table_base",
+        label="Base",
+        unit="",
+        source="ours",
+        meaning="Whether the chain lies free on the table and drifts as it folds, or its first "
+        "module is clamped there; with friction that asks several times as much.",
+        words=get_args(Base),
+        table="base",
     ),
 )
 """What a fold on a table may ask."""
@@ -354,13 +369,13 @@ _BY_NAME: Final = {
 }
 
 
-def read_settings(text: str) -> dict[str, float | None]:
-    """The numbers of a text such as ``damping=0.05, radial_gain=0.2``.
+def read_settings(text: str) -> dict[str, Value]:
+    """The values of a text such as ``damping=0.05, radial_gain=0.2``.
 
     Raises:
         InputError: ``bad-settings``.
     """
-    found: dict[str, float | None] = {}
+    found: dict[str, Value] = {}
     if len(text) > LONGEST:
         raise _bad(f"got {len(text)} characters of settings, expected at most {LONGEST}.")
     for part in filter(None, (part.strip() for part in text.split(","))):
@@ -368,11 +383,11 @@ def read_settings(text: str) -> dict[str, float | None]:
         setting = _BY_NAME.get(name)
         if setting is None or not equals:
             raise _bad(
-                f"got {part[:40]!r}, expected NAME=NUMBER with one of: {', '.join(_BY_NAME)}."
+                f"got {part[:40]!r}, expected NAME=VALUE with one of: {', '.join(_BY_NAME)}."
             )
         if name in found:
             raise _bad(f"got {name} twice, expected it once.")
-        found[name] = _number(setting, value)
+        found[name] = _value(setting, value)
     return found
 
 
@@ -396,7 +411,7 @@ def settings_text(text: str, parameters: Parameters | None = None) -> str:
     return ",".join(f"{name}={value_text(found[name])}" for name in sorted(found))
 
 
-def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) -> Parameters:
+def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Parameters:
     """The parameters with other numbers.
 
     Raises:
@@ -443,12 +458,20 @@ def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) 
     )
 
 
-def value_text(value: float | None) -> str:
+def value_text(value: Value) -> str:
     """A value as it is written in a text of settings."""
+    if isinstance(value, str):
+        return value
     return NO_LIMIT if value is None else f"{value:.12g}"
 
 
-def _number(setting: Setting, text: str) -> float | None:
+def _value(setting: Setting, text: str) -> Value:
+    if setting.words:
+        if text not in setting.words:
+            raise _bad(
+                f"got {setting.name} = {text[:20]!r}, expected {' or '.join(setting.words)}."
+            )
+        return text
     if setting.optional and text == NO_LIMIT:
         return None
     value = float(f"{float(text):.12g}") if NUMBER.fullmatch(text) else math.nan

@@ -20,7 +20,6 @@ import numpy as np
 from planner.certificate.certificate import Certificate, certify
 from planner.certificate.measure import write_figures
 from planner.certificate.table import table_certificate
-from planner.certificate.table_figures import base_of_fold
 from planner.certificate.table_forces import FILE as FORCES
 from planner.chain.chain import Chain
 from planner.explosion.strategies import on_lattice, strategies_for
@@ -67,7 +66,7 @@ from planner.playback.unfolding import check_fits
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.robot import RECORDED_PLAN
 from planner.robot.smoothed import before_and_after, check_smoothable
-from planner.simulation.parameters import BASELINE, ExplosionParameters
+from planner.simulation.parameters import BASELINE, ExplosionParameters, TableParameters
 
 STRONGER_MOTORS: Final = 1.5
 """Limit of the motors on a table, as a multiple of what standing asks in the record …"""
@@ -228,7 +227,7 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
     if whole:  # a refold's timeline goes from one shape to the other; a smoothed one only folds
         TimelineWriter.create(timeline, chain)
     if record is not None and record.table is not None:
-        return _play_on_table(place, chain, record, progress, cancelled)
+        return _play_on_table(place, chain, record, parameters.table, progress, cancelled)
     with TimelineWriter.reopen(timeline, frames=frames) as writer:
         playback = play_back(
             chain,
@@ -248,7 +247,12 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
 
 
 def _play_on_table(
-    place: FilePath, chain: Chain, record: Record, progress: Report, cancelled: Cancelled
+    place: FilePath,
+    chain: Chain,
+    record: Record,
+    table: TableParameters,
+    progress: Report,
+    cancelled: Cancelled,
 ) -> dict[str, Any]:
     """Folds the chain on the table, with motors that give a little more than standing asks."""
     assert isinstance(record.frames, Windows)
@@ -257,12 +261,11 @@ def _play_on_table(
     timeline = place / TIMELINE
     exploded = record.frames.dense(chain)
     progress(Progress(stage="play_back", fraction=0.0, message="balancing what was recorded"))
-    friction = record.table.friction
     standing = table_certificate(
         chain,
         record.frames[::-1],
-        friction=friction,
-        base=base_of_fold(friction),
+        friction=table.friction,
+        base=table.base,
         on_table=True,
         height=chain.table_height,
     )
@@ -273,7 +276,8 @@ def _play_on_table(
             chain,
             record.frames,
             torque_limit_wp=STRONGER_MOTORS * max(asked, LEAST_TORQUE_WP),
-            friction=friction,
+            friction=table.friction,
+            clamped=table.held,
             start_s=float(exploded.time_s[-1]),
             progress=progress,
             cancelled=cancelled,

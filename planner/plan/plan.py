@@ -113,9 +113,11 @@ class Plan:
                 assert isinstance(reference, Windows)
                 motion = replace(motion, angles_rad=reference.angles_rad, errors_rad=None)
             else:
-                motion = replace(motion, joint_angles_rad=reference)
+                assert not isinstance(reference, Windows)
                 if parameters.world == "table":
-                    motion = motion.clamped(chain)
+                    motion = motion.planned(chain, reference, clamped=parameters.table.held)
+                else:
+                    motion = replace(motion, joint_angles_rad=reference)
         return cls(
             chain=chain,
             preset=parameters.preset,

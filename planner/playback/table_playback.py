@@ -1,9 +1,9 @@
 """Table playback: a chain is folded on a table, simulated with gravity, contacts and weak motors.
 
-The straight chain lies on the table, its first module clamped there, and follows the record of its
-explosion back. Gravity, the table and the modules' contacts are MuJoCo's; motors never exceed their
-limit. Where what touches bears less than the statics reckon with, because modules are smaller than
-a pitch, the chain gives way until it touches.
+The straight chain lies on the table, its first module clamped there or free, and follows the
+record of its explosion back. Gravity, the table and the modules' contacts are MuJoCo's; motors
+never exceed their limit. Where what touches bears less than the statics reckon with, because
+modules are smaller than a pitch, the chain gives way until it touches.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import aligned_distances
 from planner.errors import InputError, SimulationError
 from planner.motion.angle_steps import snapped
@@ -46,10 +45,13 @@ class TablePlayback:
     Attributes:
         status: ``folded``, or what went wrong.
         reason: In words; empty where nothing did.
-        frames: F frames with their joint errors; times are seconds at the chain's pitch.
+        frames: F frames with their joint errors; times are seconds at the chain's pitch. The root
+            is where the simulation has it.
         reference_rad: (F, J) what the hinges should have been at those frames.
         torques: (F, J) of the motors, the largest either way since the frame before.
-        position_errors: (F,) RMS over the modules of their distance from where they should be.
+        position_errors: (F,) RMS over the modules of their distance from where they should be: from
+            a clamped first module on; of a chain that lies free, which drifts, after the best shift
+            and turn in the plane of the table, frame by frame. Heights are never shifted.
         final_error: The last of them.
         aligned_error: RMS distance from the folded shape at the end, after alignment.
         rms_error: RMS over all of them.
@@ -59,6 +61,7 @@ class TablePlayback:
         share_at_limit: Share of the steps in which some motor is at its limit.
         hinge_share_at_limit: Share of all motors and steps at the limit.
         friction: μ between modules and table.
+        clamped: Whether the first module was clamped to the table.
         steps: Of the simulation.
         duration: In √(pitch / gravity).
         seconds: Wall time.
@@ -79,6 +82,7 @@ class TablePlayback:
     share_at_limit: float
     hinge_share_at_limit: float
     friction: float
+    clamped: bool
     steps: int
     duration: float
     seconds: float
@@ -112,6 +116,7 @@ def play_on_table(
     *,
     torque_limit_wp: float,
     friction: float = 0.0,
+    clamped: bool = True,
     parameters: TablePlaybackParameters | None = None,
     start_s: float = 0.0,
     progress: Report = silent,
@@ -124,7 +129,8 @@ def play_on_table(
         record: Of its explosion on the table, folded to straight.
         torque_limit_wp: Largest torque of every motor.
         friction: μ between modules and table.
-        parameters: Of the simulation.
+        clamped: Whether the first module is clamped to the table; else the chain lies free.
+        parameters: Of the simulation; the usual ones when None.
         start_s: Time of the first frame.
         progress: Told how far it is, a few times a second.
         cancelled: Asked now and then whether to stop.
@@ -142,8 +148,8 @@ def play_on_table(
         raise InputError("bad-table", f"got {friction:g}, expected 0 to 2.", where="friction")
     if len(record) < 2:
         raise InputError("no-record", f"got {len(record)} frames, expected two or more.")
-    p = TablePlaybackParameters() if parameters is None else parameters
-    run = _Run(chain, record, p, torque_limit_wp, friction)
+    p = TablePlaybackParameters.usual(clamped=clamped) if parameters is None else parameters
+    run = _Run(chain, record, p, torque_limit_wp, friction, clamped)
     run.simulate(progress, cancelled)
     return run.result(start_s)
 
@@ -158,11 +164,18 @@ class _Run:
         p: TablePlaybackParameters,
         limit: float,
         friction: float,
+        clamped: bool,
     ) -> None:
         self._begun = time.perf_counter()
-        self.chain, self.p, self.limit, self.friction = chain, p, limit, friction
+        self.chain, self.p, self.limit = chain, p, limit
+        self.friction, self.clamped = friction, clamped
         self.body = TableBody(
-            chain, p, height=chain.table_height, torque_limit=limit, friction=friction
+            chain,
+            p,
+            height=chain.table_height,
+            torque_limit=limit,
+            friction=friction,
+            clamped=clamped,
         )
         self.course = TableCourse(chain, record, p, self.body, limit)
         self.steps = self.steps_at_limit = self.hinges_at_limit = 0
@@ -254,19 +267,6 @@ class _Run:
         chain = self.chain
         angles, targets = np.array(self._angles), np.array(self._targets)
         positions = np.array([centres for centres, _ in self._poses])
-        wanted = forward_kinematics(
-            chain.module,
-            targets,
-            root=0,
-            root_position=chain.folded_position,
-            root_wxyz=chain.folded_wxyz,
-        ).positions
-        errors = np.sqrt(((positions - wanted) ** 2).sum(axis=2).mean(axis=1))
-        aligned = aligned_distances(positions[-1], chain.folded_poses.positions)
-        status, reason = self.status, self.reason
-        if status == "folded" and errors[-1] > ARRIVED_WITHIN:
-            status = "missed"
-            reason = f"the chain ended {errors[-1]:.2g} pitches (RMS) from where it should be."
         unit = time_unit_s(chain)
         frames = Frames.of_phase(
             "playback",
@@ -275,7 +275,17 @@ class _Run:
             root_position=positions[:, chain.root],
             root_wxyz=np.array([wxyzs[chain.root] for _, wxyzs in self._poses]),
             joint_error_rad=np.abs(angles - targets),
-        ).clamped(chain)
+        )
+        if self.clamped:
+            frames = frames.clamped(chain)
+        meant = frames.planned(chain, targets, clamped=self.clamped)
+        wanted = chain.poses(targets, meant.root_position, meant.root_wxyz).positions
+        errors = np.sqrt(((positions - wanted) ** 2).sum(axis=2).mean(axis=1))
+        aligned = aligned_distances(positions[-1], chain.folded_poses.positions)
+        status, reason = self.status, self.reason
+        if status == "folded" and errors[-1] > ARRIVED_WITHIN:
+            status = "missed"
+            reason = f"the chain ended {errors[-1]:.2g} pitches (RMS) from where it should be."
         return TablePlayback(
             status=status,
             reason=reason,
@@ -292,6 +302,7 @@ class _Run:
             share_at_limit=self.steps_at_limit / max(self.steps, 1),
             hinge_share_at_limit=self.hinges_at_limit / max(self.steps * len(angles[0]), 1),
             friction=self.friction,
+            clamped=self.clamped,
             steps=self.steps,
             duration=self.steps * self.p.step,
             seconds=time.perf_counter() - self._begun,

@@ -14,6 +14,7 @@ from planner.chain.module import Module
 from planner.errors import InputError
 
 World = Literal["floating", "table"]
+Base = Literal["clamped", "free"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,8 +224,8 @@ class TableParameters(PeelingParameters):
         most_pushes: Times without progress in a row after which it goes back to an earlier release.
         most_returns: Times that it does so without getting farther, before it has stalled.
         friction: μ between modules and floor.
-        clamped: Whether the first module is clamped to the table where there is friction; else the
-            chain lies free, and drifts as a whole so that it rubs least.
+        base: Whether the first module is ``clamped`` to the table or the chain lies ``free``, and
+            drifts as a whole so that it rubs least.
     """
 
     unit: int = 1
@@ -249,7 +250,16 @@ class TableParameters(PeelingParameters):
     most_pushes: int = 9
     most_returns: int = 1
     friction: float = 0.0
-    clamped: bool = True
+    base: Base = "free"
+
+    @property
+    def held(self) -> bool:
+        """Whether a playback holds the first module.
+
+        It holds that of a chain that lies free without friction, too: the least push would have it
+        slide away for good.
+        """
+        return self.base == "clamped" or self.friction == 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -289,6 +299,11 @@ class TablePlaybackParameters:
     fastest: float = 0.3
     frame_rad: float = 0.05
     settle: float = 5.0
+
+    @classmethod
+    def usual(cls, *, clamped: bool) -> TablePlaybackParameters:
+        """The usual ones; modules of a chain that lies free overlap in steps twice as long."""
+        return cls() if clamped else cls(step=0.12, contact_time=0.24)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,7 @@ BAD: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 
 
 class TableBody:
-    """A chain on a table, its first module clamped there.
+    """A chain on a table.
 
     Motors are constraints, as in ``planner.simulation.tree.RateMotors``: a hinge turns at the
     wanted rate as long as its torque suffices, and gives way beyond. No torque is above the limit.
@@ -44,6 +44,7 @@ class TableBody:
         height: Where the top of the table is, along z.
         torque_limit: Of every motor, in w·p; 0 for none at all.
         friction: μ between modules and table; modules slide on each other without.
+        clamped: Whether the first module is clamped to the table; else the chain lies free.
     """
 
     def __init__(
@@ -54,9 +55,13 @@ class TableBody:
         height: float,
         torque_limit: float,
         friction: float = 0.0,
+        clamped: bool = True,
     ) -> None:
         self.chain = chain
-        self.model: Any = compiled(_spec(chain, parameters, height, torque_limit, friction))
+        spec = _spec(chain, parameters, height, torque_limit, friction)
+        if not clamped:
+            spec.body("module_0").add_freejoint()
+        self.model: Any = compiled(spec)
         self.model.opt.timestep = parameters.step
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         # Nearly every hinge moves nearly every contact: three times as fast as sparse.

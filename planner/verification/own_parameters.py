@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, get_args
 
 from planner.errors import UNREADABLE, InputError, PlannerError, named
 from planner.pipeline.fold_directory import read_request
 from planner.pipeline.preference import COMPUTING
 from planner.plan.differences import Differences, value_differences, versus_plan
 from planner.plan.plan import Plan, versions
-from planner.simulation.parameters import FLOATING, WORLDS, Parameters, preset
+from planner.simulation.parameters import FLOATING, WORLDS, Base, Parameters, preset
 
 
 def playback_number(plan: Plan, name: str) -> float:
@@ -62,8 +62,17 @@ def _on_its_table(parameters: Parameters, plan: Plan) -> Parameters:
         )
     told = plan.parameters.get("table", {})
     friction = told.get("friction", parameters.table.friction)
+    # Before there was a choice, a chain was clamped where there was friction.
+    base = told.get("base", "clamped" if friction else "free")
+    if base not in get_args(Base):
+        raise InputError(
+            "not-a-plan",
+            f"got {base!r} in parameters.table.base of plan.npz, expected one of: "
+            f"{', '.join(get_args(Base))}.",
+        )
     table = replace(
         parameters.table,
+        base=base,
         friction=friction if friction == 0.0 else _checked_number(friction, "table.friction"),
         most_torque=_checked_number(
             told.get("most_torque", parameters.table.most_torque), "table.most_torque"

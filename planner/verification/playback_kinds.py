@@ -25,7 +25,12 @@ from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.table_playback import time_unit_s
 from planner.simulation.parameters import TablePlaybackParameters
-from planner.verification.own_parameters import is_on_table, own_preset, playback_number
+from planner.verification.own_parameters import (
+    is_on_table,
+    own_parameters,
+    own_preset,
+    playback_number,
+)
 
 STEPS_WITHIN: Final = 1e-3
 """Steps by which the time of the frames may differ from that of a simulation's steps."""
@@ -92,7 +97,8 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
 def _step_s(plan: Plan) -> float:
     """Seconds of a step of its simulation."""
     if is_on_table(plan):
-        return time_unit_s(plan.chain) * TablePlaybackParameters().step
+        held = own_parameters(plan, None).table.held
+        return time_unit_s(plan.chain) * TablePlaybackParameters.usual(clamped=held).step
     return playback_number(plan, "step_s")
 
 

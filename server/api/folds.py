@@ -52,8 +52,9 @@ Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
 
 
 def listed(settings: tuple[Setting, ...]) -> str:
-    """Names of settings with their units, for OpenAPI."""
-    return ", ".join(f"`{s.name}`{f' ({s.unit})' if s.unit else ''}" for s in settings)
+    """Names of settings with their units or words, for OpenAPI."""
+    told = {s.name: s.unit or " or ".join(s.words) for s in settings}
+    return ", ".join(f"`{name}`{f' ({what})' if what else ''}" for name, what in told.items())
 
 
 def _options(

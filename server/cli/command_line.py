@@ -23,7 +23,7 @@ COMMANDS: Final = {
     "worker": "Compute folds for a service that runs on the same data.",
     "fold": "Explode, fold and verify a chain or a shape.",
     "refold": "Unfold a folded chain and fold it into another shape.",
-    "settings": "List the settings for `fold --set NAME=NUMBER`.",
+    "settings": "List the settings for `fold --set NAME=VALUE`.",
     "smooth": "Make a folding shorter and quieter, as clear as before.",
     "shape": "Find a path through a shape.",
     "verify": "Check a plan anew: its files against each other, its figures, and by plain MuJoCo.",

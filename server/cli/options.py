@@ -24,9 +24,9 @@ Settings = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        metavar="NAME=NUMBER",
-        help="Another number, as mass_error=0.05, or damping=0.05 for paper; again for more. "
-        "`foldback settings` lists them.",
+        metavar="NAME=VALUE",
+        help="Another value, as mass_error=0.05, damping=0.05 for paper, or table_friction=0.1 on "
+        "a table; again for more. `foldback settings` lists them.",
     ),
 ]
 Robot = Annotated[

@@ -15,7 +15,7 @@ from server.pages.setting_words import ROBOT_ROWS, ROWS, SOURCES, TABLE_ROWS
 
 
 def settings(as_json: AsJson = False) -> None:
-    """List the settings for `fold --set NAME=NUMBER`."""
+    """List the settings for `fold --set NAME=VALUE`."""
     if as_json:
         typer.echo(json.dumps([asdict(row) for row in (*ROWS, *ROBOT_ROWS, *TABLE_ROWS)]))
         return

@@ -96,7 +96,7 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
         ("1 w·p, module's weight × pitch", quantity(table.unit_nm, "N·m")),
         ("Allowed", None if table.bound is None else f"at most {table.bound:g} w·p"),
         ("Friction", "none" if table.friction == 0.0 else f"μ = {table.friction:g}"),
-        ("First module", "clamped to the table" if table.base == "clamped" else "lies free"),
+        ("Base", _base(table)),
         ("Lowest corner", _lowest(table.clearance)),
         ("Frames out of balance", str(len(table.unbalanced) or "none")),
     ]
@@ -114,6 +114,15 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
         "servos": servos,
         "named": [{"name": f"{servo.maker} {servo.name}", "href": servo.url} for servo in named],
     }
+
+
+def _base(table: TableCertificate) -> str:
+    """How the chain is held."""
+    if table.base == "clamped":
+        return "the first module is clamped to the table"
+    if table.friction == 0.0:
+        return "lies free; the simulation clamps the first module, else all would slide away"
+    return "lies free and drifts; errors are told of the shape, wherever it lies on the table"
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:

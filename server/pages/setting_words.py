@@ -12,6 +12,7 @@ from planner.pipeline.settings import (
     TABLE_SETTINGS,
     Setting,
     Source,
+    Value,
     read_settings,
     value_text,
 )
@@ -37,6 +38,7 @@ class SettingRow:
     default: str
     source: Source
     meaning: str
+    words: tuple[str, ...]
 
 
 def _rows(settings: tuple[Setting, ...], parameters: Parameters) -> tuple[SettingRow, ...]:
@@ -48,6 +50,7 @@ def _rows(settings: tuple[Setting, ...], parameters: Parameters) -> tuple[Settin
             default=value_text(setting.default(parameters)),
             source=setting.source,
             meaning=setting.meaning,
+            words=setting.words,
         )
         for setting in settings
     )
@@ -86,5 +89,7 @@ def in_a_line(settings: str) -> str:
     return "".join(f", {s.label} {_told(found[s.name])}" for s in ALL if s.name in found)
 
 
-def _told(value: float | None, unit: str = "") -> str:
+def _told(value: Value, unit: str = "") -> str:
+    if isinstance(value, str):
+        return value
     return "no limit" if value is None else str(quantity(value, unit, DIGITS))

@@ -43,6 +43,9 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
     page.locator("#fold").click()
     expect(page.locator("#problem")).to_contain_text("got table_torque = '0'")
     page.locator("[name=table_torque]").fill("9")
+    assert page.locator("[name=table_base] option").all_inner_texts() == ["clamped", "free"]
+    expect(page.locator("[name=table_base]")).to_have_value("free")
+    page.locator("[name=table_base]").select_option("clamped")
     page.locator("#fold").click()
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     expect(page.locator("#rests")).to_contain_text(
@@ -65,6 +68,7 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
     page.locator("#rests").click()
     expect(page.locator("#on-table .assumptions li").first).to_be_visible()
     expect(page.locator("#on-table")).to_contain_text("Frictionless: the table holds nothing")
+    expect(page.locator("#on-table")).to_contain_text("the first module is clamped to the table")
     expect(page.locator("#on-table .servos a").first).to_have_attribute(
         "href", re.compile("^https://")
     )

@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.table import table_certificate
-from planner.certificate.table_figures import Base
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.explosion.table import explode_on_table
 from planner.motion.windows import Windows
-from planner.simulation.parameters import TableParameters
+from planner.simulation.parameters import Base, TableParameters
 from planner.table_paths.table_paths import table_paths
 from tests.benchmarks.table.paths import gallery_cells
 from tests.benchmarks.tables import Section
@@ -130,7 +129,7 @@ def explored(name: str, cells: Cells, seed: int, asked: Asked) -> Found:
         TableParameters(),
         most_torque=asked.limit,
         friction=asked.friction,
-        clamped=asked.base == "clamped",
+        base=asked.base,
         verify_size=asked.size,
     )
     reason = ""

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
+from planner.chain.rotations import matrix_from_wxyz, motion_in_plane, wxyz_from_matrix
 from tests.planner.lattice import ROTATIONS
 
 quaternions = (
@@ -53,3 +53,18 @@ def test_leading_axes_are_kept() -> None:
     q = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (2, 3, 4))
     assert matrix_from_wxyz(q).shape == (2, 3, 3, 3)
     assert wxyz_from_matrix(matrix_from_wxyz(q)).shape == (2, 3, 4)
+
+
+def test_a_motion_along_a_table_is_found_and_leaves_heights_alone() -> None:
+    draws = np.random.default_rng(3)
+    points = draws.normal(size=(6, 9, 3))
+    angles = draws.uniform(-np.pi, np.pi, 6)
+    still = np.zeros(6)
+    turns = matrix_from_wxyz(
+        np.column_stack([np.cos(angles / 2), still, still, np.sin(angles / 2)])
+    )
+    away = np.column_stack([draws.normal(size=(6, 2)), still])
+    target = points @ turns.swapaxes(1, 2) + away[:, None]
+    found, shifts = motion_in_plane(points, target + [0.0, 0.0, 2.0])
+    np.testing.assert_allclose(found, turns, atol=1e-12)
+    np.testing.assert_allclose(shifts, away, atol=1e-12)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path as FilePath
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from planner.explosion.table import explode_on_table
 from planner.explosion.table_guard import SUNK, Guard
 from planner.motion.record import Record
 from planner.motion.windows import Windows
-from planner.simulation.parameters import Parameters, TableParameters
+from planner.simulation.parameters import Base, Parameters, TableParameters
 from planner.table_paths.table_paths import table_paths
 
 BOX = np.array([(x, y, z) for x in range(3) for y in range(2) for z in range(2)])
@@ -87,7 +88,7 @@ def test_a_module_that_is_bent_into_the_table_is_refused() -> None:
 
 
 def test_friction_counts_in_the_guard() -> None:
-    rubbing = replace(TableParameters(), friction=0.1, most_torque=20.0)
+    rubbing = replace(TableParameters(), friction=0.1, base="clamped", most_torque=20.0)
     chain = chain_of(BOX)
     found = explode_on_table(chain, rubbing, seed=1)
     assert found.status == "straight", found.reason
@@ -105,24 +106,24 @@ def test_friction_counts_in_the_guard() -> None:
 def test_a_chain_that_lies_free_drifts_and_rubs_less_than_a_clamped_one() -> None:
     chain = chain_of(BOX)
     rubbing = replace(TableParameters(), friction=0.2, most_torque=20.0)
-    bounds: dict[bool, float] = {}
-    for clamped in (True, False):
-        found = explode_on_table(chain, replace(rubbing, clamped=clamped), seed=1)
+    bounds: dict[Base, float] = {}
+    for base in get_args(Base):
+        found = explode_on_table(chain, replace(rubbing, base=base), seed=1)
         assert found.status == "straight", found.reason
         assert found.table is not None
         assert isinstance(found.frames, Windows)
-        bounds[clamped] = found.table.bound
+        bounds[base] = found.table.bound
         certificate = table_certificate(
             chain,
             found.frames[::-1],
             friction=0.2,
-            base="clamped" if clamped else "free",
+            base=base,
             on_table=True,
             height=chain.table_height,
         )
         assert certificate.torque is not None
         assert certificate.torque <= 1.2 * found.table.bound
-    assert bounds[False] < 0.8 * bounds[True]
+    assert bounds["free"] < 0.8 * bounds["clamped"]
 
 
 def test_what_lies_in_the_table_is_refused_but_raises_no_bound() -> None:

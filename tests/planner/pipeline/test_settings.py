@@ -61,8 +61,8 @@ def test_settings_are_written_in_one_way() -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("speed=1", "got 'speed=1', expected NAME=NUMBER with one of: radial_gain"),
-        ("damping", "got 'damping', expected NAME=NUMBER"),
+        ("speed=1", "got 'speed=1', expected NAME=VALUE with one of: radial_gain"),
+        ("damping", "got 'damping', expected NAME=VALUE"),
         ("damping=", "damping = '', expected a number from 0 to 0.9"),
         ("damping=nan", "expected a number from 0 to 0.9"),
         ("damping=1", "expected a number from 0 to 0.9"),
@@ -71,6 +71,9 @@ def test_settings_are_written_in_one_way() -> None:
         ("motor_max_force=0", "expected a number from 0.001 to 1e+08, or none"),
         ("steps_per_snapshot=1.5", "expected a whole number from 0 to 1000"),
         ("snapshot_interval=1e999", "expected a whole number from 1 to 1000"),
+        ("table_base=held", "got table_base = 'held', expected clamped or free"),
+        ("table_base=1", "got table_base = '1', expected clamped or free"),
+        ("table_base=", "got table_base = '', expected clamped or free"),
         ("damping=0.1,damping=0.2", "got damping twice, expected it once"),
         ("a" * 501, "got 501 characters of settings, expected at most 500"),
     ],

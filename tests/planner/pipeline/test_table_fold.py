@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from examples.run_gallery import SHAPES
@@ -18,10 +21,12 @@ from planner.pipeline.request import Request
 from planner.pipeline.stages import LEAST_TORQUE_WP, STRONGER_MOTORS, run_stages
 from planner.plan.plan import Plan
 from planner.simulation.parameters import Parameters
+from planner.verification.own_parameters import own_parameters
 from planner.verification.verify import verify
 
 CELLS = [[x, y, z] for z in range(2) for y in range(2) for x in range(3)]
 ON_TABLE = Request(world="table", as_voxels=True)
+RUBBING = "table_friction=0.1"
 
 
 def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path) -> None:
@@ -56,6 +61,61 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
     assert "playback.steps" in " ".join(verify(tmp_path).problems)
 
 
+def test_with_friction_a_chain_lies_free_and_its_plan_drifts_as_it_does(tmp_path: Path) -> None:
+    cells = json.dumps([cell for cell in CELLS if cell[0] < 2]).encode()
+    write_request(tmp_path, replace(ON_TABLE, settings=RUBBING), cells)
+    run_stages(tmp_path)
+    plan = Plan.load(tmp_path / "plan.npz")
+    table, motion = plan.certificate.table, plan.motion
+    assert plan.certificate.verdict.startswith("verified (simulated)"), plan.certificate.verdict
+    assert table is not None
+    assert (table.base, table.friction) == ("free", 0.1)
+    assert "friction 0.1, free base" in table.verdict
+    assert isinstance(motion, Frames)
+    held = motion.clamped(plan.chain)
+    assert np.abs(motion.root_position - held.root_position).max() > 0.05
+    assert verify(tmp_path).verified, verify(tmp_path).problems
+
+    def refused(**changed: Any) -> str:
+        replace(plan, **changed).save_npz(tmp_path / "plan.npz")
+        return " ".join(verify(tmp_path).problems)
+
+    table_parameters = {**plan.parameters["table"], "base": "clamped"}
+    told = refused(parameters={**plan.parameters, "table": table_parameters})
+    assert "plan.npz root_position of a chain whose first module is clamped" in told
+    assert "timeline.zarr root_position of a chain whose first module is clamped" in told
+    assert "that drifts as the playback does" in refused(motion=held)
+    lifted = replace(motion, root_position=motion.root_position + [0.0, 0.0, 0.01])
+    assert "that drifts as the playback does" in refused(motion=lifted)
+
+
+@pytest.mark.parametrize(
+    ("told", "base", "held"),
+    [
+        ({"friction": 0.1}, "clamped", True),  # as before there was a choice
+        ({"friction": 0.0, "clamped": True}, "free", True),
+        ({"friction": 0.1, "base": "free"}, "free", False),
+        ({"friction": 0.0, "base": "clamped"}, "clamped", True),
+    ],
+)
+def test_how_a_plan_was_held_is_read_from_its_parameters(
+    told: dict[str, object], base: str, held: bool
+) -> None:
+    table = own_parameters(plan_told(told), None).table
+    assert (table.base, table.held) == (base, held)
+
+
+def test_a_plan_that_is_held_in_no_known_way_is_refused() -> None:
+    with pytest.raises(InputError, match=r"'held' in parameters\.table\.base"):
+        own_parameters(plan_told({"friction": 0.1, "base": "held"}), None)
+
+
+def plan_told(table: dict[str, object]) -> Plan:
+    """What is read of a plan's parameters."""
+    parameters = {"world": "table", "table": table}
+    return cast("Plan", SimpleNamespace(parameters=parameters, preset="default"))
+
+
 def test_what_lies_flat_is_verified_again_from_its_files(tmp_path: Path) -> None:
     """Its hinges turn by less than they are folded by from the moment in which they are free."""
     cells = [[x, y, 0] for x in range(3) for y in range(3)]
@@ -73,6 +133,7 @@ def test_what_lies_flat_is_verified_again_from_its_files(tmp_path: Path) -> None
         (Request(world="table", strategy="blocks"), "unsuited-world"),
         (Request(world="table", refold=True), "unsuited-world"),
         (Request(settings="table_torque=4"), "bad-settings"),
+        (Request(settings="table_base=free"), "bad-settings"),
     ],
 )
 def test_what_a_table_cannot_have_is_refused(request_: Request, code: str) -> None:
@@ -82,9 +143,14 @@ def test_what_a_table_cannot_have_is_refused(request_: Request, code: str) -> No
 
 
 def test_settings_of_the_table_reach_the_explosion() -> None:
-    asked = Request(world="table", settings="table_torque=4,table_friction=0.1")
-    assert asked.parameters().table.most_torque == 4.0
-    assert asked.parameters().table.friction == 0.1
+    asked = Request(
+        world="table", settings="table_torque=4, table_friction=0.1, table_base=clamped"
+    )
+    table = asked.parameters().table
+    assert (table.most_torque, table.friction, table.base) == (4.0, 0.1, "clamped")
+    assert Request(world="table", settings=RUBBING).parameters().table.base == "free"
+    same = replace(asked, settings="table_base=free").canonical()
+    assert same == Request(world="table")
 
 
 def test_a_shape_without_a_path_for_a_table_is_told_why() -> None:

@@ -86,12 +86,18 @@ def test_the_replay_holds_an_arm_within_its_torque_and_drops_it_below(
     assert dropped.drifts[0] > 0.5
 
 
-def test_friction_drags_at_what_is_swung_over_the_table() -> None:
-    """A row of modules that lies flat: without friction it takes as good as nothing."""
+@pytest.fixture(scope="module")
+def row() -> tuple[Chain, Windows]:
+    """Modules that lie flat, three of which are swung over the table."""
     chain = Chain.from_path(
         Path.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 2, 0), (1, 3, 0)], name="row")
     )
-    record = moved(chain, np.array([chain.folded_rad, np.zeros(6)]))
+    return chain, moved(chain, np.array([chain.folded_rad, np.zeros(6)]))
+
+
+def test_friction_drags_at_what_is_swung_over_the_table(row: tuple[Chain, Windows]) -> None:
+    """Without friction it takes as good as nothing."""
+    chain, record = row
     smooth, rough = (
         play_on_table(chain, record, torque_limit_wp=8.0, friction=mu, parameters=SLOW)
         for mu in (0.0, 0.3)
@@ -102,6 +108,37 @@ def test_friction_drags_at_what_is_swung_over_the_table() -> None:
     turning = slice(0, None, 2)  # hinges that stand upright
     assert np.median(smooth.torques[middle, turning].max(axis=1)) < 0.1 * drag
     assert np.median(rough.torques[middle, turning].max(axis=1)) > 0.9 * drag
+
+
+def test_a_chain_that_lies_free_drifts_and_is_told_from_where_it_lies(
+    row: tuple[Chain, Windows],
+) -> None:
+    chain, record = row
+    held, free = (
+        play_on_table(
+            chain, record, torque_limit_wp=8.0, friction=0.3, clamped=clamped, parameters=SLOW
+        )
+        for clamped in (True, False)
+    )
+    assert (held.clamped, free.clamped) == (True, False)
+    assert held.status == free.status == "folded"
+    # Both arms turn about middles of their own, where a clamped one is dragged as a whole.
+    middle = slice(len(held.torques) // 3, 2 * len(held.torques) // 3)
+    drags = [np.median(found.torques[middle].max(axis=1)) for found in (held, free)]
+    assert drags[1] < 0.6 * drags[0]
+    for found, fixed in ((held, True), (free, False)):
+        frames = found.frames
+        poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+        gone = np.linalg.norm(poses.positions[:, 0] - chain.folded_position, axis=1).max()
+        assert (gone < 1e-6) if fixed else (gone > 0.1)
+        turned = np.abs(poses.rotations[:, 0] - poses.rotations[0, 0]).max()
+        assert (turned < 1e-6) if fixed else (turned > 0.3)
+    # It lies elsewhere, in the shape and at the height that it should have.
+    assert free.position_errors.max() < 0.05
+    assert free.final_error < 0.005
+    meant = free.frames.planned(chain, free.reference_rad, clamped=False)
+    poses = chain.poses(meant.joint_angles_rad, meant.root_position, meant.root_wxyz)
+    np.testing.assert_allclose(poses.positions[..., 2], chain.folded_position[2], atol=1e-6)
 
 
 def test_a_box_folds_on_the_table_by_motors_half_again_as_strong_as_certified() -> None:

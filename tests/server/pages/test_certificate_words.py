@@ -6,8 +6,19 @@ from typing import Any
 
 import pytest
 
+from planner.certificate.table import table_certificate
+from planner.simulation.parameters import Base
 from server.pages import certificate_words
-from server.pages.certificate_words import clearance, headline, linked, record, rows, torque
+from server.pages.certificate_words import (
+    clearance,
+    headline,
+    linked,
+    on_table,
+    record,
+    rows,
+    torque,
+)
+from tests.planner.certificate.test_table import LIFTED, line, moving
 
 EXEMPT = {
     "apart": 2,
@@ -112,3 +123,20 @@ def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:
 )
 def test_a_recording_that_overlaps_is_told(changes: dict[str, Any], said: str | None) -> None:
     assert record(SIMULATED | changes, limit_rad=1.6057) == said
+
+
+@pytest.mark.parametrize(
+    ("friction", "base", "words", "held"),
+    [
+        (0.0, "free", "frictionless", "the simulation clamps the first module"),
+        (0.2, "free", "friction 0.2, free base", "lies free and drifts"),
+        (0.2, "clamped", "friction 0.2, clamped base", "the first module is clamped"),
+    ],
+)
+def test_how_a_chain_is_held_is_told(friction: float, base: Base, words: str, held: str) -> None:
+    chain = line(7)
+    found = table_certificate(chain, moving(chain, 1, -LIFTED), friction=friction, base=base)
+    told = on_table({"table": found.as_dict()}, None)
+    assert told is not None
+    assert words in told["text"]
+    assert held in dict(told["rows"])["Base"]

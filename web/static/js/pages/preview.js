@@ -380,8 +380,8 @@ function worlds() {
 
 // What differs of the settings of a table, as a text of settings.
 function tableSettings() {
-  const fields = [...get("table-settings").querySelectorAll("input")];
-  return fields.map(({ name, value, placeholder }) => [name, value.trim().replaceAll(",", "."), placeholder])
+  const fields = /** @type {NodeListOf<HTMLInputElement | HTMLSelectElement>} */ (get("table-settings").querySelectorAll("input, select"));
+  return [...fields].map(({ name, value, dataset }) => [name, value.trim().replaceAll(",", "."), dataset.usual])
     .filter(([, value, usual]) => value && value !== usual).map(([name, value]) => `${name}=${value}`).join(",");
 }
 
