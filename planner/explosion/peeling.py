@@ -174,6 +174,12 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         """By the chain's length."""
         return self.parameters.most_steps(len(self.chain))
 
+    @property
+    def next_first(self) -> int:
+        """The window's first module once the next unit is let go."""
+        first = self.first - self.parameters.unit
+        return first if first >= FEWEST_LEFT else 0
+
     def place(self) -> None:
         """Computes the poses of the present state."""
         self.window.place(self.state)
@@ -206,8 +212,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
     def _let_go(self, angles: Array, rates: Array) -> None:
         """Widens the window by the next unit and builds its model."""
         hinges = self.peelable.hinges
-        first = self.first - self.parameters.unit
-        first = first if first >= FEWEST_LEFT else 0
+        first = self.next_first
         fresh = self.chain.folded_rad[hinges * first : hinges * self.first]
         self.unit = self.first - first
         self.first = first

@@ -21,10 +21,12 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz
 from planner.explosion.explosion import MOST_RETRIES, Ended
+from planner.explosion.from_above import Above, nearest_way
 from planner.explosion.peeling import Peeling, crossed
 from planner.explosion.peeling_recorder import Mark, WindowRecorder
 from planner.explosion.peeling_window import Bend
 from planner.explosion.table_guard import Guard
+from planner.explosion.table_way import way_out
 from planner.kernels.core import FIXED
 from planner.motion.record import Record
 from planner.motion.windows import Windows
@@ -41,22 +43,18 @@ LEAST_PROGRESS_RAD: Final = 0.3
 """Sum of bends that must go from look to look."""
 LEAST_BEND_RAD: Final = 1e-3
 """Of a hinge, below which its spring is not made stiffer any more."""
-DIRECTIONS: Final = 72
-"""Directions over the table in which the rod may point."""
 LIFTED: Final = 0.006
 """Pitches by which the simulated table is too high, as contacts give."""
-ROOM: Final = 1.8
-"""Pitches that the rod keeps from the core once it is far enough out."""
-LOOKED_ALONG: Final = 12.0
-"""Pitches along the rod within which it keeps away from the core."""
-STRAIGHT_ON: Final = 2.0
-"""How much it counts that the rod points where the chain's next link does, against what follows."""
-OUTWARDS: Final = 0.3
-"""How much it counts that it points away from the core's middle."""
-AS_BEFORE: Final = 0.7
-"""How much it counts that it points where it did."""
-LACKING: Final = 3.0
-"""How much each pitch counts that there is too little room."""
+ROUND: Final = 0.8
+"""Torque on each link that lies, for each radian that it is off, as a multiple of the pull."""
+MOST_OFF_RAD: Final = 0.5 * np.pi
+"""Being farther off makes that torque no larger."""
+LYING: Final = 0.5
+"""Height from a link's one end to the other, in pitches, below which it lies."""
+RELEASED_WITHIN_RAD: Final = 1.2
+"""How far the rod may be off when the next unit is let go."""
+HELD_BEYOND_RAD: Final = 2.4
+"""The same when it is let go for want of progress."""
 SIDEWAYS: Final = 5
 """Neighbouring modules that are pushed about alike."""
 STRONGEST_SPRING: Final = 8.0
@@ -137,6 +135,9 @@ class TablePeeling(Peeling):
         rotation = matrix_from_wxyz(chain.folded_wxyz)
         self.up: Array = np.rint(rotation[2])
         """(3,) in the frame of the core, which is that of module 0."""
+        self.above = Above(self.up)
+        self.off: Array = np.zeros(1)
+        """(m - 2,) how far the window's links are off from where the rod is to point."""
         self.pushed: Array | None = None
         """(n, 3) forces that were drawn, in weights of a module."""
         self._drawn_at: int | None = None
@@ -198,7 +199,32 @@ class TablePeeling(Peeling):
         if self.pushed is not None:
             forces[FIXED:] += self.pushed[self.first + FIXED : self.first + count]
         forces[-1] += self.pull * self.aim - self._rod_mass * self.up
+        forces += self._turning_round(positions)
         return p.weight * forces
+
+    def _turning_round(self, positions: Array) -> Array:
+        """(m, 3) forces that turn what lies on the table to where the rod is to point.
+
+        A pull at the end would turn what is far off no more, or the wrong way round.
+        """
+        forces = np.zeros_like(positions)
+        links = np.diff(positions[FIXED:], axis=0)
+        off = np.clip(self.off[1:], -MOST_OFF_RAD, MOST_OFF_RAD)
+        lies = np.abs(links @ self.up) < LYING
+        couples = ROUND * self.pull * (off * lies)[:, None] * np.cross(links, self.up)
+        forces[FIXED + 1 :] += couples
+        forces[FIXED:-1] -= couples
+        return forces
+
+    def _look_round(self) -> None:
+        """Tells how far all links are off."""
+        window = self.window
+        first, last = window.rotations[1][:, 0], window.rotations[-1][:, 0]
+        if abs(first @ self.up) > LYING:
+            first = self.target
+        turned = self.above.turned(window.positions[1:], first, last)
+        wanted = self.above.angle(self.target) - self.above.angle(first)
+        self.off = turned - nearest_way(wanted, turned[-1])
 
     def _end_torque(self) -> Array:
         """(3,) the rod's weight, and what turns it on the table to where it is to point."""
@@ -236,29 +262,9 @@ class TablePeeling(Peeling):
 
     def _way_out(self) -> Array:
         """(3,) unit vector along the table: where the rod points, clear of the core."""
-        one = np.eye(3)[int(np.argmin(np.abs(self.up)))]
-        other = np.cross(self.up, one)
-        turns = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-        rays = np.cos(turns)[:, None] * one + np.sin(turns)[:, None] * other
+        ahead = self.core.rotations[self.first + 1][:, 0]
         there = self.core.cells[: self.first + FIXED]
-        outwards = self._flat(self.centre - there.mean(axis=0))
-        along = np.arange(1.0, LOOKED_ALONG, 0.5)
-        points = self._flat(self.centre + rays[:, None, :] * along[None, :, None])
-        below = np.unique(self._flat(there), axis=0)
-        gaps = points[:, :, None, :] - below
-        distance = np.linalg.norm(gaps, axis=-1).min(axis=-1)
-        lack = np.maximum(np.minimum(ROOM, 0.7 + 0.5 * along) - distance, 0.0).max(axis=1)
-        score = (
-            OUTWARDS * (rays @ outwards) / max(float(np.linalg.norm(outwards)), 1e-9)
-            + STRAIGHT_ON * (rays @ self.core.rotations[self.first + 1][:, 0])
-            + AS_BEFORE * (rays @ self.target)
-            - LACKING * lack
-        )
-        return np.asarray(rays[int(np.argmax(score))])
-
-    def _flat(self, points: Array) -> Array:
-        """(..., 3) without what they are above the table."""
-        return points - (points @ self.up)[..., None] * self.up
+        return way_out(self.above, self.centre, there, ahead, self.target)
 
     # What is kept.
 
@@ -293,6 +299,7 @@ class TablePeeling(Peeling):
     def accelerations(self) -> Acceleration | None:
         """Under all forces; None when the run went back."""
         self._stiffen(self.window.positions)
+        self._look_round()
         found = super().accelerations()
         self.contacts = 0  # the table is no reason to wait
         return found
@@ -304,15 +311,21 @@ class TablePeeling(Peeling):
         return "stalled" if self._exhausted else super().look()
 
     def _ready(self) -> bool:
-        p, hinges = self.table, self.peelable.hinges
-        bends = np.abs(self.state.angles[hinges * p.skipped :])
-        unit = bends[: max(0, hinges * (self.unit - p.skipped))]
+        p = self.table
         return bool(
             self.depth < self.allowed.back_off
             and self.modules < p.window
-            and unit.max(initial=0.0) < p.release_rad
-            and bends.sum() < p.unbent
+            and np.abs(np.diff(self.off[p.skipped :])).sum() < p.unbent
+            and abs(self.off[-1]) < RELEASED_WITHIN_RAD
+            and not self._would_loop()
         )
+
+    def _would_loop(self) -> bool:
+        """Whether the tail lies over the next unit."""
+        hinges, first = self.peelable.hinges, self.next_first
+        fresh = self.chain.folded_rad[hinges * first : hinges * self.first]
+        angles = np.concatenate([fresh, self.state.angles])
+        return self.guard.loops(Bend(time_s=self.time_s, first=first, angles=angles))
 
     def _release(self) -> None:
         before = Release(
@@ -366,7 +379,12 @@ class TablePeeling(Peeling):
         elif self.steps - self.progressed >= p.patience:
             self.pushes += 1
             self.progressed = self.steps
-            if self.pushes % RELEASED_EVERY == 1 and self.first:
+            if (
+                self.pushes % RELEASED_EVERY == 1
+                and self.first
+                and abs(self.off[-1]) < HELD_BEYOND_RAD
+                and not self._would_loop()
+            ):
                 self._release()
             else:
                 self._draw(1.0 + STRONGER * self.pushes)

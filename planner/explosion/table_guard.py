@@ -1,8 +1,8 @@
 """Guard: which frames of an explosion on a table may be kept.
 
-A frame is kept when it stands on the table with no static torque above a bound and nothing lies in
-the table. What is refused is taken back; the bound is raised only when frames are refused again and
-again.
+A frame is kept when it stands on the table with no static torque above a bound, nothing lies in the
+table, and what is let go does not lie over itself. What is refused is taken back; the bound is
+raised only when frames are refused for their torque again and again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
+from planner.explosion.from_above import crosses_itself
+from planner.explosion.peeling import FEWEST_LEFT
 from planner.explosion.peeling_window import Bend, Peelable
+from planner.kernels.core import FIXED
 from planner.motion.record import TableRecord
 from planner.simulation.parameters import TableParameters
 from planner.statics.balance import Balance
@@ -35,10 +38,12 @@ class Placed:
     Attributes:
         angles: (J,) of all hinges.
         poses: Of all modules.
+        first: The first module of the window: those after the next one are let go.
     """
 
     angles: Array
     poses: Poses
+    first: int
 
 
 class Guard:
@@ -56,6 +61,9 @@ class Guard:
         self._parameters = parameters
         self._balance = Balance(chain)
         self._height = chain.table_height
+        heights = chain.folded_poses.positions[: FEWEST_LEFT + FIXED, 2]
+        self._stacked = bool(np.ptp(heights) > 0.5)
+        """Whether what is let go last, all at once, lies over itself while it is folded."""
         self.bound = parameters.first_bound
         self.refused = 0.0
         """Frames that were refused since the bound was raised, less what is forgiven."""
@@ -64,8 +72,8 @@ class Guard:
         """When it was, and the bound from then on."""
         self.why = ""
         """What was wrong with the frame that was refused last."""
-        self._sunk = False
-        """Whether that was that something lay in the table, for which no motor can do anything."""
+        self._too_weak = False
+        """Whether that was a torque: for all else, stronger motors would not help."""
 
     def holds(self, before: Bend | None, bends: Sequence[Bend]) -> bool:
         """Whether snapshots of an explosion may be kept, one after the other.
@@ -82,11 +90,20 @@ class Guard:
             earlier = placed
         return True
 
+    def loops(self, bend: Bend) -> bool:
+        """Whether what is let go would lie over itself."""
+        return self._loops(self._placed(bend))
+
+    def _loops(self, placed: Placed) -> bool:
+        if placed.first == 0 and self._stacked:
+            return False
+        return crosses_itself(placed.poses.positions[placed.first + FIXED - 1 :, :2])
+
     def refuse(self, time_s: float) -> bool:
         """Counts frames that were taken back; False when the bound cannot be raised any more."""
         p = self._parameters
         self.taken_back += 1
-        if self._sunk:
+        if not self._too_weak:
             return True
         self.refused += 1.0
         if self.refused <= p.refusals:
@@ -122,14 +139,17 @@ class Guard:
         )
         positions = poses.positions.copy()
         positions[:, 2] -= self._height
-        return Placed(angles, Poses(positions=positions, rotations=poses.rotations))
+        return Placed(angles, Poses(positions=positions, rotations=poses.rotations), bend.first)
 
     def _stands(self, placed: Placed, earlier: Placed | None) -> bool:
         positions, rotations = placed.poses.positions, placed.poses.rotations
         lowest = float(floor_clearances(self._chain.module, positions, rotations))
-        self._sunk = lowest < -SUNK
-        if self._sunk:
+        self._too_weak = False
+        if lowest < -SUNK:
             self.why = f"a module lay {-lowest:.3f} pitches in the table"
+            return False
+        if self._loops(placed):
+            self.why = "the chain lay over itself, in a loop that never opens"
             return False
         how: dict[str, Any] = {"clamped": 0} if self._parameters.base == "clamped" else {}
         if self._parameters.friction and earlier is not None:
@@ -139,6 +159,7 @@ class Guard:
                 rotations=earlier.poses.rotations,
             )
         if not self._balance.within(self.bound, positions, rotations, placed.angles, **how):
+            self._too_weak = True
             self.why = f"some hinge had to bear more than {self.bound:.2f} w·p"
             return False
         return True

@@ -218,8 +218,8 @@ class TableParameters(PeelingParameters):
         raised_by: Factor of that bound when nothing else helps.
         most_torque: That bound never gets larger; the explosion is stuck then.
         refusals: Frames that are taken back before the bound is raised.
-        unbent: Sum of all bends of the window below which the next unit may be let go, except of
-            the joints next to the core.
+        unbent: Sum of all turns of the window, seen from above, below which the next unit may be
+            let go, except of ``skipped`` joints next to the core.
         drawn_steps: Steps for which forces that were drawn anew last.
         most_pushes: Times without progress in a row after which it goes back to an earlier release.
         most_returns: Times that it does so without getting farther, before it has stalled.
@@ -230,7 +230,6 @@ class TableParameters(PeelingParameters):
 
     unit: int = 1
     skipped: int = 2
-    release_rad: float = 0.6
     window: int = 200
     retire_height: float = 2.5
     snapshot_rad: float = 0.05
@@ -248,7 +247,7 @@ class TableParameters(PeelingParameters):
     refusals: int = 8
     unbent: float = 1.5
     drawn_steps: int = 200
-    most_pushes: int = 14
+    most_pushes: int = 9
     most_returns: int = 1
     friction: float = 0.0
     base: Base = "free"

@@ -11,6 +11,7 @@ import pytest
 
 from planner.certificate.table import table_certificate
 from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.explosion.peeling_window import Bend, Peelable
@@ -139,6 +140,31 @@ def test_what_lies_in_the_table_is_refused_but_raises_no_bound() -> None:
         pytest.fail("no turn of the first joint puts the box into the table")
     assert all(guard.refuse(0.0) for _ in range(3))
     assert (guard.taken_back, guard.bound) == (3, parameters.first_bound)
+
+
+def test_what_lies_over_itself_is_refused_but_raises_no_bound() -> None:
+    row = Chain.from_path(Path.from_cells([(x, 0, 0) for x in range(24)], name="row"))
+    guard = Guard(row, Peelable(row), replace(TableParameters(), refusals=0))
+    for sides, why in ((6, ""), (13, "over itself")):
+        turns = np.zeros((row.joint_count, 2))
+        turns[4 : 4 + sides, _hinge_about_the_vertical(row)] = 2.0 * np.pi / 12
+        bend = Bend(time_s=0.0, first=0, angles=turns.ravel())
+        assert guard.loops(bend) == bool(why)
+        assert guard.holds(None, [bend]) != bool(why)
+        assert why in guard.why
+    assert all(guard.refuse(0.0) for _ in range(3))
+    assert guard.bound == TableParameters().first_bound
+
+
+def _hinge_about_the_vertical(row: Chain) -> int:
+    """Which of a joint's two hinges turns a chain that lies flat on the table."""
+    for hinge in range(2):
+        angles = np.zeros_like(row.folded_rad)
+        angles[hinge] = 0.5
+        poses = forward_kinematics(row.module, angles, root_wxyz=row.folded_wxyz)
+        if np.ptp(poses.positions[:, 2]) < 1e-6:
+            return hinge
+    raise AssertionError("no hinge turns about the vertical")
 
 
 def test_a_record_says_what_was_taken_back(tmp_path: FilePath, record: Record) -> None:
