@@ -1,8 +1,8 @@
-"""Table curve: a smooth curve through the record of an explosion on a table, kept out of the table.
+"""Table curve: a smooth curve through the record of an explosion on a table, kept on the table.
 
 A long tail goes far for a small turn: halfway between two frames, and where a smooth curve leaves
-them, its modules would lie in the table. The curve's control points are moved by the least that
-lifts them out.
+them, its modules would lie in the table, or hang over it where the record has them stand. The
+curve's control points are moved by the least that puts them back.
 """
 
 from __future__ import annotations
@@ -18,12 +18,14 @@ from planner.chain.statics import hinge_frames
 from planner.kernels.statics import Hinges, columns
 from planner.motion.windows import Windows
 from planner.playback.window_course import WindowCurve
-from planner.statics.contacts import SUNK, lowest_corners
+from planner.statics.contacts import FLOOR_GAP, SUNK, lowest_corners
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 LIFTED_TO: Final = 0.5
 """Share of that to which those are lifted that lie deeper."""
+OFF: Final = 0.005
+"""Pitches by which modules that stand in the record may be off their height there."""
 ROUNDS: Final = 8
 """Times that control points are moved, at most."""
 SHORT: Final = 0.03
@@ -35,7 +37,7 @@ CHUNK: Final = 256
 
 
 class TableCurve(WindowCurve):
-    """A uniform cubic B-spline through windows, kept out of the table.
+    """A uniform cubic B-spline through windows, kept on the table.
 
     Args:
         chain: The chain; folded, it stands on the table with its lowest modules, z up.
@@ -50,24 +52,49 @@ class TableCurve(WindowCurve):
         self._points = np.stack([drawn(k, self._every) for k in range(len(self._after))])
         hinges = chain.module.hinges_per_joint
         self._before = np.repeat(np.arange(chain.joint_count) + chain.module.rigid_links, hinges)
-        deep = np.arange(2, len(self._points) - 2)
+        self._recorded = self._recorded_heights()
+        wrong = np.arange(2, len(self._points) - 2)
         for _ in range(ROUNDS):
-            deep = self._lift(deep)
+            wrong = self._put_back(wrong)
 
     def _point(self, k: int, hinges: slice) -> Array:
         return self._points[k, hinges]
 
-    def _lift(self, points: Ints) -> Ints:
-        """Moves those of some control points where the curve lies too deep; which may do so now."""
+    def _recorded_heights(self) -> Array:
+        """(P, n) how high modules are in the record at the control points; NaN: not standing."""
+        found = np.full((len(self._points), len(self.chain)), np.nan)
+        for start in range(0, len(found), CHUNK):
+            after = self._after[start : start + CHUNK]
+            part = self._part[start : start + CHUNK, None]
+            before, there = (
+                self._heights(np.stack([self._angles(int(k), self._every) for k in frames]))
+                for frames in (after - 1, after)
+            )
+            stands = np.maximum(before, there) <= FLOOR_GAP
+            between = np.maximum(before + part * (there - before), -LIFTED_TO * SUNK)
+            found[start : start + CHUNK] = np.where(stands, between, np.nan)
+        return found
+
+    def _heights(self, angles: Array) -> Array:
+        """(F, n) how high the lowest corner of each module is."""
+        poses = self._poses(angles)
+        return lowest_corners(self.chain.module, poses.positions, poses.rotations)
+
+    def _put_back(self, points: Ints) -> Ints:
+        """Moves control points where the curve is off; which may be off now."""
         turns: dict[int, Array] = {}
         for start in range(0, len(points), CHUNK):
             part = points[start : start + CHUNK]
             angles = self.at(part.astype(np.float64) - 1.0, self._every)
             poses = self._poses(angles)
             heights = lowest_corners(self.chain.module, poses.positions, poses.rotations)
-            for i in np.flatnonzero(heights.min(axis=1) < -SUNK):
+            off = self._recorded[part] - heights
+            deep = heights < -SUNK
+            wrong = deep | (np.abs(off) > OFF)
+            wanted = np.where(deep & np.isnan(off), -LIFTED_TO * SUNK - heights, off)
+            for i in np.flatnonzero(wrong.any(axis=1)):
                 here = Poses(positions=poses.positions[i], rotations=poses.rotations[i])
-                turns[int(part[i])] = self._turn(int(part[i]), angles[i], here, heights[i])
+                turns[int(part[i])] = self._turn(int(part[i]), angles[i], here, wanted[i])
         for k, turn in turns.items():
             self._points[k] = np.clip(self._points[k] + turn, -self._limit, self._limit)
         around = np.unique(np.array([*turns], dtype=np.int64)[:, None] + np.arange(-1, 2))
@@ -84,34 +111,33 @@ class TableCurve(WindowCurve):
             root_wxyz=chain.folded_wxyz,
         )
 
-    def _turn(self, point: int, angles: Array, poses: Poses, heights: Array) -> Array:
-        """(J,) the least turn of a window's hinges that lifts those modules that lie too deep.
+    def _turn(self, point: int, angles: Array, poses: Poses, wanted: Array) -> Array:
+        """(J,) the least turn of a window's hinges that moves modules up or down.
 
         Args:
             point: The control point.
             angles: (J,) there.
             poses: Of the modules there.
-            heights: (n,) of their lowest corners.
+            wanted: (n,) by how much each is to go up; NaN where that does not matter.
         """
-        deep = np.flatnonzero(heights < -SUNK)
-        corners = poses.rotations[deep] @ self.chain.module.vertices.T
-        lowest = corners[np.arange(len(deep)), :, corners[:, 2].argmin(axis=1)]
+        which = np.flatnonzero(~np.isnan(wanted))
+        corners = poses.rotations[which] @ self.chain.module.vertices.T
+        lowest = corners[np.arange(len(which)), :, corners[:, 2].argmin(axis=1)]
         axes, anchors = hinge_frames(self.chain, angles, poses)
         hinges = Hinges(
             axes=np.ascontiguousarray(axes.reshape(-1, 3)),
             anchors=np.repeat(anchors, axes.shape[1], axis=0),
             before=self._before,
         )
-        up = np.tile([0.0, 0.0, 1.0], (len(deep), 1))
-        nothing = np.full(len(deep), -1)
+        up = np.tile([0.0, 0.0, 1.0], (len(which), 1))
+        nothing = np.full(len(which), -1)
         starts, rows, values = columns(
-            hinges, 0, True, deep, nothing, poses.positions[deep] + lowest, up
+            hinges, 0, True, which, nothing, poses.positions[which] + lowest, up
         )
         # A hinge holds against what a turn would follow: a lever is the opposite of its torque.
-        levers = np.zeros((len(deep), len(angles)))
-        levers[np.repeat(np.arange(len(deep)), np.diff(starts)), rows] = -values
+        levers = np.zeros((len(which), len(angles)))
+        levers[np.repeat(np.arange(len(which)), np.diff(starts)), rows] = -values
         levers[:, : self.first[point]] = levers[:, self.last[point] :] = 0.0
-        wanted = -LIFTED_TO * SUNK - heights[deep]
-        square = levers @ levers.T + SHORT**2 * np.eye(len(deep))
-        turn = levers.T @ np.linalg.solve(square, wanted)
+        square = levers @ levers.T + SHORT**2 * np.eye(len(which))
+        turn = levers.T @ np.linalg.solve(square, wanted[which])
         return np.asarray(np.clip(turn, -MOST_RAD, MOST_RAD))

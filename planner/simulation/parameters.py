@@ -275,6 +275,8 @@ class TablePlaybackParameters:
         table_hardness: ``solimp`` of contacts with the table: 1 would not give at all.
         module_hardness: The same of contacts between modules.
         armature: Rotor inertia of every hinge.
+        stops_early_rad: By how much stops begin before the end of a joint's range: what is thrown
+            at them goes a little farther in a step.
         firmness: ``solimp`` of the motors: 1 would not give at all below their limit.
         gain: Rate of a motor for one radian that is left, per unit of time.
         spacing_rad: Distance of the reference's control points along the record.
@@ -291,6 +293,7 @@ class TablePlaybackParameters:
     table_hardness: float = 0.999
     module_hardness: float = 0.999
     armature: float = 0.01
+    stops_early_rad: float = 0.01
     firmness: float = 0.9999
     gain: float = 5.0
     spacing_rad: float = 0.03

@@ -152,7 +152,11 @@ def _spec(
     spec.option.gravity = [0.0, 0.0, -1.0]
     module, n = chain.module, len(chain)
     material = Material(
-        geom_size=p.geom_size, contact_time_constant=p.contact_time, armature=p.armature
+        geom_size=p.geom_size,
+        contact_time_constant=p.contact_time,
+        armature=p.armature,
+        stop_rad=module.angle_limit_rad - p.stops_early_rad,
+        stiff_stops=True,
     )
     add_module_mesh(spec, module, p.geom_size)
     names = [f"module_{i}" for i in range(n)]
