@@ -70,9 +70,8 @@ class TableCurve(WindowCurve):
                 self._heights(np.stack([self._angles(int(k), self._every) for k in frames]))
                 for frames in (after - 1, after)
             )
-            stands = np.maximum(before, there) <= FLOOR_GAP
             between = np.maximum(before + part * (there - before), -LIFTED_TO * SUNK)
-            found[start : start + CHUNK] = np.where(stands, between, np.nan)
+            found[start : start + CHUNK] = np.where(between <= FLOOR_GAP, between, np.nan)
         return found
 
     def _heights(self, angles: Array) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -76,3 +78,23 @@ def test_what_dips_no_deeper_than_a_record_may_or_rises_stays_as_it_is(row: Chai
         plain, _ = drawn(row, WindowCurve(row, windows, 0.03))
         mended, _ = drawn(row, TableCurve(row, windows, 0.03))
         np.testing.assert_array_equal(mended, plain)
+
+
+def test_a_row_that_is_lifted_at_once_stands_until_then(row: Chain) -> None:
+    """A smooth curve would lift it before: it would hang where the record has it stand."""
+    share = np.linspace(0.0, 1.0, 21)
+    windows = swept(row, 0.0)
+    angles = windows.dense(row).joint_angles_rad.copy()
+    angles[:, ACROSS], angles[:, DOWN] = share, -np.maximum(share - 0.5, 0.0)
+    windows = Windows.of(row, replace(windows.dense(row), joint_angles_rad=angles))
+    hangs = [hanging(row, kind(row, windows, 0.03)) for kind in (WindowCurve, TableCurve)]
+    assert hangs[0] > 0.02
+    assert hangs[1] < 0.01
+
+
+def hanging(row: Chain, curve: WindowCurve) -> float:
+    """How high the row's end is where the record is about to lift it."""
+    places = np.arange(1.0, curve.end - 1.0)
+    angles = curve.at(places, slice(0, len(row.folded_rad)))
+    before = angles[:, ACROSS] < 0.5 + 1e-6
+    return float((-angles[before, DOWN]).max() * (MODULES - 2))
