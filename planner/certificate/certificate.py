@@ -22,7 +22,7 @@ from planner.certificate.table_forces import TableForces
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
-from planner.chain.statics import static_torque
+from planner.chain.statics import GRAVITY_M_S2, static_torque
 from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
 from planner.clearance.sweep import SHARE, Sweep, check_windows, sweep
 from planner.errors import InputError
@@ -36,7 +36,6 @@ from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.parameters import Parameters
 
 Array = NDArray[np.float64]
-GRAVITY_M_S2: Final = 9.81
 """Standard gravity, rounded."""
 FOLDED_WITHIN: Final = 0.01
 """RMS position error in pitches that a simulated playback may end with and be verified."""

@@ -21,6 +21,7 @@ from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
+from planner.chain.statics import GRAVITY_M_S2
 from planner.cores import cores
 from planner.errors import InputError
 from planner.motion.frames import Frames
@@ -32,7 +33,6 @@ from planner.statics.friction import FANS, SIDES, Friction
 from planner.statics.resting import resting_poses
 
 Array = NDArray[np.float64]
-GRAVITY_M_S2: Final = 9.81
 ENTERED: Final = 0.02
 """Pitches that modules may go into the table: as far as they may stand above it."""
 ON_TABLE: Final = 0.1

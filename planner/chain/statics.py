@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,7 @@ from planner.chain.kinematics import Poses
 from planner.chain.rotations import matrix_from_wxyz
 
 Array = NDArray[np.float64]
+GRAVITY_M_S2: Final = 9.81
 
 
 def static_torque(chain: Chain, angles_rad: Array) -> float:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
+from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError, SimulationError
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import Frames
@@ -31,7 +32,6 @@ from planner.simulation.parameters import TablePlaybackParameters
 from planner.simulation.table_body import TableBody
 
 Array = NDArray[np.float64]
-GRAVITY_M_S2: Final = 9.81
 CHUNK: Final = 512
 """Steps whose targets are worked out at once."""
 AT_LIMIT: Final = 0.999

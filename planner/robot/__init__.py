@@ -1,6 +1,6 @@
 """For robots: motions made smoother, times that joints can keep, trajectories, motors and servos.
 
-How a plan may be smoothed stands here, known without anything that smooths, and gravity.
+How a plan may be smoothed stands here, known without anything that smooths.
 """
 
 from __future__ import annotations
@@ -15,4 +15,3 @@ WAYS: Final = (SMOOTHED, SOFTENED, RECORDED)
 fewer of them, and new times alone."""
 MOST_ANGLES: Final = 2**23
 """Frames times hinges of a plan that may be smoothed."""
-STANDARD_GRAVITY_M_S2: Final = 9.81

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError
-from planner.robot import STANDARD_GRAVITY_M_S2
 from planner.robot.trajectory import Trajectory
 from planner.simulation.model import Material
 from planner.simulation.tree import Tree
@@ -35,7 +35,7 @@ class Build:
 
     module_mass_kg: float
     pitch_m: float
-    gravity_m_s2: float = STANDARD_GRAVITY_M_S2
+    gravity_m_s2: float = GRAVITY_M_S2
     held: bool = True
 
     def check(self) -> None:

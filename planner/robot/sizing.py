@@ -16,8 +16,8 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError
-from planner.robot import STANDARD_GRAVITY_M_S2
 from planner.robot.casings import Casing
 from planner.robot.servos import Servo, servos
 
@@ -133,7 +133,7 @@ def who_would_do(
     pitch_m: float,
     casing: Casing,
     share: float = SHARE,
-    gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
+    gravity_m_s2: float = GRAVITY_M_S2,
     among: Sequence[Servo] | None = None,
 ) -> tuple[Fit, ...]:
     """All servos: those that would do first, of each kind the lightest first.
@@ -170,7 +170,7 @@ def at_which_pitch(
     casing: Casing,
     *,
     share: float = SHARE,
-    gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
+    gravity_m_s2: float = GRAVITY_M_S2,
 ) -> PitchRange:
     """The pitches at which a servo would do.
 
@@ -200,7 +200,7 @@ def largest_shape(
     pitch_m: float,
     casing: Casing,
     share: float = SHARE,
-    gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
+    gravity_m_s2: float = GRAVITY_M_S2,
 ) -> LargestShape:
     """The largest torque in w·p that a servo gives, and which shapes need no more.
 

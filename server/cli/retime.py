@@ -13,12 +13,12 @@ from rich.console import Console
 from rich.table import Table
 
 from planner.certificate.figures import CertificateFigures
+from planner.chain.statics import GRAVITY_M_S2
 from planner.clearance.sweep import Sweep
 from planner.errors import InputError
 from planner.exports.trajectory import export
 from planner.files import write_whole
 from planner.plan.plan import Plan
-from planner.robot import STANDARD_GRAVITY_M_S2
 from planner.robot.motors import Build, MotorTable, motor_table
 from planner.robot.retiming import clearance
 from planner.robot.retiming import retime as retime_plan
@@ -47,9 +47,7 @@ def retime(
     pitch: Annotated[
         float | None, typer.Option(help="Distance of modules in m, if not the plan's.")
     ] = None,
-    gravity: Annotated[
-        float, typer.Option(help="Gravity in m/s², 0 for none.")
-    ] = STANDARD_GRAVITY_M_S2,
+    gravity: Annotated[float, typer.Option(help="Gravity in m/s², 0 for none.")] = GRAVITY_M_S2,
     floating: Annotated[
         bool, typer.Option("--floating", help="Float instead of being held at the root.")
     ] = False,

@@ -11,8 +11,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError
-from planner.robot import STANDARD_GRAVITY_M_S2
 from planner.robot.casings import CASINGS, Casing, casing_named
 from planner.robot.servos import FOLD_DEG, servo_named
 from planner.robot.servos import servos as all_servos
@@ -46,7 +46,7 @@ def servos(
             help="Share of the stall torque that a servo gives for long.", show_default="1/3"
         ),
     ] = SHARE,
-    gravity: Annotated[float, typer.Option(help="Gravity in m/s².")] = STANDARD_GRAVITY_M_S2,
+    gravity: Annotated[float, typer.Option(help="Gravity in m/s².")] = GRAVITY_M_S2,
     only: Annotated[
         str | None, typer.Option("--servo", metavar="NAME", help="Look at this one alone.")
     ] = None,

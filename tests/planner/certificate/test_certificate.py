@@ -12,9 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.certificate.certificate import GRAVITY_M_S2, Certificate, certify
+from planner.certificate.certificate import Certificate, certify
 from planner.chain.chain import Chain
 from planner.chain.path import Path
+from planner.chain.statics import GRAVITY_M_S2
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.motion.record import Record
