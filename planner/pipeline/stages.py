@@ -61,7 +61,7 @@ from planner.pipeline.preference import COMPUTING
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import SHORT_SEED
 from planner.playback.playback import Playback, play_back
-from planner.playback.table_playback import frames_to_follow, play_on_table
+from planner.playback.table_playback import play_on_table
 from planner.playback.unfolding import check_fits
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.robot import RECORDED_PLAN
@@ -260,10 +260,10 @@ def _play_on_table(
     # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.
     timeline = place / TIMELINE
     exploded = record.frames.dense(chain)
-    progress(Progress(stage="play_back", fraction=0.0, message="balancing what is to be followed"))
+    progress(Progress(stage="play_back", fraction=0.0, message="balancing what was recorded"))
     standing = table_certificate(
         chain,
-        frames_to_follow(chain, record.frames),
+        record.frames[::-1],
         friction=table.friction,
         base=table.base,
         on_table=True,

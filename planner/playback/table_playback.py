@@ -27,7 +27,6 @@ from planner.playback.course import LOST_RAD
 from planner.playback.playback import Playback
 from planner.playback.run import ARRIVED_WITHIN, CHECK_EVERY, REPORT_EVERY_S, PlaybackStatus
 from planner.playback.table_course import TableCourse
-from planner.playback.table_curve import TableCurve
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.parameters import TablePlaybackParameters
 from planner.simulation.table_body import TableBody
@@ -109,29 +108,6 @@ class TablePlayback:
 def time_unit_s(chain: Chain) -> float:
     """√(pitch / gravity), in seconds."""
     return math.sqrt(chain.pitch_m / GRAVITY_M_S2)
-
-
-def frames_to_follow(
-    chain: Chain, record: Windows, parameters: TablePlaybackParameters | None = None
-) -> Frames:
-    """What a playback on a table goes through, the first module where the folded chain has it.
-
-    Args:
-        chain: The chain; folded, it stands on the table with its lowest modules, z up.
-        record: Of its explosion on the table, folded to straight.
-        parameters: Of the simulation; the usual ones when None.
-    """
-    p = TablePlaybackParameters() if parameters is None else parameters
-    curve = TableCurve(chain, record[::-1], p.spacing_rad)
-    count = max(2, math.ceil(curve.length_rad / p.frame_rad) + 1)
-    places = np.linspace(0.0, curve.end, count)
-    return Frames.of_phase(
-        "playback",
-        time_s=places,
-        joint_angles_rad=curve.at(places, slice(0, len(chain.folded_rad))),
-        root_position=np.zeros((count, 3)),
-        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-    ).clamped(chain)
 
 
 def play_on_table(

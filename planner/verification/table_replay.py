@@ -38,7 +38,7 @@ DURATION: Final = 20.0
 """Time for which a frame is left alone."""
 SETTLES: Final = 0.1
 """Pitches that a module of a frame that holds may go until what bears touches …"""
-STILL: Final = 0.01
+STILL: Final = 0.02
 """… and in the last half of the time."""
 
 
