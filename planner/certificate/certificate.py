@@ -36,7 +36,6 @@ from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.parameters import Parameters
 
 Array = NDArray[np.float64]
-"""Standard gravity, rounded."""
 FOLDED_WITHIN: Final = 0.01
 """RMS position error in pitches that a simulated playback may end with and be verified."""
 CELLS_WITHIN: Final = 1e-6
