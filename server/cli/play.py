@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import threading
 import webbrowser
 from collections.abc import AsyncGenerator
@@ -198,15 +199,19 @@ def play(
 
 
 def _play_in_viser(directory: Path, name: str, host: str, port: int, browser: bool) -> None:
-    """Shows it in a viser server until Ctrl-C."""
+    """Show a fold in a viser server until SIGINT (Ctrl-C) or SIGTERM."""
     from web.viser import show
     from web.viser.scene_bundle import quiet
 
+    ended = threading.Event()
+    # As uvicorn does, also where the shell started this program with SIGINT ignored.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, frame: ended.set())
     with quiet():
         shown = show(directory, host=host, port=port, open_browser=browser)
-    with shown, contextlib.suppress(KeyboardInterrupt):
+    with shown:
         typer.echo(f"{name} is at {shown.url} (Ctrl-C ends)")
-        shown.server.sleep_forever()
+        ended.wait()
 
 
 def _settings(preset: Any, settings: Any) -> str:

@@ -94,18 +94,26 @@ def test_its_pages_lead_to_none_that_are_not_there(directory: Path) -> None:
 
 @pytest.mark.processes
 @pytest.mark.slow
-def test_viser_plays_it_until_ctrl_c(directory: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_viser_ends_by_signal_where_the_shell_ignores_sigint(
+    directory: Path, number: signal.Signals
+) -> None:
     command = [sys.executable, "-m", "server.cli.command_line", "play", str(directory)]
     options = ["--viser", "--no-browser", "--port", "0"]
+    # A child inherits an ignored signal: background jobs of a shell and of some CI do so.
+    ignoring = ["sh", "-c", "trap '' INT; exec \"$@\"", "sh"]
     with subprocess.Popen(
-        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*ignoring, *command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as playing:
-        assert playing.stdout is not None
-        line = playing.stdout.readline()
-        assert line.startswith("snake is at http://127.0.0.1:")
-        address = next(word for word in line.split() if "http" in word)
-        with urllib.request.urlopen(address, timeout=30) as page:
-            assert b"viser" in page.read().lower()
-        playing.send_signal(signal.SIGINT)
-        rest, complaints = playing.communicate(timeout=30)
+        try:
+            assert playing.stdout is not None
+            line = playing.stdout.readline()
+            assert line.startswith("snake is at http://127.0.0.1:")
+            address = next(word for word in line.split() if "http" in word)
+            with urllib.request.urlopen(address, timeout=30) as page:
+                assert b"viser" in page.read().lower()
+            playing.send_signal(number)
+            rest, complaints = playing.communicate(timeout=30)
+        finally:
+            playing.kill()
     assert (playing.returncode, rest, complaints) == (0, "", "")
