@@ -15,9 +15,11 @@ from fastapi import FastAPI
 
 from server.api import artifacts, folds, frames, health, mine, movies, robot, shapes
 from server.api.context import Context
+from server.api.finished import import_finished
 from server.api.fold_states import FoldStates
 from server.files.artifacts import Artifacts
 from server.files.exports import Exports
+from server.files.pictures import Pictures
 from server.files.preview_scenes import PreviewScenes
 from server.files.previews import Previews
 from server.files.trajectories import Trajectories
@@ -122,6 +124,7 @@ def create_app(
             context.reader.close()
             context.preparer.close()
             context.trajectories.close()
+            context.pictures.close()
             if context.fork_server is not None and fork_server is None:
                 context.fork_server.close()
             context.artifacts.close()
@@ -204,6 +207,9 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     motions = Scratch(settings.motions_dir)
     motions.sweep()
     remaining = Remaining(store, leases)
+    gallery = Gallery()
+    if settings.finished_folds:
+        import_finished(settings, store, gallery)
     return Context(
         settings=settings,
         store=store,
@@ -256,8 +262,17 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         preview_scenes=PreviewScenes(previews),
         artifacts=artifacts,
         exports=Exports(store, artifacts),
+        # Started by itself: the fork server would have to load and compile what pictures need.
+        pictures=Pictures(
+            Pool(
+                "pictures",
+                replace(awaited, folders=(str(settings.motions_dir),)),
+                wall_s=settings.preview_seconds,
+            ),
+            motions,
+        ),
         movies=Movies(settings, store, jobs),
-        gallery=Gallery(),
+        gallery=gallery,
         fold_states=FoldStates(store, remaining),
         remaining=remaining,
         metrics=metrics,

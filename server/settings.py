@@ -124,6 +124,11 @@ class Settings(BaseSettings):
         "takes some 500 MB less and who comes first waits some seconds more. Start a new version "
         "once with it: that compiles the loops.",
     )
+    finished_folds: bool = Field(
+        default=True,
+        description="Whether a new database gets the finished folds that come with the package. "
+        "One that is deleted does not come back.",
+    )
     lease_s: float = Field(
         default=15.0, gt=0, description="A worker silent for so long is dead; others take over."
     )

@@ -149,6 +149,12 @@ class AttemptFigures(TypedDict, total=False):
     chosen: bool
 
 
+class IncludedFigures(TypedDict):
+    """What is told of a fold that came with the package: the version that made it."""
+
+    version: str
+
+
 class FoldSummary(TypedDict, total=False):
     """``planner.plan.plan.Plan.summary``, or what is known of a fold without a plan."""
 
@@ -168,6 +174,7 @@ class FoldSummary(TypedDict, total=False):
     explosion: ExplosionFigures | None
     playback: PlaybackFigures | None
     certificate: CertificateFigures | None
+    included: IncludedFigures
 
 
 class Fault(TypedDict, total=False):

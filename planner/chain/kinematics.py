@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from planner.chain.module import Module
 from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
+from planner.compiler import may_compile
+from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
 
@@ -51,8 +53,6 @@ def forward_kinematics(
     Returns:
         Poses with the leading axes of ``angles_rad``.
     """
-    from planner.kernels.kinematics import many_chain_poses  # a compiler: only for who computes
-
     lead = angles_rad.shape[:-1]
     hinges = angles_rad.shape[-1]
     n = hinges // module.hinges_per_joint + 1 + module.rigid_links
@@ -67,15 +67,48 @@ def forward_kinematics(
         turns[:] = matrix_from_wxyz(np.broadcast_to(root_wxyz, (*lead, 4))).reshape(-1, 3, 3)
     positions = np.empty((frames, n, 3))
     rotations = np.empty((frames, n, 3, 3))
-    many_chain_poses(
-        angles,
-        module.joint,
-        root,
-        roots,
-        turns,
-        positions,
-        rotations,
-    )
+    if may_compile():
+        from planner.kernels.kinematics import many_chain_poses as write_poses
+    else:
+        write_poses = _write_poses
+    write_poses(angles, module.joint, root, roots, turns, positions, rotations)
     return Poses(
         positions=positions.reshape(*lead, n, 3), rotations=rotations.reshape(*lead, n, 3, 3)
     )
+
+
+def _write_poses(
+    angles: Array,
+    joint: Joint,
+    root: int,
+    root_positions: Array,
+    root_rotations: Array,
+    positions: Array,
+    rotations: Array,
+) -> None:
+    """Do the same as ``planner.kernels.kinematics.many_chain_poses`` with NumPy alone."""
+    rigid_links, anchor, axes, turn, offset = joint
+    frames, n = positions.shape[:2]
+    steps = np.broadcast_to(turn, (frames, n - 1, 3, 3)).copy()
+    by_hinge = angles.reshape(frames, -1, len(axes))
+    for k in range(len(axes) - 1, -1, -1):
+        jointed = steps[:, rigid_links:]
+        steps[:, rigid_links:] = _about(axes[k], by_hinge[..., k]) @ jointed
+    positions[:, root], rotations[:, root] = root_positions, root_rotations
+    for i in range(root, n - 1):
+        np.matmul(rotations[:, i], steps[:, i], out=rotations[:, i + 1])
+    for i in range(root - 1, -1, -1):
+        np.matmul(rotations[:, i + 1], steps[:, i].swapaxes(1, 2), out=rotations[:, i])
+    links = rotations[:, :-1] @ anchor + rotations[:, 1:] @ offset
+    positions[:, root + 1 :] = links[:, root:]
+    np.cumsum(positions[:, root:], axis=1, out=positions[:, root:])
+    before = np.cumsum(links[:, :root][:, ::-1], axis=1)[:, ::-1]
+    positions[:, :root] = positions[:, root : root + 1] - before
+
+
+def _about(axis: Array, angles: Array) -> Array:
+    """Return the (..., 3, 3) rotations about a unit axis by (...) angles: Rodrigues' formula."""
+    x, y, z = axis
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine, cosine = np.sin(angles)[..., None, None], np.cos(angles)[..., None, None]
+    return cosine * np.eye(3) + sine * across + (1.0 - cosine) * np.outer(axis, axis)

@@ -9,25 +9,43 @@ Array = NDArray[np.float64]
 
 
 def matrix_from_wxyz(wxyz: Array) -> Array:
-    """(..., 4) quaternions, of any length but 0, to (..., 3, 3) matrices."""
-    from planner.kernels.rotations import matrices  # a compiler: only for who computes
-
-    rows = np.ascontiguousarray(wxyz, dtype=np.float64).reshape(-1, 4)
-    rows.setflags(write=False)
-    out = np.empty((len(rows), 3, 3))
-    matrices(rows, out)
-    return out.reshape(*np.shape(wxyz)[:-1], 3, 3)
+    """Return the (..., 3, 3) matrices of (..., 4) quaternions; NaN where the length is 0."""
+    rows = np.asarray(wxyz, dtype=np.float64)
+    w, x, y, z = np.moveaxis(rows, -1, 0)
+    with np.errstate(invalid="ignore"):
+        length = np.sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = w / length, x / length, y / length, z / length
+    out = np.empty((*rows.shape[:-1], 3, 3))
+    out[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    out[..., 0, 1] = 2 * (x * y - w * z)
+    out[..., 0, 2] = 2 * (x * z + w * y)
+    out[..., 1, 0] = 2 * (x * y + w * z)
+    out[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    out[..., 1, 2] = 2 * (y * z - w * x)
+    out[..., 2, 0] = 2 * (x * z - w * y)
+    out[..., 2, 1] = 2 * (y * z + w * x)
+    out[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    return out
 
 
 def wxyz_from_matrix(matrix: Array) -> Array:
-    """(..., 3, 3) rotation matrices to (..., 4) unit quaternions with w ≥ 0."""
-    from planner.kernels.rotations import quaternions  # as above
+    """Return the (..., 4) unit quaternions, w ≥ 0, of (..., 3, 3) rotation matrices.
 
-    rows = np.ascontiguousarray(matrix, dtype=np.float64).reshape(-1, 3, 3)
-    rows.setflags(write=False)
-    out = np.empty((len(rows), 4))
-    quaternions(rows, out)
-    return out.reshape(*np.shape(matrix)[:-2], 4)
+    Each is a row of the outer product of the quaternion with itself, times four: the row with the
+    largest square, which loses the least precision.
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    squares = np.stack([1 + trace, *(1 + 2 * m[..., k, k] - trace for k in range(3))], axis=-1)
+    a, b, c = (m[..., i, j] - m[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0)))
+    d, e, f = (m[..., i, j] + m[..., j, i] for i, j in ((1, 0), (0, 2), (2, 1)))
+    s0, s1, s2, s3 = np.moveaxis(squares, -1, 0)
+    products = np.stack([s0, a, b, c, a, s1, d, e, b, d, s2, f, c, e, f, s3], axis=-1)
+    products = products.reshape(*trace.shape, 4, 4)
+    best = squares.argmax(axis=-1)[..., None, None]
+    rows = np.take_along_axis(products, best, axis=-2)[..., 0, :]
+    length = np.sqrt((rows * rows).sum(axis=-1, keepdims=True))
+    return rows / np.where(rows[..., :1] < 0, -length, length)
 
 
 def aligned_distances(points: Array, target: Array) -> Array:

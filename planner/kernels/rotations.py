@@ -1,4 +1,4 @@
-"""Quaternions and matrices of one rotation after another, compiled."""
+"""The quaternion of a rotation matrix, compiled."""
 # pyright: reportUntypedFunctionDecorator=false
 
 from __future__ import annotations
@@ -8,27 +8,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-
-
-@njit(cache=True, error_model="numpy")
-def matrices(wxyz: Array, out: Array) -> None:
-    """Writes the (k, 3, 3) matrices of (k, 4) quaternions of any length; NaN for one of none."""
-    for i in range(len(wxyz)):
-        w, x, y, z = wxyz[i, 0], wxyz[i, 1], wxyz[i, 2], wxyz[i, 3]
-        length = np.sqrt(w * w + x * x + y * y + z * z)
-        w /= length
-        x /= length
-        y /= length
-        z /= length
-        out[i, 0, 0] = 1 - 2 * (y * y + z * z)
-        out[i, 0, 1] = 2 * (x * y - w * z)
-        out[i, 0, 2] = 2 * (x * z + w * y)
-        out[i, 1, 0] = 2 * (x * y + w * z)
-        out[i, 1, 1] = 1 - 2 * (x * x + z * z)
-        out[i, 1, 2] = 2 * (y * z - w * x)
-        out[i, 2, 0] = 2 * (x * z - w * y)
-        out[i, 2, 1] = 2 * (y * z + w * x)
-        out[i, 2, 2] = 1 - 2 * (x * x + y * y)
 
 
 @njit(cache=True)
@@ -61,10 +40,3 @@ def quaternion(m: Array, out: Array) -> None:
     out[1] = x / length
     out[2] = y / length
     out[3] = z / length
-
-
-@njit(cache=True)
-def quaternions(rotations: Array, out: Array) -> None:
-    """Writes the (k, 4) unit quaternions of (k, 3, 3) matrices, w ≥ 0."""
-    for i in range(len(rotations)):
-        quaternion(rotations[i], out[i])

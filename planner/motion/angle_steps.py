@@ -68,13 +68,13 @@ def frame_planes(angles_rad: Array) -> Planes | None:
         return None
     for _ in range(DIFFERENCES):
         steps = np.diff(steps, axis=0, prepend=np.zeros_like(steps[:1]))
-    return _planes(steps)
+    return byte_planes(steps)
 
 
 def frame_angles(planes: Planes, told: Mapping[str, Any]) -> Array:
     """The inverse of ``frame_planes``, from what ``told_of`` says."""
     frames, hinges = told["shape"]
-    steps = _steps(planes).reshape(frames, hinges)
+    steps = whole_numbers(planes).reshape(frames, hinges)
     for _ in range(told["differences"]):
         steps = steps.cumsum(axis=0)
     return steps.astype(np.float64) * float(told["step_rad"])
@@ -87,7 +87,7 @@ def window_planes(
     steps = whole_steps(angles_rad)
     if steps is None:
         return None
-    return _planes(window_differences(first, offsets, steps, _nearest(folded_rad)))
+    return byte_planes(window_differences(first, offsets, steps, _nearest(folded_rad)))
 
 
 def window_angles(
@@ -95,7 +95,7 @@ def window_angles(
 ) -> NDArray[np.float32]:
     """The inverse of ``window_planes``."""
     step = float(told["step_rad"])
-    changes = _steps(planes)
+    changes = whole_numbers(planes)
     if len(changes) != offsets[-1]:
         raise ValueError(f"got {len(changes)} angles, expected {offsets[-1]}")
     steps = window_totals(first, offsets, changes, _nearest(folded_rad))
@@ -215,8 +215,8 @@ def _nearest(angles_rad: Array) -> Ints:
     return np.rint(angles_rad / STEP_RAD).astype(np.int64)
 
 
-def _planes(changes: Ints) -> Planes:
-    """(4, n) bytes of the zigzag codes: 0, −1, 1, −2, … are 0, 1, 2, 3, …."""
+def byte_planes(changes: Ints) -> Planes:
+    """Return the (4, n) bytes of n zigzag codes: 0, −1, 1, −2, … are 0, 1, 2, 3, …."""
     flat = changes.reshape(-1)
     planes = np.empty((4, len(flat)), dtype=np.uint8)
     for begin in range(0, len(flat), BLOCK):
@@ -226,7 +226,8 @@ def _planes(changes: Ints) -> Planes:
     return planes
 
 
-def _steps(planes: Planes) -> Ints:
+def whole_numbers(planes: Planes) -> Ints:
+    """Return the (n,) numbers of ``byte_planes``."""
     if planes.ndim != 2 or len(planes) != 4 or planes.dtype != np.uint8:
         raise ValueError(f"got planes of the shape {planes.shape}, expected four of bytes")
     codes = np.ascontiguousarray(planes.T).view("<u4").reshape(-1).astype(np.int64)

@@ -12,6 +12,7 @@ from fastapi import Request
 from server.api.fold_states import FoldStates
 from server.files.artifacts import Artifacts
 from server.files.exports import Exports
+from server.files.pictures import Pictures
 from server.files.preview_scenes import PreviewScenes
 from server.files.previews import Previews
 from server.files.trajectories import Trajectories
@@ -48,6 +49,7 @@ class Context:
     previews: Previews
     preview_scenes: PreviewScenes
     artifacts: Artifacts
+    pictures: Pictures
     exports: Exports
     movies: Movies
     gallery: Gallery

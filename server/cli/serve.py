@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from planner.compiler import forbid_compiling
 from server.ops.logs import set_up_logs
 from server.ops.starting import settings_of, starting, warn_of_unknown_names
 from server.processes.limits import keep_secrets
@@ -38,6 +39,7 @@ def serve(
 ) -> None:
     """Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …)."""
     keep_secrets()
+    forbid_compiling()
     settings = settings_of(host=host, port=port, data_dir=data_dir, workers=workers)
     set_up_logs(settings)
     warn_of_unknown_names(log)

@@ -20,6 +20,7 @@ from server.pages.shape_drawings import chain_of, drawing_of
 from server.pages.static import etag_response
 from server.store.folds import Store
 from web.pictures.isometric import isometric_svg
+from web.pictures.shipped import shipped_pictures
 from web.static_files import STATIC
 from web.viser.scene_bundle import bundle_of
 
@@ -54,16 +55,14 @@ async def landing(request: Request) -> Response:
 async def featured_bundle(request: Request) -> Response:
     """What is known of the chain on the first page."""
     gallery = context_of(request).gallery
-    return etag_response(
-        request, await asyncio.to_thread(lambda: bundle_of(_featured_chain(gallery)))
-    )
+    return etag_response(request, await asyncio.to_thread(_bundle, gallery))
 
 
 @router.get("/featured/picture.png")
 async def featured_picture(request: Request) -> Response:
     """What networks show beside a link to the first page."""
-    picture = await asyncio.to_thread(_social, context_of(request).gallery)
-    return picture_answer(picture, listed=True)
+    del request
+    return picture_answer(shipped_pictures()["featured.png"], listed=True)
 
 
 @router.get("/featured/batch")
@@ -78,7 +77,7 @@ def _recorded() -> bytes:
 
 
 def warm_up(gallery: Gallery) -> None:
-    """Draws the shape of the first page, which loads what all pages need."""
+    """Draw the shape of the first page, which loads what the 3D view and all pages need."""
     bundle_of(_featured_chain(gallery))
     drawing_of(gallery, FEATURED, 480)
     for name in ("landing.html", "fold.html", "gallery.html"):
@@ -86,11 +85,8 @@ def warm_up(gallery: Gallery) -> None:
 
 
 @cache
-def _social(gallery: Gallery) -> bytes:
-    # Drawing brings kernels along that the start of the server need not wait for.
-    from web.pictures.social_picture import social_picture
-
-    return social_picture(_featured_chain(gallery))
+def _bundle(gallery: Gallery) -> bytes:
+    return shipped_pictures().get("featured.bundle") or bundle_of(_featured_chain(gallery))
 
 
 @cache

@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 from pathlib import Path
 from typing import Final
 
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
-from planner.errors import PlannerError
+from planner.errors import InputError
 from planner.files import write_whole
-from planner.motion.timeline import chain_from_attributes
 from planner.pipeline.attempt_folders import CHAIN, result
-from server.api.context import context_of
+from server.api.context import Context, context_of
 from server.api.finding import find_fold
 from server.files.artifacts import newer
 from server.http.client_address import address_of
 from server.http.security import LISTED
 from server.pages.fold import drawing_in
+from server.processes.children import ChildError
 from server.store.fold_files import EXPORTS_DIR
-from server.store.folds import Store
 from server.store.shown import RUNNING
 
 router = APIRouter(include_in_schema=False)
@@ -67,7 +65,7 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
         context = context_of(request)
         data = await context.artifacts.get_or_make(
             (path, over),
-            lambda: _picture_of(context.store, fold_id, path, keep=over),
+            lambda: _picture_of(context, fold_id, path, keep=over),
             visitor=address_of(request),
         )
     if data is None:
@@ -99,16 +97,13 @@ def _stored_picture(path: Path) -> bytes | None:
         return None
 
 
-def _picture_of(store: Store, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
-    """The picture of the chain in a fold's directory; None while there is none."""
+def _picture_of(context: Context, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
+    """Return the picture of the chain in a fold's directory; None where it cannot be drawn."""
+    store = context.store
     try:
-        chain = chain_from_attributes(json.loads((result(path.parent.parent, CHAIN)).read_bytes()))
-    except (PlannerError, OSError, ValueError, KeyError):
+        data = context.pictures.drawn(result(path.parent.parent, CHAIN))
+    except (InputError, ChildError, OSError):
         return None
-    # Drawing brings kernels along that the start of the server need not wait for.
-    from web.pictures.social_picture import social_picture
-
-    data = social_picture(chain)
     if keep:
         with contextlib.suppress(OSError):  # a full disk takes no picture from anybody
             before = path.stat().st_size if path.exists() else 0

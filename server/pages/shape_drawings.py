@@ -16,6 +16,7 @@ from planner.readers import read
 from server.api.context import context_of
 from server.http.security import LISTED
 from web.pictures.isometric_modules import chain_svg
+from web.pictures.shipped import shipped_pictures
 
 if TYPE_CHECKING:
     from server.store.gallery import Gallery, GalleryShape
@@ -39,7 +40,10 @@ async def drawing_of_shape(request: Request, name: str) -> Response:
 
 def drawing_of(gallery: Gallery, name: str, size: int) -> str | None:
     """The drawing of a gallery shape; None when there is no such shape, or it can't be drawn."""
-    return None if gallery.shape(name) is None else _svg_of(gallery, name, size)
+    if gallery.shape(name) is None:
+        return None
+    shipped = shipped_pictures().get(f"{name}-{size}.svg")
+    return _svg_of(gallery, name, size) if shipped is None else shipped.decode()
 
 
 @cache

@@ -262,6 +262,25 @@ def _retimer(*, warm: bool) -> Task:
     return work_out
 
 
+def _pictures(*, warm: bool) -> Task:
+    del warm  # a confined process cannot keep a kernel that it compiles
+    from server.processes.picture_task import draw, warm_up
+
+    warm_up()
+
+    def run(
+        task: str,
+        directory: Path,
+        progress: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        with ThreadPoolExecutor(1) as thread:
+            thread.submit(confine_thread, directory).result()
+            return thread.submit(draw, directory).result()
+
+    return run
+
+
 def _work(kind: str, directory: Path, folders: Sequence[str]) -> Allowed:
     """What a child touches from its first request on."""
     if kind == "movies":
@@ -278,6 +297,7 @@ def task_of(kind: str, *, warm: bool, progress: Report) -> Task:
         "preparer": _preparer,
         "movies": _movies,
         "retimer": _retimer,
+        "pictures": _pictures,
     }
     return kinds[kind](warm=warm)
 

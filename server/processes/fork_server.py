@@ -22,7 +22,7 @@ from typing import Any, BinaryIO, Final, Literal
 
 from server.processes.limits import ChildLimits, environment_of_child
 
-Kind = Literal["stages", "reader", "preparer", "movies", "retimer"]
+Kind = Literal["stages", "reader", "preparer", "movies", "retimer", "pictures"]
 USUAL: Final = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",

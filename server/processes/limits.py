@@ -54,8 +54,8 @@ class ChildLimits:
 AWAITED_NICENESS: Final = 5
 READERS: Final = 2
 """Children that read uploads, and that prepare previews; a visitor has one of each at a time."""
-AWAITED_CHILDREN: Final = 2 * READERS + 1
-"""Children of a web process: one more retimes plans."""
+AWAITED_CHILDREN: Final = 2 * READERS + 2
+"""Number of children of a web process: readers, preparers, one retimer, one for pictures."""
 PR_SET_DUMPABLE: Final = 4
 CHILD_VARIABLES: Final = re.compile(
     r"PATH|HOME|USER|LOGNAME|LANG|LANGUAGE|LC_[A-Z]+|TZ|TMPDIR|TEMP|TMP|VIRTUAL_ENV|DISPLAY"

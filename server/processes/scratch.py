@@ -15,6 +15,10 @@ PLAN: Final = "plan.npz"
 """File of the plan that is retimed in such a directory."""
 MOTORS: Final = "motors"
 """File of its table of motors."""
+CHAIN: Final = "chain.json"
+"""File of the chain whose picture is drawn in such a directory."""
+PICTURE: Final = "picture.png"
+"""File of that picture."""
 
 
 class Scratch:

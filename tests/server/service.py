@@ -54,6 +54,8 @@ class Service:
             "FOLDBACK_NICENESS": "0",
             # Few tests need all kinds of children, each of which takes seconds to start.
             "FOLDBACK_PREWARM": "false",
+            # Lists and counts begin empty.
+            "FOLDBACK_FINISHED_FOLDS": "false",
             # All visitors of a test come from one address, unless it says otherwise.
             "FOLDBACK_REQUESTS_PER_SECOND_OF_VISITOR": "100000",
             "FOLDBACK_REQUESTS_AT_ONCE_OF_VISITOR": "1000000",

@@ -7,9 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from planner import compiler
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
-from planner.chain.module import CUBE
+from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.chain.path import Path
 from tests.planner.lattice import walks
 
@@ -111,3 +112,18 @@ def test_plain_mujoco_puts_the_modules_in_the_same_places(seed: int) -> None:
     poses = forward_kinematics(CUBE, data.qpos)
     np.testing.assert_allclose(poses.positions, data.site_xpos, atol=1e-12)
     np.testing.assert_allclose(poses.rotations.reshape(-1, 9), data.site_xmat, atol=1e-12)
+
+
+@pytest.mark.parametrize(("module", "hinges"), [(CUBE, 18), (TETRAHEDRON, 9)])
+@pytest.mark.parametrize("root", [0, 4])
+def test_forward_kinematics_without_compiler_gives_same_poses(
+    monkeypatch: pytest.MonkeyPatch, module: Module, hinges: int, root: int
+) -> None:
+    angles = np.random.default_rng(1).uniform(-1.5, 1.5, (3, hinges))
+    root_position, root_wxyz = np.full((3, 3), 0.5), np.tile([0.6, 0.0, 0.8, 0.0], (3, 1))
+    pose = {"root": root, "root_position": root_position, "root_wxyz": root_wxyz}
+    compiled = forward_kinematics(module, angles, **pose)
+    monkeypatch.setattr(compiler, "_forbidden", True)
+    plain = forward_kinematics(module, angles, **pose)
+    np.testing.assert_allclose(plain.positions, compiled.positions, atol=1e-13)
+    np.testing.assert_allclose(plain.rotations, compiled.rotations, atol=1e-13)

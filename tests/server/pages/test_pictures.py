@@ -14,26 +14,27 @@ from fastapi import FastAPI
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
-from planner.motion.timeline import chain_attributes
+from planner.motion.timeline import chain_attributes, chain_from_attributes
 from server.files.artifacts import Artifacts
 from server.pages import pictures
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store, new_token
 from tests.server.store.test_rows import row
-from web.pictures import social_picture
+
+
+class Drawn(list[str]):
+    """Names of the chains of which pictures were drawn, each a quick one."""
+
+    def drawn(self, path: Path) -> bytes:
+        chain = chain_from_attributes(json.loads(path.read_bytes()))
+        self.append(chain.name)
+        return f"a picture of {chain.name}".encode()
 
 
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The names of the chains of which pictures were drawn, each a quick one."""
-    found: list[str] = []
-
-    def draw(chain: Chain) -> bytes:
-        found.append(chain.name)
-        return f"a picture of {chain.name}".encode()
-
-    monkeypatch.setattr(social_picture, "social_picture", draw)
-    return found
+def drawn() -> Drawn:
+    """Pictures that are drawn in no time."""
+    return Drawn()
 
 
 def fold_in(store: Store, status: str) -> Path:
@@ -50,12 +51,12 @@ def take(directory: Path, name: str) -> None:
     (directory / "chain.json").write_text(json.dumps(chain_attributes(chain)))
 
 
-def asked(store: Store, directory: Path, times: int = 1) -> list[httpx.Response]:
+def asked(store: Store, directory: Path, drawn: Drawn, times: int = 1) -> list[httpx.Response]:
     """What as many visitors are answered who ask at the same time."""
 
     async def ask() -> list[httpx.Response]:
         app = FastAPI()
-        app.state.context = SimpleNamespace(store=store, artifacts=Artifacts(store))
+        app.state.context = SimpleNamespace(store=store, artifacts=Artifacts(store), pictures=drawn)
         app.include_router(pictures.router)
         transport = httpx.ASGITransport(app)
         async with httpx.AsyncClient(transport=transport, base_url="http://here") as http:
@@ -65,47 +66,47 @@ def asked(store: Store, directory: Path, times: int = 1) -> list[httpx.Response]
     return asyncio.run(ask())
 
 
-def test_a_crowd_gets_one_picture(store: Store, drawn: list[str]) -> None:
+def test_a_crowd_gets_one_picture(store: Store, drawn: Drawn) -> None:
     directory = fold_in(store, "verified")
-    answers = asked(store, directory, 20)
+    answers = asked(store, directory, drawn, 20)
     assert {answer.content for answer in answers} == {b"a picture of first"}
     assert {answer.headers["Cache-Control"] for answer in answers} == {"public, max-age=86400"}
-    asked(store, directory)
+    asked(store, directory, drawn)
     assert drawn == ["first"]
 
 
-def test_while_a_fold_computes_its_picture_is_not_kept(store: Store, drawn: list[str]) -> None:
+def test_while_a_fold_computes_its_picture_is_not_kept(store: Store, drawn: Drawn) -> None:
     directory = fold_in(store, "running")
-    (first,) = asked(store, directory)
+    (first,) = asked(store, directory, drawn)
     assert first.headers["Cache-Control"] == "public, max-age=60"
     assert os.listdir(directory) == ["chain.json"]
     take(directory, "second")
-    (second,) = asked(store, directory)
+    (second,) = asked(store, directory, drawn)
     assert second.content == b"a picture of second"
 
 
-def test_a_picture_of_an_earlier_chain_is_drawn_anew(store: Store, drawn: list[str]) -> None:
+def test_a_picture_of_an_earlier_chain_is_drawn_anew(store: Store, drawn: Drawn) -> None:
     directory = fold_in(store, "verified")
-    asked(store, directory)
+    asked(store, directory, drawn)
     take(directory, "second")
     later = (directory / EXPORTS_DIR / "picture.png").stat().st_mtime + 1.0
     os.utime(directory / "chain.json", (later, later))
-    (answer,) = asked(store, directory)
+    (answer,) = asked(store, directory, drawn)
     assert answer.content == b"a picture of second"
 
 
 def test_a_full_disk_takes_no_picture_away(
-    store: Store, drawn: list[str], monkeypatch: pytest.MonkeyPatch
+    store: Store, drawn: Drawn, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(path: Path, data: bytes) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(pictures, "write_whole", full)
-    (answer,) = asked(store, fold_in(store, "failed"))
+    (answer,) = asked(store, fold_in(store, "failed"), drawn)
     assert (answer.status_code, answer.content) == (200, b"a picture of first")
 
 
-def test_where_there_is_no_chain_there_is_no_picture(store: Store) -> None:
+def test_where_there_is_no_chain_there_is_no_picture(store: Store, drawn: Drawn) -> None:
     directory = fold_in(store, "running")
     (directory / "chain.json").unlink()
-    assert asked(store, directory)[0].status_code == 404
+    assert asked(store, directory, drawn)[0].status_code == 404

@@ -1,0 +1,172 @@
+"""Make the finished folds that ship with the package: server/finished/*.fold.
+
+python examples/make_finished.py [NAME …]
+
+Each is folded by the product. Its record and its simulated errors are then rounded, so that the
+file is small; the plan itself is not. What is rounded is certified once more, as it is shipped.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.certificate.metrics import Figures, write
+from planner.motion.angle_steps import STEP_RAD
+from planner.motion.frames import Frames
+from planner.motion.record import Record
+from planner.motion.timeline import TimelineWriter
+from planner.pipeline import manifest
+from planner.pipeline.fold_directory import read_certificate, read_chain, write_request
+from planner.pipeline.refold import write_start
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stage, run_stages
+from planner.plan.packed import CLEARANCE_STEP, ROOT_STEPS, pack, torque_step, unpack
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback
+from server.api.finished import FOLDER
+from server.store.gallery import Gallery
+
+SHAPES = Path(__file__).parent / "shapes"
+FOLDS: tuple[tuple[str, str | None], ...] = (
+    ("wrench-160", None),
+    ("duck", None),
+    ("tetra-wrench", None),
+    ("tetra-cube-2", None),
+    ("mallet-80", "wrench-80"),
+)
+"""Shapes that are folded, and those that refolds begin as."""
+RECORD_STEP_RAD = STEP_RAD * 2**7
+"""Step of the explosion's angles, 2.4e-5 rad: nobody sees it, and it halves their size."""
+ERROR_STEP_RAD = STEP_RAD * 2**5
+"""Step of the simulated errors, 6e-6 rad: a twentieth of the largest ones."""
+
+
+def fold_into(directory: Path, shape: str, start: str | None) -> None:
+    """Fold a shape as a service would."""
+    path = SHAPES / f"{shape}.json"
+    request = Request(filename=path.name, refold=start is not None)
+    if start is not None:
+        with tempfile.TemporaryDirectory() as place:
+            fold_into(Path(place), start, None)
+            write_start(directory, Plan.load(Path(place) / "plan.npz"))
+    write_request(directory, request, path.read_bytes())
+    run_stages(directory)
+
+
+def in_steps(values: np.ndarray, step: float) -> np.ndarray:
+    """Return values rounded to whole steps; none is −0, which would have bytes of its own."""
+    return np.rint(values / step) * step + 0.0
+
+
+def rounded(frames: Frames, angles_rad: np.ndarray, errors_rad: np.ndarray) -> Frames:
+    """Return frames with other angles and errors, and roots in whole steps."""
+    return replace(
+        frames,
+        joint_angles_rad=angles_rad,
+        joint_error_rad=errors_rad,
+        **{name: in_steps(getattr(frames, name), step) for name, step in ROOT_STEPS.items()},
+    )
+
+
+def round_motion(directory: Path) -> None:
+    """Round the record and the simulated playbacks, and certify them as they are then."""
+    record, playback = (
+        kind.load(directory / f"{kind.__name__.lower()}.npz") for kind in (Record, Playback)
+    )
+    assert isinstance(record, Record) and isinstance(playback, Playback)
+    exploded, played, reference = record.frames, playback.frames, playback.reference_rad
+    assert isinstance(exploded, Frames) and isinstance(played, Frames) and reference is not None
+    wanted = np.rint(reference / STEP_RAD)
+
+    def followed(angles_rad: np.ndarray) -> np.ndarray:
+        """Round towards the largest error that the simulation told, never beyond."""
+        most = np.floor((playback.max_angle_error_rad or np.inf) / ERROR_STEP_RAD)
+        off = np.rint((angles_rad - reference) / ERROR_STEP_RAD).clip(-most, most)
+        return (wanted + off * (ERROR_STEP_RAD / STEP_RAD)) * STEP_RAD + 0.0
+
+    angles = np.rint(exploded.joint_angles_rad / RECORD_STEP_RAD) * (RECORD_STEP_RAD / STEP_RAD)
+    angles = angles * STEP_RAD + 0.0
+    nothing = np.full_like(exploded.joint_error_rad, np.nan)
+    replace(record, frames=rounded(exploded, angles, nothing)).save(directory / "record.npz")
+    simulated = followed(played.joint_angles_rad)
+    others = playback.others_rad
+    playback = replace(
+        playback,
+        frames=rounded(played, simulated, np.abs(simulated - reference)),
+        others_rad=None if others is None else followed(np.asarray(others)),
+    )
+    playback.save(directory / "playback.npz")
+    _write_timeline(directory)
+    run_stage("certify", directory)
+    ends = read_certificate(directory).rms_position_error  # of the rounded angles
+    replace(playback, rms_position_error=ends).save(directory / "playback.npz")
+    run_stage("export", directory)
+    _round_figures(directory)
+    manifest.write_manifest(directory)
+
+
+def _write_timeline(directory: Path) -> None:
+    record, playback = (
+        Record.load(directory / "record.npz"),
+        Playback.load(directory / "playback.npz"),
+    )
+    refold = (directory / "start.json").exists()
+    with TimelineWriter.create(directory / "timeline.zarr", read_chain(directory)) as writer:
+        if not refold:
+            writer.append(record.frames)
+        writer.append(playback.frames)
+
+
+def _round_figures(directory: Path) -> None:
+    """Round what plots show: clearances down, torques to 1/64 of the largest one or less."""
+    path = directory / "figures.zarr"
+    figures = Figures.load(path)
+    step = torque_step(figures.torque_nm.astype(float))
+    down = np.floor(figures.clearance.astype(float) / CLEARANCE_STEP) * CLEARANCE_STEP
+    figures = replace(
+        figures,
+        clearance=down.astype(np.float32),
+        torque_nm=in_steps(figures.torque_nm.astype(float), step).astype(np.float32),
+    )
+    write([figures], len(figures), str(path))
+
+
+def about(directory: Path, shape: str, start: str | None) -> dict[str, Any]:
+    """Return what a service notes of the fold in its row."""
+    known = Gallery().shape(shape)
+    assert known is not None
+    plan = Plan.load(directory / "plan.npz")
+    return {
+        "shape": shape,
+        "name": known.title,
+        "refold": start,
+        "version": plan.versions["foldback"],
+        "summary": plan.summary(),
+    }
+
+
+def main() -> None:
+    """Make all of them, or those that are named."""
+    FOLDER.mkdir(exist_ok=True)
+    for shape, start in FOLDS:
+        name = shape if start is None else f"{start}-to-{shape}"
+        if sys.argv[1:] and name not in sys.argv[1:]:
+            continue
+        with tempfile.TemporaryDirectory() as place, tempfile.TemporaryDirectory() as again:
+            fold_into(Path(place), shape, start)
+            round_motion(Path(place))
+            data = pack(Path(place), about(Path(place), shape, start))
+            unpack(data, Path(again))
+            assert manifest.changed_fields(Path(again)) == []
+        (FOLDER / f"{name}.fold").write_bytes(data)
+        print(f"{name}: {len(data) / 1e3:.0f} kB", flush=True)
+
+
+if __name__ == "__main__":
+    main()

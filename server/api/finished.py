@@ -1,0 +1,135 @@
+"""Finished folds: a few that come with the package, so that a new service has something to show.
+
+``examples/make_finished.py`` makes them. Each is imported once into a database: an operator who
+deletes one does not get it again. They belong to nobody and count for no quota.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Sequence
+from hashlib import sha256
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import sqlalchemy as sa
+from sqlalchemy.exc import IntegrityError
+
+from planner.files import settle
+from planner.plan.packed import unpack
+from server.api.submit import Submission
+from server.files.uploads import Upload
+from server.processes.scratch import Scratch
+from server.store.folds import Store, new_id
+from server.store.tables import CounterRow, FoldRow
+
+if TYPE_CHECKING:
+    from server.settings import Settings
+    from server.store.gallery import Gallery
+
+FOLDER: Final = Path(str(files("server"))) / "finished"
+VISITOR: Final = "the service itself"
+log = logging.getLogger("foldback.web")
+
+
+def import_finished(settings: Settings, store: Store, gallery: Gallery) -> Sequence[str]:
+    """Import the finished folds that this database has not had yet; return their names.
+
+    One that cannot be imported, as on a full disk, is left for the next start.
+    """
+    names: list[str] = []
+    scratch = Scratch(settings.scratch_dir)
+    for path in sorted(FOLDER.glob("*.fold")):
+        try:
+            if _import(path, store, gallery, scratch):
+                names.append(path.stem)
+        except Exception:  # what is shown besides folds of one's own must not keep it from starting
+            log.exception("the finished fold %s could not be imported", path.stem)
+    return names
+
+
+def _import(path: Path, store: Store, gallery: Gallery, scratch: Scratch) -> bool:
+    mark = f"finished {path.stem}"[:32]
+    with store.reading() as session:
+        if session.get(CounterRow, mark) is not None:
+            return False
+    with scratch.directory() as place:
+        folder = place / "fold"
+        folder.mkdir()
+        about = unpack(path.read_bytes(), folder)
+        settle(folder)
+        key = _content_key(about, folder, gallery)
+        fold_id = new_id()
+        store.folders.adopt(folder, fold_id)
+    try:
+        with store.changing() as session:
+            session.add(CounterRow(name=mark, value=1))
+            session.flush()
+            known = sa.select(FoldRow.id).where(FoldRow.content_key == key)
+            wanted = key is None or session.scalar(known) is None
+            if wanted:  # else somebody has folded it here already
+                session.add(_row(fold_id, about, key))
+    except IntegrityError:  # another process was quicker
+        wanted = False
+    except BaseException:
+        store.folders.remove(fold_id)
+        raise
+    if not wanted:
+        store.folders.remove(fold_id)
+    return wanted
+
+
+def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str | None:
+    """Return the key under which a visitor's wish for the same fold finds it.
+
+    None for a refold, which is asked for with a fold to begin with, and where the gallery has
+    another shape of that name by now.
+    """
+    shape = gallery.shape(str(about["shape"]))
+    if about["refold"] is not None or shape is None:
+        return None
+    if (folder / "input").read_bytes() != shape.data:
+        return None
+    digest = sha256(shape.data).hexdigest()
+    asked = Submission(
+        upload=Upload(
+            directory=folder, filename=shape.filename, digest=digest, size=len(shape.data)
+        ),
+        shape=shape.name,
+        preset=about["summary"]["preset"],
+        seed=about["summary"]["seed"],
+        module_size=None,
+        visitor=VISITOR,
+        token="",
+    )
+    return asked.content_key
+
+
+def _row(fold_id: str, about: dict[str, Any], content_key: str | None) -> FoldRow:
+    """Return the row of a finished fold; it takes no bytes of any quota and never expires."""
+    now, summary = time.time(), about["summary"]
+    return FoldRow(
+        id=fold_id,
+        name=about["name"],
+        status="verified",
+        stage="export",
+        created_at=now,
+        started_at=None,
+        ended_at=now,
+        modules=summary["modules"],
+        module=summary["module"],
+        shape=about["shape"] if about["refold"] is None else None,
+        public=True,
+        pinned=True,
+        preset=summary["preset"],
+        seed=summary["seed"],
+        module_size=None,
+        content_key=content_key,
+        visitor=VISITOR,
+        progress={},
+        summary={**summary, "included": {"version": about["version"]}},
+        error=None,
+        refold=about["refold"],
+    )

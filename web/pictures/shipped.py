@@ -1,0 +1,22 @@
+"""Shipped pictures: drawings of what comes with the package, made by ``examples/make_pictures.py``.
+
+A page that shows them computes nothing. The test of that script draws them again and compares.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Final
+from zipfile import ZipFile
+
+ARCHIVE: Final = Path(__file__).parents[1] / "pictures.zip"
+
+
+@cache
+def shipped_pictures() -> dict[str, bytes]:
+    """Return the files of ``ARCHIVE`` by name; empty where the archive was not made yet."""
+    if not ARCHIVE.is_file():
+        return {}
+    with ZipFile(ARCHIVE) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
