@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import hmac
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,6 +19,7 @@ from server.http.client_address import address_of
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
 from server.jobs.remaining import Remaining
+from server.limits.networks import hidden
 from server.limits.quota import Quota
 from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
@@ -66,9 +65,8 @@ class Context:
     secret: bytes
 
     def visitor(self, request: Request) -> str:
-        """A name for who asks, which does not give the address away."""
-        address = address_of(request)
-        return hmac.new(self.secret, address.encode(), hashlib.sha256).hexdigest()[:32]
+        """Return the visitor's name with its networks, without revealing the address."""
+        return hidden(address_of(request), self.secret)
 
 
 def context_of(request: Request) -> Context:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from server.errors import TooMany
-from server.http.client_address import visitor_at
+from server.limits.networks import visitor_at
 from server.limits.quota import Permit, Quota
 
 if TYPE_CHECKING:

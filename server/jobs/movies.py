@@ -22,6 +22,8 @@ from sqlalchemy.orm import Session
 from planner.pipeline.attempt_folders import TIMELINE, result
 from server.errors import Conflict, NoRoom, NoSuch, NotFound, TooMany, Unavailable
 from server.jobs.queue import Jobs
+from server.limits.networks import networks_of
+from server.limits.quota import Holder, network_share
 from server.settings import Settings
 from server.store.folds import Store, hash_of, new_id, new_token
 from server.store.object_store import StorageError
@@ -253,14 +255,21 @@ class Movies:
         making = session.scalars(
             sa.select(MovieRow.visitor).where(MovieRow.status.in_(MAKING))
         ).all()
-        own, others = making.count(visitor) - 1, len(making) - 1
-        if own >= settings.movies_waiting_of_visitor:
-            raise TooMany(
-                "too-many-movies",
-                f"{own} movies of yours are being made, which is the most there may be; wait for "
-                "one, or delete it.",
-                retry_after_s=RETRY_AFTER_S,
-            )
+        others = len(making) - 1
+        share = network_share(settings.movies_waiting, settings.movies_waiting_of_visitor)
+        bounds = {
+            visitor: (Holder.VISITOR, settings.movies_waiting_of_visitor),
+            **dict.fromkeys(networks_of(visitor), (Holder.NETWORK, share)),
+        }
+        for group, (holder, most) in bounds.items():
+            count = sum(group in (name, *networks_of(name)) for name in making) - 1
+            if most is not None and count >= most:
+                raise TooMany(
+                    "too-many-movies",
+                    f"{count} movies {holder} are being made, which is the most there may be; "
+                    "wait for one, or delete it.",
+                    retry_after_s=RETRY_AFTER_S,
+                )
         if others >= settings.movies_waiting:
             raise Unavailable(
                 "busy",

@@ -1,7 +1,12 @@
-"""Quotas: at most so much at once, in all and of one visitor; some of it may wait for its turn.
+"""Quotas: bounds on what is held at once, in total, of a visitor and of a network.
 
-Visitors take turns: whoever asks for ten things waits for nine of them as long as others wait, and
-others wait for one of his.
+Three rules share a quota out:
+
+- A visitor holds at most ``per_visitor``, and each network around it (``server.limits.networks``)
+  at most half of the total.
+- When the total is reached, a newcomer displaces the newest permit of the network that holds the
+  most, as long as that network then still holds no less than the newcomer's.
+- Permits that wait begin in turn: networks one after the other, and within a network visitors.
 """
 
 from __future__ import annotations
@@ -11,30 +16,60 @@ import time
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from enum import StrEnum
 from typing import Final
 
 from server.errors import ServiceError, TooMany, Unavailable
+from server.limits.networks import networks_of
 
 CLOSED_RETRY_S: Final = 10
 MADE_RETRY_S: Final = 5
 TURN_TIMEOUT_S: Final = 10.0
 LOOK_EVERY_S: Final = 0.1
+NETWORK_PART: Final = 2
+"""Denominator of the part of a total that one network may hold. A larger value leaves more to
+others and less to a school behind one network. Chosen."""
+
+
+class Holder(StrEnum):
+    """Holder of the permits that fill a quota, in the words of a refusal."""
+
+    VISITOR = "of yours"
+    NETWORK = "from your network"
+    ALL = "in all"
 
 
 class Permit:
-    """What somebody has of a quota, until he leaves it; once at most."""
+    """A share of a quota, until it is given back or displaced.
+
+    Attributes:
+        visitor: Its holder; None for operators and proxies.
+        displaced: True once a newcomer has got its place.
+    """
 
     def __init__(
-        self, quota: Quota, visitor: str | None, begin: Callable[[Permit], object]
+        self,
+        quota: Quota,
+        visitor: str | None,
+        begin: Callable[[Permit], object],
+        end: Callable[[], object] | None,
     ) -> None:
         self._quota = quota
         self.visitor = visitor
+        self.groups = () if visitor is None else (*networks_of(visitor), visitor)
         self.begin = begin
+        self.end = end
         self.going = False
+        self.held = True
+        self.displaced = False
 
     def leave(self) -> None:
-        """Makes room for somebody else."""
+        """Give the permit back; a second call does nothing."""
         self._quota.leave(self)
+
+    def keep(self) -> None:
+        """Exclude the permit from displacement from now on."""
+        self._quota.keep(self)
 
     def __enter__(self) -> Permit:
         return self
@@ -47,14 +82,14 @@ class Quota:
     """Counts permits. Safe to use from many threads.
 
     Args:
-        what: What the permits are for, in the plural.
-        total: Permits, those that wait included; no bound when None.
-        per_visitor: How many of these one visitor may have; operators have no such bound.
-        at_once: How many of them go on at once, while the others wait; all when None.
-        at_once_per_visitor: Of those that go on, of one visitor; all when None.
-        timeout_s: How long one may wait in ``turn``.
-        refuse: What is raised when there is no permit: told how many are taken, and whether by the
-            visitor himself.
+        what: Name of what the permits are for, in the plural.
+        total: Maximum number of permits, waiting ones included; unbounded when None.
+        per_visitor: Maximum of one visitor; operators have no such bound.
+        at_once: Maximum number that are active at once while the others wait; all when None.
+        at_once_per_visitor: Maximum of one visitor's that are active at once; all when None. One
+            network then leaves at least one place to others.
+        timeout_s: Longest wait in ``turn``.
+        refuse: Makes the error for a full quota from the number of permits and their holder.
     """
 
     def __init__(
@@ -66,123 +101,243 @@ class Quota:
         at_once: int | None = None,
         at_once_per_visitor: int | None = None,
         timeout_s: float = TURN_TIMEOUT_S,
-        refuse: Callable[[int, bool], ServiceError] | None = None,
+        refuse: Callable[[int, Holder], ServiceError] | None = None,
     ) -> None:
         self._what = what
         self._total = total
         self._per_visitor = per_visitor
+        self._per_network = network_share(total, per_visitor)
         self._at_once = at_once
         self._at_once_per_visitor = at_once_per_visitor
         self._timeout_s = timeout_s
         self._refuse = refuse or (self._too_many if at_once is None else self._too_busy)
         self._lock = threading.Lock()
         self._count = self._going_count = 0
-        self._held: Counter[str | None] = Counter()
-        self._going: Counter[str | None] = Counter()
-        self._line: OrderedDict[str | None, deque[Permit]] = OrderedDict()
-        """Who waits, by visitor; the visitor whose turn was longest ago comes first."""
+        self._held: Counter[str] = Counter()
+        """Permits of each visitor and each network."""
+        self._going: Counter[str] = Counter()
+        self._line: OrderedDict[str | None, OrderedDict[str | None, deque[Permit]]] = OrderedDict()
+        """Waiting permits by widest network and visitor; the least recently served comes first."""
+        self._displaceable: dict[str, dict[Permit, None]] = {}
+        """Permits that a newcomer may displace, by visitor, the oldest first."""
 
     def __len__(self) -> int:
-        """How many permits are taken."""
+        """Return the number of permits that are held."""
         return self._count
 
     def enter(
-        self, visitor: str | None, begin: Callable[[Permit], object] = lambda permit: None
+        self,
+        visitor: str | None,
+        begin: Callable[[Permit], object] = lambda permit: None,
+        *,
+        end: Callable[[], object] | None = None,
     ) -> Permit:
-        """Takes a permit.
+        """Return a new permit.
 
         Args:
-            visitor: Whose it is.
-            begin: Called with the permit when it is its turn, by whoever made room; must not wait.
+            visitor: Its holder.
+            begin: Called with the permit when its turn has come; must not wait.
+            end: Called when a newcomer displaces the permit; must not wait, and may be called in
+                another thread. Without it a permit is never displaced. Where permits wait for
+                their turn, active ones are never displaced.
 
         Raises:
-            ServiceError: When there is none.
+            ServiceError: If the quota is full.
         """
-        permit = Permit(self, visitor, begin)
+        permit = Permit(self, visitor, begin, end)
         with self._lock:
-            own = self._held[visitor]
-            if visitor is not None and own >= self._per_visitor:
-                raise self._refuse(own, True)
-            if self._total is not None and self._count >= self._total:
-                raise self._refuse(self._count, False)
+            victim = self._check(permit)
+            if victim is not None:
+                victim.displaced = True
+                self._remove(victim)
             self._count += 1
-            self._held[visitor] += 1
-            self._line.setdefault(visitor, deque()).append(permit)
+            self._held.update(permit.groups)
+            site = permit.groups[0] if permit.groups else None
+            self._line.setdefault(site, OrderedDict()).setdefault(visitor, deque()).append(permit)
+            if end is not None and visitor is not None:
+                self._displaceable.setdefault(visitor, {})[permit] = None
             self._admit()
+        if victim is not None and victim.end is not None:
+            victim.end()
         return permit
 
     @contextmanager
     def turn(self, visitor: str, *, unwanted: Callable[[], bool] | None = None) -> Generator[None]:
-        """Waits for a visitor's turn, which lasts as long as the context.
+        """Wait for a visitor's turn, which lasts as long as the context.
 
         Args:
-            visitor: Whose turn.
-            unwanted: Asked often while it waits; once True, nobody wants it any more.
+            visitor: The visitor.
+            unwanted: Polled during the wait; the wait ends once it returns True.
 
         Raises:
-            ServiceError: When there is no permit, or not in time, or nobody wants it any more.
+            ServiceError: If the quota is full, the wait takes too long, is no longer wanted, or
+                its place went to a visitor of another network.
         """
         begun = threading.Event()
-        with self.enter(visitor, lambda _: begun.set()):
+        with self.enter(visitor, lambda _: begun.set(), end=begun.set) as permit:
             deadline = time.monotonic() + self._timeout_s
             while not begun.wait(min(LOOK_EVERY_S, self._timeout_s)):
                 if unwanted is not None and unwanted():
                     raise Unavailable("gone", "Nobody waited for this any more.")
                 if time.monotonic() >= deadline:
                     raise _busy(Unavailable, f"Others are having {self._what} made")
+            if permit.displaced:
+                raise self._refuse(self._count, Holder.ALL)
             yield
 
     def leave(self, permit: Permit) -> None:
-        """Gives a permit back, whether it waits or goes on."""
-        visitor = permit.visitor
+        """Give a permit back, waiting or active."""
         with self._lock:
-            self._count -= 1
-            self._held[visitor] -= 1
-            if permit.going:
-                self._going_count -= 1
-                self._going[visitor] -= 1
-            else:
-                self._line[visitor].remove(permit)
-                if not self._line[visitor]:
-                    del self._line[visitor]
-            for counts in (self._held, self._going):
-                if not counts[visitor]:
-                    del counts[visitor]
-            self._admit()
+            if permit.held:
+                self._remove(permit)
+                self._admit()
+
+    def keep(self, permit: Permit) -> None:
+        """Exclude a permit from displacement."""
+        with self._lock:
+            self._forget_displaceable(permit)
+
+    def _check(self, newcomer: Permit) -> Permit | None:
+        """Return the permit that a newcomer displaces, None if there is room.
+
+        Raises:
+            ServiceError: If there is neither.
+        """
+        if newcomer.groups:
+            own = self._held[newcomer.groups[-1]]
+            if own >= self._per_visitor:
+                raise self._refuse(own, Holder.VISITOR)
+        full, holder = self._full_group(newcomer)
+        if holder is None:
+            return None
+        victim = self._victim(newcomer, full)
+        if victim is None:
+            count = self._count if full is None else self._held[full]
+            raise self._refuse(count, holder)
+        return victim
+
+    def _full_group(self, newcomer: Permit) -> tuple[str | None, Holder | None]:
+        """Return the narrowest full network around a newcomer, else that the total is reached."""
+        for network in reversed(newcomer.groups[:-1]):
+            if self._per_network is not None and self._held[network] >= self._per_network:
+                return network, Holder.NETWORK
+        full = self._total is not None and self._count >= self._total
+        return None, Holder.ALL if full else None
+
+    def _victim(self, newcomer: Permit, network: str | None) -> Permit | None:
+        """Return the permit that a newcomer displaces, if there is one.
+
+        Args:
+            newcomer: The permit that finds no room.
+            network: The network that is full; None for the total.
+        """
+        heaviest: tuple[tuple[int, ...], Permit] | None = None
+        for permits in self._displaceable.values():
+            permit = next(reversed(permits))
+            if network is not None and network not in permit.groups:
+                continue
+            apart = _first_difference(permit.groups, newcomer.groups)
+            if apart is None:
+                continue
+            own = self._held[newcomer.groups[apart]] if apart < len(newcomer.groups) else 0
+            if self._held[permit.groups[apart]] <= own + 1:
+                continue
+            weight = tuple(self._held[group] for group in permit.groups)
+            if heaviest is None or weight > heaviest[0]:
+                heaviest = weight, permit
+        return None if heaviest is None else heaviest[1]
+
+    def _remove(self, permit: Permit) -> None:
+        """Forget a permit; called with the lock held."""
+        permit.held = False
+        self._count -= 1
+        self._held.subtract(permit.groups)
+        if permit.going:
+            self._going_count -= 1
+            self._going.subtract(permit.groups)
+        else:
+            site = permit.groups[0] if permit.groups else None
+            visitors = self._line[site]
+            visitors[permit.visitor].remove(permit)
+            if not visitors[permit.visitor]:
+                del visitors[permit.visitor]
+            if not visitors:
+                del self._line[site]
+        for counts in (self._held, self._going):
+            for group in permit.groups:
+                if not counts[group]:
+                    del counts[group]
+        self._forget_displaceable(permit)
+
+    def _forget_displaceable(self, permit: Permit) -> None:
+        if permit.visitor in self._displaceable:
+            permits = self._displaceable[permit.visitor]
+            permits.pop(permit, None)
+            if not permits:
+                del self._displaceable[permit.visitor]
 
     def _admit(self) -> None:
-        """Lets begin whose turn it is; called with the lock held."""
+        """Begin the permits whose turn has come; called with the lock held."""
         while self._at_once is None or self._going_count < self._at_once:
-            visitor = next((v for v in self._line if self._may_begin(v)), ...)
-            if visitor is ...:
+            permit = self._next()
+            if permit is None:
                 return
-            waiting = self._line[visitor]
-            permit = waiting.popleft()
-            if waiting:
-                self._line.move_to_end(visitor)
-            else:
-                del self._line[visitor]
             self._going_count += 1
-            self._going[visitor] += 1
+            self._going.update(permit.groups)
             permit.going = True
+            if self._at_once is not None:
+                self._forget_displaceable(permit)
             permit.begin(permit)
 
-    def _may_begin(self, visitor: str | None) -> bool:
-        most = self._at_once_per_visitor
-        return most is None or self._going[visitor] < most
+    def _next(self) -> Permit | None:
+        """Take the permit whose turn has come out of the line."""
+        for site, visitors in self._line.items():
+            for visitor, waiting in visitors.items():
+                if not self._may_begin(waiting[0]):
+                    continue
+                permit = waiting.popleft()
+                visitors.move_to_end(visitor)
+                if not waiting:
+                    del visitors[visitor]
+                self._line.move_to_end(site)
+                if not visitors:
+                    del self._line[site]
+                return permit
+        return None
 
-    def _too_many(self, count: int, own: bool) -> TooMany:
+    def _may_begin(self, permit: Permit) -> bool:
+        most = self._at_once_per_visitor
+        if most is None or self._at_once is None or not permit.groups:
+            return True
+        *networks, visitor = permit.groups
+        share = max(most, self._at_once - 1)
+        return self._going[visitor] < most and all(self._going[n] < share for n in networks)
+
+    def _too_many(self, count: int, holder: Holder) -> TooMany:
         return TooMany(
             f"too-many-{self._what.rpartition(' ')[2]}",
-            f"{count} {self._what} {'of yours' if own else 'in all'} are open, which is the most "
+            f"{count} {self._what} {holder} are open, which is the most "
             f"there may be; close one, or try again in {CLOSED_RETRY_S} s.",
             retry_after_s=CLOSED_RETRY_S,
         )
 
-    def _too_busy(self, count: int, own: bool) -> ServiceError:
-        if own:
-            return _busy(TooMany, f"{count} {self._what} of yours are being made")
-        return _busy(Unavailable, f"{count} {self._what} of others are being made")
+    def _too_busy(self, count: int, holder: Holder) -> ServiceError:
+        if holder is Holder.ALL:
+            return _busy(Unavailable, f"{count} {self._what} of others are being made")
+        return _busy(TooMany, f"{count} {self._what} {holder} are being made")
+
+
+def network_share(total: int | None, per_visitor: int) -> int | None:
+    """Return the number of permits that one network may hold, None for no bound."""
+    return None if total is None else max(per_visitor, total // NETWORK_PART)
+
+
+def _first_difference(one: tuple[str, ...], other: tuple[str, ...]) -> int | None:
+    """Return the index of the first group that two visitors do not share; None if all are."""
+    for k, group in enumerate(one):
+        if k >= len(other) or group != other[k]:
+            return k
+    return None
 
 
 def _busy(kind: type[ServiceError], why: str) -> ServiceError:

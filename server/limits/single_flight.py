@@ -12,7 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Final, TypeVar
 
 from server.errors import ServiceError, TooMany, Unavailable
-from server.limits.quota import Permit, Quota
+from server.limits.quota import Holder, Permit, Quota
 
 RETRY_AFTER_S: Final = 3
 Thing = TypeVar("Thing")
@@ -29,14 +29,15 @@ class SingleFlight:
     """
 
     def __init__(self, what: str, *, at_once: int, total: int, per_visitor: int) -> None:
-        def busy(count: int, own: bool) -> ServiceError:
-            return (TooMany if own else Unavailable)(
+        def busy(count: int, holder: Holder) -> ServiceError:
+            whose = "" if holder is Holder.ALL else f" {holder}"
+            return (Unavailable if holder is Holder.ALL else TooMany)(
                 "busy",
-                f"{count} other {what}{' of yours' if own else ''} are being made; "
-                "try again in a moment.",
+                f"{count} other {what}{whose} are being made; try again in a moment.",
                 retry_after_s=RETRY_AFTER_S,
             )
 
+        self._busy = busy
         self._quota = Quota(
             what, total=total, per_visitor=per_visitor, at_once=at_once, refuse=busy
         )
@@ -90,7 +91,11 @@ class SingleFlight:
             if not making.cancelled():
                 making.exception()  # whoever waited was told; nobody may be left
 
-        self._quota.enter(visitor, begin)
+        def displaced() -> None:
+            if made.set_running_or_notify_cancel():
+                made.set_exception(self._busy(len(self._quota), Holder.ALL))
+
+        self._quota.enter(visitor, begin, end=displaced)
         making = asyncio.wrap_future(made)
         self._making[key] = made, making
         making.add_done_callback(done)

@@ -1,4 +1,4 @@
-"""Token buckets: how many requests a visitor may make a second, and at once after a while."""
+"""Token buckets: rates of visitors and of the networks around them."""
 
 from __future__ import annotations
 
@@ -8,18 +8,23 @@ from typing import Final
 
 from cachetools import LRUCache
 
+from server.limits.networks import networks_of
+
 MOST_VISITORS: Final = 50_000
-"""Visitors whose buckets are remembered; one that is forgotten begins with a full one."""
+"""Visitors and networks whose buckets are remembered; a forgotten one starts with a full bucket."""
+NETWORK_FACTOR: Final = 2.0
+"""Rate and burst of a network as a multiple of one visitor's. A larger value gives a school behind
+one network more, and an attacker with many addresses as well. Chosen."""
 
 
 class TokenBuckets:
-    """A bucket of tokens for each visitor, which fills up by the second. Belongs to one thread.
+    """A bucket of tokens for each visitor and each network around it. Belongs to one thread.
 
     Args:
-        rate: Tokens a second.
-        burst: Tokens in a full bucket.
-        most: Buckets that are remembered.
-        clock: What time it is, in seconds.
+        rate: Tokens per second of a visitor; a network gets ``NETWORK_FACTOR`` times as many.
+        burst: Tokens in a visitor's full bucket.
+        most: Maximum number of buckets that are remembered.
+        clock: Returns the time in seconds.
     """
 
     def __init__(
@@ -34,16 +39,43 @@ class TokenBuckets:
         self._burst = burst
         self._clock = clock
         self._buckets: LRUCache[str, tuple[float, float]] = LRUCache(most)
-        """Tokens and when they were counted, by visitor."""
+        """Tokens and when they were counted, by visitor and network."""
 
     def __len__(self) -> int:
         return len(self._buckets)
 
     def take(self, visitor: str) -> float:
-        """Takes a token of a visitor's; 0, or in how many seconds there is one if there is none."""
+        """Take one token of a visitor and its networks.
+
+        Returns:
+            0, or the seconds until all of them have one; then none is taken.
+        """
         now = self._clock()
-        tokens, at = self._buckets.get(visitor, (self._burst, now))
-        tokens = min(self._burst, tokens + (now - at) * self._rate)
-        wait_s = max(0.0, (1.0 - tokens) / self._rate)
-        self._buckets[visitor] = (tokens if wait_s else tokens - 1.0, now)
+        buckets = self._tokens(visitor, now)
+        wait_s = max(max(0.0, (1.0 - tokens) / rate) for _, tokens, rate in buckets)
+        for name, tokens, _ in buckets:
+            self._buckets[name] = (tokens if wait_s else tokens - 1.0, now)
         return wait_s
+
+    def charge(self, visitor: str, amount: float) -> float:
+        """Take tokens for what has happened already, also if there are too few.
+
+        Returns:
+            The seconds until no bucket is in debt.
+        """
+        now = self._clock()
+        wait_s = 0.0
+        for name, tokens, rate in self._tokens(visitor, now):
+            self._buckets[name] = (tokens - amount, now)
+            wait_s = max(wait_s, (amount - tokens) / rate)
+        return wait_s
+
+    def _tokens(self, visitor: str, now: float) -> list[tuple[str, float, float]]:
+        """Return the name, tokens and rate of a visitor's bucket and those of its networks."""
+        factors = {visitor: 1.0, **dict.fromkeys(networks_of(visitor), NETWORK_FACTOR)}
+        found: list[tuple[str, float, float]] = []
+        for name, factor in factors.items():
+            burst, rate = factor * self._burst, factor * self._rate
+            tokens, at = self._buckets.get(name, (burst, now))
+            found.append((name, min(burst, tokens + (now - at) * rate), rate))
+        return found

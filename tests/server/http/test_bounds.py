@@ -56,11 +56,12 @@ def test_event_streams_are_bounded(
 @pytest.mark.parametrize(
     ("host", "address"),
     [
-        ("203.0.113.7", "203.0.113.7"),
-        ("::ffff:203.0.113.7", "203.0.113.7"),
-        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::/64"),
-        ("fe80::1%eth0", "fe80::/64"),
+        ("203.0.113.7", "203.0.113.0/24|203.0.113.7"),
+        ("::ffff:203.0.113.7", "203.0.113.0/24|203.0.113.7"),
+        ("2001:db8:1:2ff:3:4:5:6", "2001:db8:1::/48|2001:db8:1:200::/56|2001:db8:1:2ff::/64"),
+        ("fe80::1%eth0", "fe80::/48|fe80::/56|fe80::/64"),
         ("testclient", "testclient"),
+        ("a|b", "ab"),
     ],
 )
 def test_all_addresses_of_one_visitor_are_one(host: str, address: str) -> None:

@@ -31,7 +31,7 @@ def test_robots_whose_motions_are_not_worked_out_yet_hold_nobody_up(
     with ExitStack() as stack:
         robots = [
             stack.enter_context(
-                connect(f"{play}?max_speed={1 + k}", additional_headers=from_address(f"10.8.0.{k}"))
+                connect(f"{play}?max_speed={1 + k}", additional_headers=from_address(f"10.8.{k}.1"))
             )
             for k in range(12)
         ]

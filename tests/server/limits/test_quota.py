@@ -38,9 +38,12 @@ def test_one_visitor_cannot_take_all_places() -> None:
         others.append(threads.submit(work, "b"))
         while len(quota) < 3:
             pass
-        with pytest.raises(Unavailable, match="of others") as full, quota.turn("c"):
-            pass
+        others.append(threads.submit(work, "c"))  # gets the place of the one that a has in excess
+        with pytest.raises(Unavailable, match="of others") as full:
+            others.pop(0).result(30.0)
         assert full.value.code == "busy"
+        with pytest.raises(Unavailable, match="of others"), quota.turn("d"):
+            pass
         go_on.set()
         for done in (first, *others):
             done.result(30.0)

@@ -17,6 +17,7 @@ from server.jobs import movie_runner, progress
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.movies import Movies, MovieState, NoSuchMovieError
 from server.jobs.queue import Jobs
+from server.limits.networks import visitor_at
 from server.settings import Settings
 from server.store.folds import Store, new_token
 from server.store.owned import change_fold
@@ -134,6 +135,18 @@ def test_the_bounds_hold_over_all_processes(processes: Callable[..., list[Proces
     assert there.movies.ask("a1", MOVIES[0], "somebody")[1] is None
     jobs_of(here, "UPDATE workflow_status SET status = 'ERROR'")
     assert there.movies.ask("a1", MOVIES[2], "somebody")[1]
+
+
+def test_movies_of_one_network_leave_room_for_others(
+    processes: Callable[..., list[Process]],
+) -> None:
+    here, there = processes(movies_waiting_of_visitor=1, movies_waiting=4)
+    home = [visitor_at(f"2001:db8:1:{k}::1") for k in range(3)]
+    here.movies.ask("a1", MOVIES[0], home[0])
+    there.movies.ask("a1", MOVIES[1], home[1])
+    with pytest.raises(TooMany, match="from your network"):
+        here.movies.ask("a1", MOVIES[2], home[2])
+    assert here.movies.ask("a1", MOVIES[2], visitor_at("2001:db8:2::1"))[1]
 
 
 def test_a_job_that_is_lost_fails_its_movie_and_may_be_asked_for_again(
