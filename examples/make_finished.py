@@ -35,7 +35,7 @@ from server.store.gallery import Gallery
 SHAPES = Path(__file__).parent / "shapes"
 FOLDS: tuple[tuple[str, str | None], ...] = (
     ("wrench-160", None),
-    ("duck", None),
+    ("pawn", None),
     ("tetra-wrench", None),
     ("tetra-cube-2", None),
     ("mallet-80", "wrench-80"),
