@@ -15,6 +15,7 @@ from server.pages.cards import included_folds
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.gallery import Gallery
+from tests.server.bucket import Bucket
 
 NAMES = sorted(path.stem for path in FOLDER.glob("*.fold"))
 SMALL = "tetra-cube-2"
@@ -62,14 +63,34 @@ def test_import_of_finished_folds_twice_and_after_deletion_brings_nothing(
     assert len(included_folds(store)) == 4
 
 
-def test_import_of_damaged_finished_fold_leaves_service_with_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+@pytest.fixture
+def small_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folder of finished folds with the smallest one alone."""
     folder = tmp_path / "finished"
     folder.mkdir()
     (folder / f"{SMALL}.fold").write_bytes((FOLDER / f"{SMALL}.fold").read_bytes())
-    (folder / "broken.fold").write_bytes(b"no archive")
     monkeypatch.setattr("server.api.finished.FOLDER", folder)
+    return folder
+
+
+@pytest.mark.usefixtures("small_folder")
+def test_import_of_finished_fold_into_bucket_serves_same_files(
+    bucket: Bucket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in bucket.environment.items():
+        monkeypatch.setenv(name, value)
+    settings = Settings(data_dir=tmp_path / "data", storage_url=bucket.bucket())
+    store = Store(settings)
+    assert import_finished(settings, store, Gallery()) == [SMALL]
+    (row,) = store.list_public()
+    assert manifest.changed_fields(store.directory(row.id)) == []
+    store.close()
+
+
+def test_import_of_damaged_finished_fold_leaves_service_with_others(
+    small_folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (small_folder / "broken.fold").write_bytes(b"no archive")
     settings = Settings(data_dir=tmp_path / "data")
     store = Store(settings)
     assert import_finished(settings, store, Gallery()) == [SMALL]
