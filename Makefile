@@ -96,8 +96,8 @@ audit: $(STAMP) ## Known faults in code and dependencies
 deploy-check: $(STAMP) ## Build the image's steps for real (root, Debian, minutes)
 	@$(BIN)/python tests/deploy/build.py
 
-bench: $(STAMP) ## The figures: a table, and JSON in out/
-	@$(BIN)/python -m tests.benchmarks
+bench: $(STAMP) ## The figures: a table, and JSON in out/ (ARGS="--only first")
+	@$(BIN)/python -m tests.benchmarks $(ARGS)
 
 success-map: $(STAMP) ## The map of the page /benchmarks: runs what is missing, draws it
 	@$(BIN)/python -m tests.benchmarks.success_map

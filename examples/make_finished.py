@@ -35,7 +35,7 @@ from server.store.gallery import Gallery
 SHAPES = Path(__file__).parent / "shapes"
 FOLDS: tuple[tuple[str, str | None], ...] = (
     ("wrench-160", None),
-    ("duck", None),
+    ("pawn", None),
     ("tetra-wrench", None),
     ("tetra-cube-2", None),
     ("mallet-80", "wrench-80"),
@@ -83,6 +83,7 @@ def round_motion(directory: Path) -> None:
     exploded, played, reference = record.frames, playback.frames, playback.reference_rad
     assert isinstance(exploded, Frames) and isinstance(played, Frames) and reference is not None
     wanted = np.rint(reference / STEP_RAD)
+    reference = np.asarray(reference) + 0.0
 
     def followed(angles_rad: np.ndarray) -> np.ndarray:
         """Round towards the largest error that the simulation told, never beyond."""
@@ -99,6 +100,7 @@ def round_motion(directory: Path) -> None:
     playback = replace(
         playback,
         frames=rounded(played, simulated, np.abs(simulated - reference)),
+        reference_rad=reference,
         others_rad=None if others is None else followed(np.asarray(others)),
     )
     playback.save(directory / "playback.npz")

@@ -286,6 +286,7 @@ interface Facts {
   compare: Way[];
   embed: string | null;
   kept: string | null;
+  made: string | null; // by which version, of a fold that came with the package
   movies: boolean;
   robot: boolean;
   files: FileTold[];
@@ -297,7 +298,9 @@ interface Facts {
 // Answers of the API.
 
 interface Refused { code?: string; detail?: string; where?: string }
+interface Preparing { fraction: number; remaining_s: number | null }
 interface ProgressTold {
+  preparing?: Preparing | null; // while the solvers are compiled
   status: string;
   stage: string;
   message?: string;

@@ -179,7 +179,7 @@ def torque_step(torque_nm: Array) -> float:
 
 def _steps(key: str, angles_rad: Array) -> Ints:
     steps = whole_steps(angles_rad)
-    if steps is None:
+    if steps is None or np.signbit(angles_rad[steps == 0]).any():  # −0 would come back as 0
         raise InputError("not-packable", f"{key}: got angles that are not in whole steps.")
     return steps
 

@@ -7,9 +7,11 @@ import ipaddress
 
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
+from pydantic import BaseModel, Field
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.api.folds import Here, problems
+from server.api.schemas import PreparingBody
 from server.errors import Forbidden
 from server.ops.metrics import MEDIA_TYPE
 from server.ops.readiness import Readiness
@@ -42,6 +44,19 @@ def get_ready(request: Request) -> JSONResponse:
         status_code=200 if found.ready else 503,
         headers={"Cache-Control": "no-store"},
     )
+
+
+class PreparingState(BaseModel):
+    """Whether the solvers are still being compiled."""
+
+    preparing: PreparingBody | None = Field(description="Null once a worker can compute.")
+
+
+@router.get("/api/preparing", summary="Are the solvers still being compiled?")
+def get_preparing(context: Here, response: Response) -> PreparingState:
+    """How far the workers are that compile the solvers, once on a machine."""
+    response.headers["Cache-Control"] = "no-store"
+    return PreparingState(preparing=PreparingBody.of(context.leases.preparing()))
 
 
 @router.get(

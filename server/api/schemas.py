@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime
 from typing import Any, Final, Literal, cast, overload
 
@@ -14,6 +15,7 @@ from planner.pathfinding.duration import expected_seconds
 from server.jobs.remaining import Remaining
 from server.store.folds import FoldRow, Store
 from server.store.gallery import GalleryShape
+from server.store.leases import Preparing
 from server.store.shown import ShownFold
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
@@ -116,6 +118,23 @@ class Accepted(BaseModel):
     links: Links
 
 
+class PreparingBody(BaseModel):
+    """How far the solvers are compiled, which happens once on a machine."""
+
+    fraction: float = Field(description="0 to 1.")
+    remaining_s: int | None = Field(description="About how long it still takes; null at first.")
+
+    @classmethod
+    def of(cls, preparing: Preparing | None) -> PreparingBody | None:
+        """What the API shows of it."""
+        if preparing is None:
+            return None
+        left_s = preparing.remaining_s
+        return cls(
+            fraction=preparing.fraction, remaining_s=None if left_s is None else math.ceil(left_s)
+        )
+
+
 class Progress(BaseModel):
     """How far a fold has come; the data of the event ``progress``."""
 
@@ -135,6 +154,9 @@ class Progress(BaseModel):
     remaining_s: int | None = Field(
         description="About how long until it is over, with the wait, by what like folds took here; "
         "0 when it takes longer than those, null when none is known or it is over."
+    )
+    preparing: PreparingBody | None = Field(
+        description="While no worker can compute yet, since the solvers are being compiled."
     )
 
 
@@ -456,6 +478,7 @@ def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
     # What the stage before has said is not of the one that begins.
     told = row.progress if row.progress.get("stage") in (None, row.stage) else {}
     outlook = remaining.of(row)
+    preparing = PreparingBody.of(outlook.preparing)
     return {
         "status": row.status,
         "stage": row.stage,
@@ -469,4 +492,5 @@ def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
         "frames": int(row.progress.get("frames", 0)),
         "wait_s": outlook.wait_s,
         "remaining_s": outlook.remaining_s,
+        "preparing": None if preparing is None else preparing.model_dump(),
     }

@@ -21,7 +21,7 @@ from server.jobs.progress import STAGES, TRYING
 from server.limits.fair_queue import wait_s
 from server.store.durations import Duration, durations_like, typical_s
 from server.store.folds import Store
-from server.store.leases import Leases
+from server.store.leases import Leases, Preparing
 from server.store.tables import FoldRow
 
 MEASURED_KEPT_S: Final = 5.0
@@ -50,11 +50,13 @@ class Outlook:
         wait_s: About how long it waits; None when it does not, or when nobody computes.
         remaining_s: About how long until it is over, with the wait; 0 when it takes longer than
             usual, None when nothing like it was measured.
+        preparing: Progress of the workers while none of them can compute yet; None otherwise.
     """
 
     place: int
     wait_s: float | None
     remaining_s: int | None
+    preparing: Preparing | None = None
 
 
 class Remaining:
@@ -83,12 +85,21 @@ class Remaining:
     def of(self, row: FoldRow) -> Outlook:
         """What a fold has before it now."""
         place, wait = 0, None
+        preparing = None if row.over else self._leases.preparing()
+        prepared_s = preparing.remaining_s or 0.0 if preparing is not None else 0.0
         if row.status == "queued":
             place, ahead_s, running_s = self._store.ahead(row)
             wait = wait_s(ahead_s=ahead_s, running_s=running_s, at_once=self._leases.at_once())
-            wait = None if wait is None else round(wait, 1)
+            wait = None if wait is None else round(wait + prepared_s, 1)
         left = None if row.over else self._left_s(row, wait)
-        return Outlook(place=place, wait_s=wait, remaining_s=self._smoothed(row.id, left))
+        if left and row.status == "running":
+            left += prepared_s
+        return Outlook(
+            place=place,
+            wait_s=wait,
+            remaining_s=self._smoothed(row.id, left),
+            preparing=preparing,
+        )
 
     def _left_s(self, row: FoldRow, wait: float | None) -> float | None:
         """Seconds until the end; 0 beyond the usual time, None when nobody knows."""

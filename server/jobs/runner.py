@@ -16,6 +16,7 @@ from planner.errors import InputError, TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.attempt_folders import TIMELINE, any_verified, result
 from planner.playback.unfolding import START_CHAIN
+from planner.progress import COMPILING
 from server.files.cancelled import sweep_cancelled
 from server.jobs.progress import STAGES, TRYING, JobProgress
 from server.jobs.retry import Answer, patiently
@@ -105,6 +106,13 @@ class Runner:
         """Loads what the first fold would wait for, unless the settings keep it from that."""
         if self._settings.prewarm and self._fork_server is not None:
             self._fork_server.start()
+
+    def preparing(self) -> float | None:
+        """Return the compiled fraction of the kernels, 0 to 1; None unless they are compiling."""
+        told = None if self._fork_server is None else self._fork_server.told
+        if told is None or told["message"] != COMPILING:
+            return None
+        return float(told["fraction"])
 
     def stop(self) -> None:
         """Ends all children; their folds go on elsewhere, or with the next start."""

@@ -45,6 +45,8 @@ LOOKS_A_LEASE: Final = 8
 STRAY_S: Final = 5.0
 """Seconds after which a job of this worker that nothing works on is begun anew."""
 SWEEP_EVERY_S: Final = 60.0
+PREPARING_EVERY_S: Final = 0.5
+"""Seconds between two looks at what is compiled; pages show it as often. Chosen."""
 NO_JOB_S: Final = 30.0
 """Seconds that a fold may be without a job: it has its row first."""
 log = logging.getLogger("foldback.worker")
@@ -155,6 +157,7 @@ class _Caretaker:
         self._leases = Leases.of(settings, store)
         self._janitor = Janitor(settings, store)
         self._strays: dict[str, float] = {}
+        self._preparing: float | None = -1.0  # what an earlier worker of this name noted is wrong
         self._swept_at = time.monotonic()
 
     def beat(self) -> None:
@@ -163,6 +166,13 @@ class _Caretaker:
         self._leases.beat(
             self._name, host=socket.gethostname()[:200], pid=os.getpid(), folds_at_once=at_once
         )
+
+    def tell_preparing(self) -> None:
+        """Note how far this worker has compiled its kernels; nothing once that is done."""
+        fraction = self._runner.preparing()
+        if fraction != self._preparing:
+            self._leases.note_preparing(self._name, fraction)
+            self._preparing = fraction
 
     def leave(self) -> None:
         """Says that it ends."""
@@ -263,7 +273,9 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     stopping = threading.Event()
     caretaker = _Caretaker(settings, store, jobs, runner, identity.name, active)
     caretaker.beat()
+    caretaker.tell_preparing()
     DBOS.launch()
+    _repeat(stopping, PREPARING_EVERY_S, caretaker.tell_preparing, "saying what is compiled")
     _repeat(stopping, settings.lease_s / BEATS_A_LEASE, caretaker.beat, "saying that we live")
     look_every_s = min(LOOK_EVERY_S, settings.lease_s / LOOKS_A_LEASE)
     _repeat(stopping, look_every_s, caretaker.look, "looking after folds")

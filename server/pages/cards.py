@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
-from server.store.shown import shown_name
+from server.store.shown import ShownFold, shown_name
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -199,6 +199,12 @@ def kinds(gallery: Gallery) -> list[tuple[str, str]]:
     """The kinds of shape there are and what they are called, the most common first."""
     counts = Counter(tag for card in cards(gallery) for tag in card.tags)
     return [(tag, KINDS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]
+
+
+def included_folds(store: Store) -> list[ShownFold]:
+    """Return the finished folds that came with the package, shortest chain first."""
+    rows = [row for row in store.list_public(limit=MOST_FOLDS) if "included" in row.summary]
+    return [ShownFold.of(row) for row in sorted(rows, key=lambda row: (row.modules, row.name))]
 
 
 def standings(store: Store) -> dict[str, Standing]:

@@ -141,6 +141,7 @@ class FoldFacts(TypedDict):
     compare: list[Suggestion]
     embed: str | None
     kept: str | None
+    made: str | None
     movies: bool
     robot: bool
     files: list[Download]
@@ -199,6 +200,7 @@ def fold_facts(
         "compare": _compare(found) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
         "kept": kept,
+        "made": _made(summary),
         "movies": api and not running and frames_promised(directory) > 0,
         "robot": api and row.status == "verified",
         "files": [
@@ -212,6 +214,13 @@ def fold_facts(
         if running
         else "There is nothing to download here.",
     }
+
+
+def _made(summary: FoldSummary) -> str | None:
+    """Return the origin of a fold that came with the package; None for any other."""
+    if (included := summary.get("included")) is None:
+        return None
+    return f"Made earlier with version {included['version']}, included with foldback"
 
 
 def _verdict(

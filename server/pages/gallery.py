@@ -12,7 +12,18 @@ from server.api.folds import post_fold
 from server.errors import ServiceError
 from server.files.previews import ShapeOptions
 from server.http.problems import Problem
-from server.pages.cards import CHAINS, STATUSES, WHERE, Sieve, Standing, cards, kinds, standings
+from server.pages.cards import (
+    CHAINS,
+    PLURALS,
+    STATUSES,
+    WHERE,
+    Sieve,
+    Standing,
+    cards,
+    included_folds,
+    kinds,
+    standings,
+)
 from server.pages.page import page
 from server.pages.problem_page import not_found_page
 from server.pages.quantities import sentence
@@ -38,6 +49,8 @@ async def gallery_page(request: Request) -> Response:
         chains=CHAINS,
         statuses=STATUSES,
         where=WHERE,
+        plurals=PLURALS,
+        finished=await asyncio.to_thread(included_folds, context.store),
     )
 
 

@@ -47,6 +47,7 @@ async def landing(request: Request) -> Response:
         featured=featured,
         kept=who_and_how_long(context.settings),
         origin=origin_of(request),
+        preparing=await asyncio.to_thread(context.leases.preparing),
         still=still or isometric_svg(PAWN),
     )
 

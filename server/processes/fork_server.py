@@ -233,6 +233,11 @@ class ForkServer:
         """Its process id; None when it was not started yet."""
         return None if self._running is None else self._running.pid
 
+    @property
+    def told(self) -> dict[str, Any] | None:
+        """The progress that it told last; None once it is ready, and before it is started."""
+        return None if self._running is None else self._running.told
+
     def start(self) -> None:
         """Starts it ahead of the first child."""
         with self._lock:

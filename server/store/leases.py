@@ -7,17 +7,48 @@ is gone. On one machine the locks of ``server.store.worker_identity`` tell it at
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from hashlib import sha256
 from importlib.metadata import version
+from typing import Final
 
 import sqlalchemy as sa
 
 from server.settings import Settings
 from server.store.folds import Store, rows_of
-from server.store.tables import WorkerRow
+from server.store.tables import CounterRow, WorkerRow
 from server.store.worker_identity import WorkerIdentities
+
+PREPARED: Final = 1000
+"""Value of a worker's counter when all is compiled."""
+MIN_PREPARED: Final = 0.05
+"""Fraction compiled before the time left is estimated from the pace so far. Chosen."""
+PREPARING_KEPT_S: Final = 0.4
+"""Seconds for which what is known of preparing workers is not asked for again. Chosen."""
+STARTING_S: Final = 60.0
+"""Seconds after the start of a service for which its workers count as starting, not as absent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preparing:
+    """Progress of the workers while none of them can compute yet.
+
+    Attributes:
+        fraction: Compiled fraction of the kernels of the worker that is farthest, 0 to 1.
+        remaining_s: Estimated seconds until it can compute; None while that is not known.
+    """
+
+    fraction: float
+    remaining_s: float | None
+
+
+def _preparing_key(name: str) -> str:
+    """Return the name of the counter that says how far a worker is."""
+    return f"preparing {sha256(name.encode()).hexdigest()[:20]}"
 
 
 class Leases:
@@ -28,6 +59,7 @@ class Leases:
         identities: The workers of this machine.
         lease_s: How long a worker may be silent.
         clock: Seconds that only rise.
+        expects_workers: Whether workers start with this process.
     """
 
     def __init__(
@@ -37,6 +69,7 @@ class Leases:
         lease_s: float,
         *,
         clock: Callable[[], float] = time.monotonic,
+        expects_workers: bool = False,
     ) -> None:
         self._store = store
         self._identities = identities
@@ -45,11 +78,15 @@ class Leases:
         self._lock = threading.Lock()
         self._seen: dict[str, tuple[int | None, float]] = {}
         self._looked_at = clock()
+        self._made_at = clock()
+        self._expects_workers = expects_workers
+        self._prepared: tuple[float, Preparing | None] = (-math.inf, None)
 
     @classmethod
     def of(cls, settings: Settings, store: Store) -> Leases:
         """Those of a service with these settings."""
-        return cls(store, WorkerIdentities(settings), settings.lease_s)
+        identities = WorkerIdentities(settings)
+        return cls(store, identities, settings.lease_s, expects_workers=settings.workers > 0)
 
     def beat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
         """Says that a worker lives."""
@@ -74,6 +111,45 @@ class Leases:
         """Says that a worker has ended."""
         with self._store.changing() as session:
             session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
+            session.execute(sa.delete(CounterRow).where(CounterRow.name == _preparing_key(name)))
+
+    def note_preparing(self, name: str, fraction: float | None) -> None:
+        """Note the fraction of its kernels, 0 to 1, that a worker has compiled; None for ready."""
+        with self._store.changing() as session:
+            session.execute(sa.delete(CounterRow).where(CounterRow.name == _preparing_key(name)))
+            if fraction is not None:
+                value = round(PREPARED * min(max(fraction, 0.0), 1.0))
+                session.add(CounterRow(name=_preparing_key(name), value=value))
+
+    def preparing(self) -> Preparing | None:
+        """Return how far the workers are that compile kernels; None where one can compute.
+
+        Nothing else says so for ``PREPARING_KEPT_S``: all who look share one query.
+        """
+        with self._lock:
+            at, known = self._prepared
+            if self._clock() - at < PREPARING_KEPT_S:
+                return known
+        found = self._look_at_preparing()
+        with self._lock:
+            self._prepared = (self._clock(), found)
+        return found
+
+    def _look_at_preparing(self) -> Preparing | None:
+        workers = self.workers()
+        if not workers:
+            starting = self._expects_workers and self._clock() - self._made_at < STARTING_S
+            return Preparing(fraction=0.0, remaining_s=None) if starting else None
+        keys = {_preparing_key(row.name): row for row in workers}
+        with self._store.reading() as session:
+            rows = session.scalars(sa.select(CounterRow).where(CounterRow.name.in_(keys))).all()
+        if len(rows) < len(workers):
+            return None
+        best = max(rows, key=lambda row: row.value)
+        fraction, spent_s = best.value / PREPARED, time.time() - keys[best.name].started_at
+        told = fraction >= MIN_PREPARED and spent_s > 0.0
+        left_s = spent_s * (1.0 - fraction) / fraction if told else None
+        return Preparing(fraction=fraction, remaining_s=left_s)
 
     def workers(self) -> list[WorkerRow]:
         """The workers that live, as far as anybody knows."""

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from tests.benchmarks.baselines import direct, paper
+from tests.benchmarks.first import first
 from tests.benchmarks.folds import folds, gallery
 from tests.benchmarks.hard import hard
 from tests.benchmarks.long_folds import long_folds
@@ -33,6 +34,7 @@ from tests.benchmarks.tables import write_sections
 from tests.benchmarks.tetrahedra import tetrahedra
 
 SECTIONS = {
+    "first": first,
     "folds": folds,
     "gallery": gallery,
     "seeds": seeds,

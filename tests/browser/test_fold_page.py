@@ -85,7 +85,10 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
     page = visit("/", view=False)
     exploding = {"status": "running", "stage": "explode", "fraction": 0.4, "steps": 1200}
     exploding |= {"steps_per_second": 100, "simulated_s": 12.2}
-    told = [{"status": "running", "stage": "read", "message": COMPILING}, exploding]
+    compiling = {"status": "running", "stage": "read", "message": COMPILING, "fraction": 0.425}
+    preparing = {"fraction": 0.61, "remaining_s": 24}
+    queued = {"status": "queued", "stage": None, "queue_position": 2, "preparing": preparing}
+    told = [compiling, queued, exploding]
 
     def answer(route: Route) -> None:
         if told:
@@ -97,9 +100,17 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
     page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
     dropped(page, json.dumps({"format": "foldback-path/1", "cells": STAIRS, "name": "asked for"}))
     expect(page.locator("#verdict")).to_have_text(
-        "Compiling the solvers, once: takes up to a minute"
+        "Preparing the solvers, once on this machine: 42 %"
     )
     keep(page, "fold-compiling")
+    told.pop(0)
+    expect(page.locator("#verdict")).to_have_text(
+        "Preparing the solvers, once on this machine: 61 % · about 25 s left "
+        "· then place 2 in the queue"
+    )
+    expect(page.get_by_role("progressbar", name="Preparing the solvers")).to_have_attribute(
+        "aria-valuenow", "61"
+    )
     told.pop(0)
     expect(page.locator("#verdict")).to_have_text(
         re.compile(r" 40 % · 1.?200 steps · 12 s simulated$")

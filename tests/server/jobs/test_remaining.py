@@ -14,7 +14,7 @@ from server.jobs.remaining import Remaining, left_s
 from server.settings import Settings
 from server.store.durations import Duration, typical_s
 from server.store.folds import Store
-from server.store.leases import Leases
+from server.store.leases import Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
 from tests.server.rows import a_fold
 
@@ -182,3 +182,21 @@ def test_a_fold_that_chooses_goes_through_stages_again() -> None:
     again = left_s(USUAL, stage="certify", fraction=0.0, spent_s=spent, elapsed_s=0.0, chooses=True)
     assert once == pytest.approx(2.5 * (3.0 + 7.0) / (3.0 + 12.0)), "it was quicker so far"
     assert again == pytest.approx(2.5 + 5.0)
+
+
+def test_wait_of_queued_fold_includes_what_is_left_of_preparing(
+    store: Store, remaining: Remaining, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended(store, "another")
+    queued = a_fold("waiting", status="queued", modules=160)
+    store.add(queued, "a token of somebody")
+    now = running(store, "read", 0.0, began_at=NOW)
+    ready = {key: remaining.of(store.fold(key)) for key in (queued.id, now)}
+    told = Preparing(fraction=0.5, remaining_s=30.0)
+    monkeypatch.setattr(Leases, "preparing", lambda self: told)
+    fresh = Remaining(store, remaining._leases, clock=lambda: NOW)
+    later = {key: fresh.of(store.fold(key)) for key in (queued.id, now)}
+    assert {outlook.preparing for outlook in later.values()} == {told}
+    assert (later[queued.id].wait_s or 0) - (ready[queued.id].wait_s or 0) == 30.0
+    for key, outlook in later.items():
+        assert (outlook.remaining_s or 0) - (ready[key].remaining_s or 0) == 30

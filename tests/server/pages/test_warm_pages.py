@@ -1,10 +1,58 @@
-"""What the first visitors would wait for can be loaded before they come."""
+"""No page waits for a compiler: the web process answers although numba cannot be imported."""
 
 from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
 
 from server.pages import landing
 from server.store.gallery import Gallery
 
+PROGRAM = """
+import sys
+
+class Refused:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == "numba":
+            raise ImportError("a page wants the compiler")
+
+sys.meta_path.insert(0, Refused())
+from fastapi.testclient import TestClient
+from planner.compiler import forbid_compiling
+from server.app import create_app
+from server.cli.serve import _fold_first
+from server.settings import Settings
+
+forbid_compiling()
+app = create_app(Settings(data_dir=sys.argv[1], workers=0, prewarm=False))
+with TestClient(app, base_url="http://127.0.0.1:8000") as client:
+    context = app.state.context
+    first = _fold_first(context, "wrench-160")
+    assert context.store.fold(first).status == "verified" and not context.store.waiting()
+    pages = ["/", "/gallery", "/shapes/new", "/paper", "/benchmarks", "/docs", "/my-folds"]
+    pages += ["/privacy", "/featured/bundle", "/featured/batch", "/featured/picture.png"]
+    pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg", "/api/preparing"]
+    for row in context.store.list_public():
+        page, api = f"/folds/{row.id}", f"/api/folds/{row.id}"
+        pages += [page, f"{page}/facts", f"{page}/drawing.svg", f"{page}/bundle", api]
+        pages += [f"{page}/batch?from=0&to=50", f"{page}/figures", f"{api}/frames?to=5&poses=true"]
+        pages += [f"{api}/{name}" for name in ("plan.json", "plan.npz", "model.xml")]
+        pages += [f"{api}/exports", f"{page}/standalone.html"]
+        assert "Made earlier with version" in client.get(page).text
+    for page in pages:
+        assert client.get(page).status_code == 200, page
+    assert f'href="/folds/{first}"' in client.get("/").text
+"""
+
 
 def test_what_pages_need_is_there() -> None:
     landing.warm_up(Gallery())
+
+
+@pytest.mark.processes
+@pytest.mark.slow
+def test_pages_without_compiler_answer(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-W", "ignore", "-c", PROGRAM, str(tmp_path)], check=True)

@@ -8,7 +8,7 @@ import pytest
 
 from server.settings import Settings
 from server.store.folds import Store
-from server.store.leases import Leases
+from server.store.leases import STARTING_S, Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
 
 LEASE_S = 15.0
@@ -91,3 +91,34 @@ def test_on_this_machine_a_lock_tells_at_once(leases: Leases, tmp_path: Path, cl
     assert leases.dead(()) == set()
     identity.close()
     assert len(leases.dead(())) == 1
+
+
+def test_preparing_is_that_of_workers_until_one_is_ready(leases: Leases, clock: Clock) -> None:
+    def told() -> float | None:
+        clock.now += 1.0
+        return None if (found := leases.preparing()) is None else found.fraction
+
+    for name in ("a/x/0", "b/x/0"):
+        beat(leases, name)
+    leases.note_preparing("a/x/0", 0.25)
+    assert told() is None, "the other one is ready"
+    leases.note_preparing("b/x/0", 0.75)
+    assert told() == 0.75
+    left_s = leases.preparing()
+    assert left_s is not None and left_s.remaining_s is not None
+    leases.note_preparing("a/x/0", 0.8)
+    leases.leave("b/x/0")
+    assert told() == 0.8
+    leases.note_preparing("a/x/0", None)
+    assert told() is None
+
+
+def test_preparing_without_worker_lasts_while_workers_start(
+    store: Store, tmp_path: Path, clock: Clock
+) -> None:
+    identities = WorkerIdentities(Settings(data_dir=tmp_path))
+    leases = Leases(store, identities, LEASE_S, clock=clock, expects_workers=True)
+    assert leases.preparing() == Preparing(fraction=0.0, remaining_s=None)
+    clock.now += STARTING_S
+    assert leases.preparing() is None
+    assert Leases(store, identities, LEASE_S, clock=clock).preparing() is None

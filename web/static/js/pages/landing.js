@@ -99,6 +99,21 @@ function offer(file) {
   button.onclick = () => { if (file) send(file, true); };
 }
 
+// While the solvers are compiled, which the page said when it came.
+const ASK_MS = 1000;
+async function prepare() {
+  const { showPreparing } = await import("../panels/preparing.js");
+  for (;;) {
+    const answer = await fetch("/api/preparing").catch(() => null);
+    if (answer?.ok) {
+      const { preparing } = await answer.json();
+      showPreparing(preparing);
+      if (!preparing) return;
+    }
+    await new Promise((again) => { setTimeout(again, ASK_MS); });
+  }
+}
+if (!get("preparing").hidden) prepare();
 follow(get("preset"));
 drop.addEventListener("submit", (event) => event.preventDefault());
 get("file").addEventListener("change", () => {

@@ -1,5 +1,6 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
 import { proof, tokenOf } from "../lib/keys.js";
+import { preparingWords, showPreparing } from "./preparing.js";
 import { STAGES, get, remaining, whole } from "../lib/text.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first
@@ -71,16 +72,18 @@ export class Progress {
   show(now) {
     this.now = now;
     if (OVER.includes(now.status)) return; // the verdict follows
+    const compiling = now.message === COMPILING ? { fraction: now.fraction ?? 0, remaining_s: null } : null;
+    const preparing = now.preparing ?? compiling;
     const queue = now.queue_position ?? 0;
     let text = now.message === SMOOTHING ? "Smoothing" : STAGES[now.stage] ?? "Waiting";
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
     if (this.cancelling) text = "Cancelling…";
+    else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then place ${queue} in the queue` : ""}`;
     else if (now.status === "queued") {
       text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
       if (now.wait_s != null) text += left;
       else if (queue > 0) text += " · no worker is running just now";
     } else if (now.message === READY) text = "Getting ready";
-    else if (now.message === COMPILING) text = "Compiling the solvers, once: takes up to a minute";
     else {
       const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %${left}`];
       if (now.steps) parts.push(`${whole(now.steps)} steps`);
@@ -91,7 +94,9 @@ export class Progress {
     }
     this.say(text);
     const bar = /** @type {HTMLElement} */ (get("progress").firstElementChild);
-    bar.style.transform = `scaleX(${now.status === "queued" ? 0 : now.fraction ?? 0})`;
+    const done = now.status === "queued" ? 0 : now.fraction ?? 0;
+    bar.style.transform = `scaleX(${preparing ? preparing.fraction : done})`;
+    showPreparing(preparing);
   }
 
   /** @param {string} text */
@@ -106,6 +111,7 @@ export class Progress {
     this.askNoMore();
     get("progress").hidden = true;
     get("cancel").hidden = true;
+    showPreparing(null);
     const answer = await fetch(`/folds/${this.facts.id}/facts`);
     if (answer.ok) this.onDone(await answer.json());
   }

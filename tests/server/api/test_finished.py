@@ -1,0 +1,107 @@
+"""Finished folds that come with the package."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from planner.pipeline import manifest
+from planner.plan.packed import unpack
+from planner.verification.verify import verify
+from server.api.finished import FOLDER, import_finished
+from server.pages.cards import included_folds
+from server.settings import Settings
+from server.store.folds import Store
+from server.store.gallery import Gallery
+from tests.server.bucket import Bucket
+
+NAMES = sorted(path.stem for path in FOLDER.glob("*.fold"))
+SMALL = "tetra-cube-2"
+
+
+@pytest.fixture(scope="module")
+def imported(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Settings, Store]]:
+    settings = Settings(data_dir=tmp_path_factory.mktemp("finished"))
+    store = Store(settings)
+    assert list(import_finished(settings, store, Gallery())) == NAMES
+    yield settings, store
+    store.close()
+
+
+def test_finished_folds_are_five_with_cubes_tetrahedra_and_refold(
+    imported: tuple[Settings, Store],
+) -> None:
+    rows = imported[1].list_public()
+    assert len(rows) == len(NAMES) == 5
+    assert {row.module for row in rows} == {"cube", "tetrahedron"}
+    assert [row.refold for row in rows if row.refold] == ["wrench-80"]
+    assert {(row.status, row.visitor, row.bytes, row.pinned) for row in rows} == {
+        ("verified", "the service itself", 0, True)
+    }
+    assert sum(path.stat().st_size for path in FOLDER.glob("*.fold")) < 1_600_000
+
+
+def test_finished_folds_hold_files_as_they_were_certified(
+    imported: tuple[Settings, Store],
+) -> None:
+    store = imported[1]
+    changed = {
+        row.name: manifest.changed_fields(store.directory(row.id)) for row in store.list_public()
+    }
+    assert set(map(str, changed.values())) == {"[]"}
+
+
+def test_import_of_finished_folds_twice_and_after_deletion_brings_nothing(
+    imported: tuple[Settings, Store],
+) -> None:
+    settings, store = imported
+    gone = next(row for row in store.list_public() if row.refold)
+    assert store.delete(gone.id)
+    assert import_finished(settings, store, Gallery()) == []
+    assert len(included_folds(store)) == 4
+
+
+@pytest.fixture
+def small_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folder of finished folds with the smallest one alone."""
+    folder = tmp_path / "finished"
+    folder.mkdir()
+    (folder / f"{SMALL}.fold").write_bytes((FOLDER / f"{SMALL}.fold").read_bytes())
+    monkeypatch.setattr("server.api.finished.FOLDER", folder)
+    return folder
+
+
+@pytest.mark.usefixtures("small_folder")
+def test_import_of_finished_fold_into_bucket_serves_same_files(
+    bucket: Bucket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in bucket.environment.items():
+        monkeypatch.setenv(name, value)
+    settings = Settings(data_dir=tmp_path / "data", storage_url=bucket.bucket())
+    store = Store(settings)
+    assert import_finished(settings, store, Gallery()) == [SMALL]
+    (row,) = store.list_public()
+    assert manifest.changed_fields(store.directory(row.id)) == []
+    store.close()
+
+
+def test_import_of_damaged_finished_fold_leaves_service_with_others(
+    small_folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (small_folder / "broken.fold").write_bytes(b"no archive")
+    settings = Settings(data_dir=tmp_path / "data")
+    store = Store(settings)
+    assert import_finished(settings, store, Gallery()) == [SMALL]
+    assert "the finished fold broken could not be imported" in caplog.text
+    store.close()
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[] if n == SMALL else pytest.mark.long) for n in NAMES]
+)
+def test_finished_fold_is_verified_again(name: str, tmp_path: Path) -> None:
+    unpack((FOLDER / f"{name}.fold").read_bytes(), tmp_path)
+    found = verify(tmp_path)
+    assert (found.problems, found.notes) == ((), ())
