@@ -280,7 +280,7 @@ def test_a_fold_is_asked_for_once_more_by_its_id(desk: Service) -> None:
     assert desk.state(other["id"])["preset"] == "paper"
     assert desk.fold(fold=other["id"], seed="22", preset="paper")["existing"]
     size = sum(path.stat().st_size for path in (folder / other["id"]).iterdir())
-    # They count from now on, not from its end on; those of the cancelled one go, its page stays.
+    # They count from now on, not from its end on; the cancelled one goes.
     store = Store(Settings(data_dir=desk.data_dir))
     try:
         assert store.fold(other["id"]).bytes == size
@@ -288,9 +288,8 @@ def test_a_fold_is_asked_for_once_more_by_its_id(desk: Service) -> None:
     finally:
         store.close()
     answer = desk.http.post("/api/folds", data={"fold": first["id"]})
-    assert (answer.status_code, answer.json()["code"]) == (404, "no-input")
-    assert desk.state(first["id"])["status"] == "cancelled"
-    assert desk.http.get(f"/folds/{first['id']}").status_code == 200
+    assert (answer.status_code, answer.json()["code"]) == (404, "no-such-fold")
+    assert desk.http.get(f"/folds/{first['id']}").status_code == 404
 
 
 def test_settings_make_another_fold_unless_they_change_nothing(desk: Service) -> None:

@@ -76,7 +76,8 @@ export class Progress {
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
     if (this.cancelling) text = "Cancelling…";
     else if (now.status === "queued") {
-      text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
+      if (now.paused) text = now.message;
+      else text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
       if (now.wait_s != null) text += left;
       else if (queue > 0) text += " · no worker is running just now";
     } else if (now.message === READY) text = "Getting ready";

@@ -1,0 +1,55 @@
+"""Networks: the visitor that an address belongs to, and the networks around it.
+
+A visitor's name lists its networks from the widest to the narrowest and ends with the visitor
+itself, with ``|`` between: ``2001:db8:1::/48|2001:db8:1::/56|2001:db8:1:2::/64`` or
+``203.0.113.0/24|203.0.113.7``. Every prefix that ends before a ``|`` names a network, so a table
+with a column of visitors needs no column of networks.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import ipaddress
+from typing import Final
+
+SEPARATOR: Final = "|"
+IPV6_BITS: Final = (48, 56, 64)
+"""Prefix lengths of an IPv6 site, a home network and a visitor. Providers give a home a /56 or a
+/48 (RIPE-690) of which it may use every /64."""
+IPV4_BITS: Final = (24, 32)
+"""Prefix lengths of an IPv4 network and a visitor. /24 is the longest prefix that is routed."""
+NETWORK_DIGITS: Final = 12
+VISITOR_DIGITS: Final = 32
+"""Hexadecimal digits of a hidden name; with two networks it has 58 characters of the 64 that a
+column of visitors holds."""
+
+
+def visitor_at(host: str) -> str:
+    """Return the name of the visitor at an address; anything else names itself."""
+    try:
+        address = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return host.replace(SEPARATOR, "")
+    if isinstance(address, ipaddress.IPv6Address) and address.ipv4_mapped is not None:
+        address = address.ipv4_mapped
+    bits = IPV4_BITS if isinstance(address, ipaddress.IPv4Address) else IPV6_BITS
+    networks = [ipaddress.ip_network((address, length), strict=False) for length in bits]
+    return SEPARATOR.join(str(network).removesuffix("/32") for network in networks)
+
+
+def networks_of(visitor: str) -> tuple[str, ...]:
+    """Return the names of the networks around a visitor, the widest first; none if unknown."""
+    parts = visitor.split(SEPARATOR)
+    return tuple(SEPARATOR.join(parts[: k + 1]) for k in range(len(parts) - 1))
+
+
+def hidden(visitor: str, secret: bytes) -> str:
+    """Return a name of the same form that does not reveal the addresses."""
+
+    def digest(name: str, digits: int) -> str:
+        return hmac.new(secret, name.encode(), hashlib.sha256).hexdigest()[:digits]
+
+    networks = [digest(name, NETWORK_DIGITS) for name in networks_of(visitor)]
+    own = digest(visitor.rpartition(SEPARATOR)[2], VISITOR_DIGITS)
+    return SEPARATOR.join((*networks, own))
