@@ -157,6 +157,13 @@ class Settings(BaseSettings):
         description="Of them, for the folds of one visitor; a first fold may take more.",
     )
 
+    slice_seconds: float = Field(
+        default=30.0,
+        gt=0,
+        description="Time that a fold computes before it makes room for cheaper ones that wait; "
+        "three times as long after each such pause.",
+    )
+
     max_upload_bytes: int = Field(default=64 * MIB, ge=1024, description="Largest upload.")
     max_uploads: int = Field(
         default=24, ge=1, description="Forms that may come in or be worked on at once, in all."

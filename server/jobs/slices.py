@@ -14,7 +14,6 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from server.limits.fair_queue import slice_s
 from server.store.folds import Store
 from server.store.tables import passes
 
@@ -40,9 +39,8 @@ class Slice:
         self._epoch = epoch
         self._clock = clock
         self._begun = clock()
-        cost_s, pauses = store.cost_s(fold_id)
-        self._whole_s = slice_s(cost_s, pauses)
-        self._look_at = self._begun + slice_s(cost_s, pauses, for_cheaper=True)
+        first_s, self._whole_s = store.slices_s(fold_id)
+        self._look_at = self._begun + first_s
         self._over = False
 
     def over(self) -> bool:

@@ -29,14 +29,11 @@ fewer than 300 modules."""
 OVERRUN: Final = 3.0
 """Factor of its expected cost that a fold computes before it makes room for any other fold. A
 smaller value has more stages begin again, a larger one has others wait longer. Chosen."""
-MIN_SLICE_S: Final = 10.0
-"""Shortest time in seconds before that. With less, stages are cut off on a busy machine that are
-about to end. Chosen."""
-FIRST_SLICE_S: Final = 30.0
-"""Seconds that a fold computes before it makes room for cheaper folds. Chosen."""
+MIN_SLICES: Final = 3.0
+"""Part of the first slice that a fold computes at least before that, as a divisor. Chosen."""
 SLICE_GROWTH: Final = 3.0
-"""Factor of that time after each pause. What is computed in vain is then at most half as much as
-the time of the last slice. Chosen."""
+"""Factor of the time before it makes room for cheaper folds, after each pause. What is computed in
+vain is then at most half as much as the time of the last slice. Chosen."""
 
 
 def ticks(cost_s: float) -> int:
@@ -49,16 +46,17 @@ def is_quick(cost_s: float) -> bool:
     return cost_s <= QUICK_S
 
 
-def slice_s(cost_s: float, pauses: int, *, for_cheaper: bool = False) -> float:
+def slice_s(cost_s: float, pauses: int, first_s: float, *, for_cheaper: bool = False) -> float:
     """Return the seconds that a fold computes before it makes room for others that wait.
 
     Args:
         cost_s: Expected cost of the fold.
         pauses: Number of times that it has made room before.
+        first_s: The time for the first slice before it makes room for cheaper folds.
         for_cheaper: True for others that are expected to cost less.
     """
-    whole = max(MIN_SLICE_S, OVERRUN * cost_s)
-    return min(whole, FIRST_SLICE_S * SLICE_GROWTH**pauses) if for_cheaper else whole
+    whole = max(first_s / MIN_SLICES, OVERRUN * cost_s)
+    return min(whole, first_s * SLICE_GROWTH**pauses) if for_cheaper else whole
 
 
 def network_of(visitor: str) -> str:

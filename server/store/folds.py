@@ -76,6 +76,7 @@ class Store:
     def __init__(self, settings: Settings) -> None:
         self.folders = Folders(settings)
         self._keep_days = settings.keep_days
+        self._first_slice_s = settings.slice_seconds
         self.admitting = threading.Lock()
         """Held from the look at the queue until a fold is in it."""
         self._engine = engine_for(settings.store_url)
@@ -201,12 +202,16 @@ class Store:
                 queued = queued.where(FoldRow.cost_s < cost_s)
             return session.scalar(queued.limit(1)) is not None
 
-    def cost_s(self, fold_id: str) -> tuple[float, int]:
-        """Return the expected cost of a fold in seconds and its pauses, 0 if it was deleted."""
+    def slices_s(self, fold_id: str) -> tuple[float, float]:
+        """Return the seconds until a fold makes room for cheaper ones, and for any.
+
+        They are those of a fold that costs nothing if it was deleted.
+        """
         query = sa.select(FoldRow.cost_s, FoldRow.pauses).where(FoldRow.id == fold_id)
         with self._sessions() as session:
-            row = session.execute(query).first()
-        return (0.0, 0) if row is None else (row.cost_s, row.pauses)
+            cost_s, pauses = session.execute(query).first() or (0.0, 0)
+        first_s = self._first_slice_s
+        return slice_s(cost_s, pauses, first_s, for_cheaper=True), slice_s(cost_s, pauses, first_s)
 
     def unfinished(self) -> Sequence[FoldRow]:
         """All folds that are queued or running."""
@@ -238,7 +243,8 @@ class Store:
             left = 0.0
             for cost_s, pauses, since in session.execute(running):
                 spent_s = now - (since or now)
-                room_s = slice_s(cost_s, pauses, for_cheaper=row.cost_s < cost_s) - spent_s
+                cheaper = row.cost_s < cost_s
+                room_s = slice_s(cost_s, pauses, self._first_slice_s, for_cheaper=cheaper) - spent_s
                 expected_s = max(0.2 * factor * cost_s, factor * cost_s - spent_s)
                 left += min(expected_s, max(SOON_S, room_s))
         return count + 1, factor * float(ahead_s), left

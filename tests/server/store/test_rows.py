@@ -296,7 +296,7 @@ def test_a_paused_fold_waits_behind_others_with_what_it_has_cost(store: Store) -
 def test_slices_grow_with_every_pause(
     cost_s: float, pauses: int, for_cheaper: bool, seconds: float
 ) -> None:
-    assert slice_s(cost_s, pauses, for_cheaper=for_cheaper) == seconds
+    assert slice_s(cost_s, pauses, 30.0, for_cheaper=for_cheaper) == seconds
 
 
 def test_a_slice_is_over_when_its_time_is_and_another_waits(store: Store) -> None:
