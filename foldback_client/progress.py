@@ -25,6 +25,7 @@ class Progress:
         message: In words.
         modules: Of the chain.
         queue_position: 1 is next; 0 when it does not wait.
+        paused: True if it made room for others that wait; it goes on by itself.
         frames: Frames that can be seen so far.
         remaining_s: About how long until it is over, by what like folds took there; 0 when it takes
             longer, None when nobody knows.
@@ -40,6 +41,7 @@ class Progress:
     message: str = ""
     modules: int = 0
     queue_position: int = 0
+    paused: bool = False
     frames: int = 0
     remaining_s: float | None = None
     told: Mapping[str, Any] = field(default_factory=dict[str, Any], repr=False)

@@ -115,7 +115,10 @@ class Settings(BaseSettings):
         default=1, ge=0, le=64, description="Worker processes that `serve` looks after."
     )
     folds_per_worker: int = Field(
-        default=1, ge=1, le=64, description="Folds a worker computes at once."
+        default=1,
+        ge=1,
+        le=64,
+        description="Folds a worker computes at once, and as many quick ones (10 s) beside them.",
     )
     prewarm: bool = Field(
         default=True,
@@ -139,10 +142,31 @@ class Settings(BaseSettings):
         "what is left then is handed back to the queue.",
     )
     largest_queue: int = Field(
-        default=64, ge=1, description="Folds that may wait, of all visitors."
+        default=256,
+        ge=1,
+        description="Folds that may wait, of all visitors. One network may have as many as are "
+        "still free: half of them if it is alone, a third if there are two.",
     )
     largest_queue_of_visitor: int = Field(
         default=16, ge=1, description="Folds that may wait, of one."
+    )
+    largest_queue_seconds: float = Field(
+        default=7200.0,
+        gt=0,
+        description="Seconds that computing all folds that wait is expected to take; shared by "
+        "networks likewise.",
+    )
+    largest_queue_seconds_of_visitor: float = Field(
+        default=1800.0,
+        gt=0,
+        description="Of them, for the folds of one visitor; a first fold may take more.",
+    )
+
+    slice_seconds: float = Field(
+        default=30.0,
+        gt=0,
+        description="Time that a fold computes before it makes room for cheaper ones that wait; "
+        "three times as long after each such pause.",
     )
 
     max_upload_bytes: int = Field(default=64 * MIB, ge=1024, description="Largest upload.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import AsyncIterator
 from dataclasses import asdict, replace
 from io import BytesIO
@@ -36,7 +35,7 @@ from server.api.schemas import (
 )
 from server.api.submit import Submission, input_noted, noted, submit
 from server.errors import Forbidden, Unidentified, Unusable
-from server.files.cancelled import sweep_cancelled
+from server.files.cancelled import sweep_cancelled_of
 from server.files.previews import ShapeOptions
 from server.http.client_address import address_of
 from server.http.response_cache import mark
@@ -345,7 +344,7 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
     row = store.fold(fold_id)
     if not before.over:
         context.jobs.forget(fold_id)
-        sweep_cancelled(store, time.time(), visitor=row.visitor)
+        sweep_cancelled_of(store, row.visitor)
     return Fold.of(row, context.store, context.remaining)
 
 

@@ -18,6 +18,7 @@ from server.store.gallery import GalleryShape
 from server.store.leases import Preparing
 from server.store.shown import ShownFold
 
+PAUSED: Final = "Paused: others are waiting. It goes on by itself."
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
 LONGEST_NAME: Final = 200
@@ -146,7 +147,12 @@ class Progress(BaseModel):
     simulated_s: float = Field(description="Simulated time of the stage; 0 where none is told.")
     message: str
     modules: int
-    queue_position: int = Field(description="1 is next; 0 when it does not wait.")
+    queue_position: int = Field(
+        description="1 is next among those that wait for the same places; 0 when it does not wait."
+    )
+    paused: bool = Field(
+        description="It has computed and made room for others that wait; it goes on by itself."
+    )
     frames: int = Field(description="Frames that can be seen so far.")
     wait_s: float | None = Field(
         description="About how long it will wait; null when it does not, or when no worker runs."
@@ -479,6 +485,7 @@ def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
     told = row.progress if row.progress.get("stage") in (None, row.stage) else {}
     outlook = remaining.of(row)
     preparing = PreparingBody.of(outlook.preparing)
+    paused = row.status == "queued" and row.pauses > 0
     return {
         "status": row.status,
         "stage": row.stage,
@@ -486,9 +493,10 @@ def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
         "steps": int(told.get("steps", 0)),
         "steps_per_second": float(told.get("steps_per_second", 0.0)),
         "simulated_s": float(told.get("simulated_s", 0.0)),
-        "message": str(told.get("message", "")),
+        "message": PAUSED if paused else str(told.get("message", "")),
         "modules": row.modules,
         "queue_position": outlook.place,
+        "paused": paused,
         "frames": int(row.progress.get("frames", 0)),
         "wait_s": outlook.wait_s,
         "remaining_s": outlook.remaining_s,

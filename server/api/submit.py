@@ -11,24 +11,25 @@ import time
 from dataclasses import dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO
 
 from planner.errors import InputError
+from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import Request
 from planner.simulation.parameters import AUTO
 from server.api.base_folds import BaseFold
 from server.api.context import Context
-from server.errors import Conflict, NoRoom, NotFound, TooMany, Unavailable, Unusable, nearly_full
+from server.errors import Conflict, NoRoom, NotFound, Unavailable, Unusable, nearly_full
 from server.files.previews import ShapeOptions
 from server.files.uploads import Upload
+from server.limits.queue_room import Waiting, check_room
 from server.processes.children import ChildError
 from server.processes.read_task import LARGEST_DRAWING
+from server.settings import Settings
 from server.store.fold_files import size_of, sync
-from server.store.folds import hash_of, new_id
+from server.store.folds import cost_of, hash_of, new_id
 from server.store.tables import FoldRow
-
-RETRY_AFTER_S: Final = 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +160,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             bytes=size,
         )
         try:
-            added = context.store.add(row, submission.token)
+            added = _add(context, row, submission.token)
         except Exception:  # it was not acknowledged, and nothing of it stays
             with contextlib.suppress(Exception):
                 context.store.folders.remove(fold_id)
@@ -175,7 +176,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
         ) from error
     finally:
         shutil.rmtree(aside, ignore_errors=True)
-    context.jobs.enqueue(fold_id, row.turn)
+    context.jobs.enqueue(fold_id, row.turn, row.cost_s)
     return Receipt(row=row, token=submission.token, existing=False)
 
 
@@ -245,30 +246,50 @@ def _known(context: Context, submission: Submission) -> Receipt | None:
     if row is None:
         return None
     if row.status == "queued":  # if its job was lost in a crash, this brings it back
-        context.jobs.enqueue(row.id, row.turn)
+        context.jobs.enqueue(row.id, row.turn, row.cost_s)
     own = row.owner == hash_of(submission.token)
     return Receipt(row=row, token=submission.token if own else None, existing=True)
 
 
 def _check_room(context: Context, submission: Submission) -> None:
     settings = context.settings
-    for waiting, most, whose in (
-        (context.store.waiting(), settings.largest_queue, "in all"),
-        (
-            context.store.waiting(visitor=submission.visitor),
-            settings.largest_queue_of_visitor,
-            "of yours",
-        ),
-    ):
-        if waiting >= most:
-            raise TooMany(
-                "queue-full",
-                f"{waiting} folds {whose} are waiting, which is the most there may be; try again "
-                f"in {RETRY_AFTER_S} s.",
-                retry_after_s=RETRY_AFTER_S,
-            )
+    check_room(_waiting(context), Waiting(submission.visitor, 0.0), settings)
     if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
         raise nearly_full()
+
+
+def _waiting(context: Context) -> list[Waiting]:
+    return [Waiting(visitor, cost_s) for visitor, cost_s in context.store.waiting()]
+
+
+def _add(context: Context, row: FoldRow, token: str) -> bool:
+    """Add a fold that the queue has room for; False if its content key is taken.
+
+    Raises:
+        TooMany: If the queue has no room for it.
+        Unusable: If it cannot end within the limits.
+    """
+    cost = cost_of(row)
+    _check_limits(cost, context.settings)
+    with context.store.admitting:
+        check_room(_waiting(context), Waiting(row.visitor, cost.expected_s), context.settings)
+        return context.store.add(row, token)
+
+
+def _check_limits(cost: ExpectedCost, settings: Settings) -> None:
+    """Refuse a fold of which one stage takes longer than it may, even if all goes well.
+
+    Raises:
+        Unusable: ``too-long``.
+    """
+    limit_s = min(settings.stage_seconds, settings.stage_cpu_seconds)
+    if cost.least_s > limit_s:
+        raise Unusable(
+            "too-long",
+            f"got {cost.cause}, expected a fold whose stages take at most {limit_s:g} s each; this "
+            f"one takes at least {cost.least_s:.0f} s in the stage '{cost.stage}'. "
+            f"{cost.remedy}",
+        )
 
 
 def _write(directory: Path, submission: Submission) -> None:

@@ -182,8 +182,10 @@ class AdminTasks:
                 status="queued",
                 stage=None,
                 started_at=None,
+                resumed_at=None,
                 ended_at=None,
                 cancel_requested=False,
+                pauses=0,
                 progress={},
                 summary={},
                 error=sa.null(),
@@ -193,7 +195,7 @@ class AdminTasks:
             )
         jobs = Jobs(self._settings)
         try:
-            jobs.enqueue(fold_id, row.turn)
+            jobs.enqueue(fold_id, row.turn, row.cost_s)
         finally:
             jobs.close()
 

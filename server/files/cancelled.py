@@ -1,8 +1,8 @@
-"""Cancelled folds: their files stay for a while, since many are folded again in another way.
+"""Cancelled folds: they stay for a while, since many are folded again in another way.
 
-Without a bound somebody could fill the disk by uploads that he cancels at once. So of one visitor
-the last cancelled fold keeps its files, and others only few bytes, all for an hour. A private fold
-keeps its row, whose page says what became of it; one of the gallery is forgotten.
+Without a bound a visitor could fill the disk by uploads that are cancelled at once, and the tables
+by their rows. So of one visitor the last cancelled fold keeps its files, others only few bytes, and
+only the latest rows stay. All of them go an hour after the last look at them. Pinned folds stay.
 """
 
 from __future__ import annotations
@@ -17,54 +17,97 @@ from server.store.object_store import StorageError
 from server.store.tables import FoldRow, MovieRow
 
 KEPT_S: Final = 3600.0
-"""Seconds from the end of a cancelled fold until its files are removed."""
+"""Seconds from the last look at a cancelled fold until it is removed."""
 KEPT_BYTES: Final = 16 * 2**20
 """Bytes of one visitor's cancelled folds that are kept meanwhile, besides the last one's."""
+MAX_KEPT: Final = 32
+"""Cancelled folds of one visitor that stay meanwhile. A larger value makes each cancellation cost
+more. Chosen."""
+BATCH_ROWS: Final = 500
+"""Rows that one statement of a sweep reads. Chosen."""
+MAX_BATCHES: Final = 20
+"""Batches of one sweep. A larger value keeps the worker's other care waiting longer. Chosen."""
 log = logging.getLogger("foldback.janitor")
+_Row = sa.Row[str, int, float | None]
+_CANCELLED: Final = (FoldRow.status == "cancelled", FoldRow.pinned.is_(False))
 
 
-def sweep_cancelled(store: Store, now: float, *, visitor: str | None = None) -> None:
-    """Removes files of cancelled folds, of all visitors or of one; pinned folds keep theirs.
+def sweep_cancelled(store: Store, now: float) -> None:
+    """Remove cancelled folds that nobody has looked at for an hour, with their files.
 
     Args:
         store: Rows and files.
-        now: What time it is, in seconds since 1970.
-        visitor: Whose folds.
+        now: Time in seconds since 1970.
     """
-    ended_at = sa.func.coalesce(FoldRow.ended_at, FoldRow.created_at)
-    query = (
-        sa.select(FoldRow.id, FoldRow.visitor, FoldRow.bytes, FoldRow.public, ended_at)
-        .where(
-            FoldRow.status == "cancelled",
-            FoldRow.pinned.is_(False),
-            sa.or_(FoldRow.bytes > 0, FoldRow.public),
-        )
-        .order_by(ended_at.desc())
+    old = (
+        sa.select(FoldRow.id, FoldRow.bytes, FoldRow.seen_at)
+        .where(*_CANCELLED, FoldRow.seen_at < now - KEPT_S)
+        .order_by(FoldRow.seen_at)
+        .limit(BATCH_ROWS)
     )
-    if visitor is not None:
-        query = query.where(FoldRow.visitor == visitor)
+    for _ in range(MAX_BATCHES):
+        with store.reading() as session:
+            rows = session.execute(old).all()
+        for row in rows:
+            _remove(store, row)
+        if len(rows) < BATCH_ROWS:
+            return
+
+
+def sweep_cancelled_of(store: Store, visitor: str) -> None:
+    """Remove what a visitor's cancelled folds take beyond the bounds.
+
+    Args:
+        store: Rows and files.
+        visitor: The visitor.
+    """
+    newest_first = (
+        sa.select(FoldRow.id, FoldRow.bytes, FoldRow.seen_at)
+        .where(*_CANCELLED, FoldRow.visitor == visitor)
+        .order_by(FoldRow.seen_at.desc())
+        .limit(MAX_KEPT + BATCH_ROWS)
+    )
     with store.reading() as session:
-        rows = session.execute(query).all()
-    kept: dict[str, int] = {}
-    for fold_id, whose, size, public, ended in rows:
-        old, last = now - ended > KEPT_S, whose not in kept
-        total = kept.setdefault(whose, 0) + (0 if last else size)
-        if not old and total <= KEPT_BYTES:
-            kept[whose] = total
-            continue
-        same = sa.and_(FoldRow.id == fold_id, FoldRow.status == "cancelled", ended_at == ended)
-        change = (
-            sa.delete(FoldRow).where(same)
-            if public and old
-            else sa.update(FoldRow).where(same).values(bytes=0, derived_bytes=0)
+        rows = session.execute(newest_first).all()
+    total = 0
+    for k, row in enumerate(rows):
+        if k >= MAX_KEPT:
+            _remove(store, row)
+        elif k > 0 and total + row.bytes > KEPT_BYTES:
+            _drop_files(store, row)
+        else:
+            total += row.bytes if k > 0 else 0
+
+
+def _remove(store: Store, row: _Row) -> None:
+    """Remove a fold, unless it has changed since its row was read."""
+    with store.changing() as session:
+        removed = rows_of(session.execute(sa.delete(FoldRow).where(*_same(row))))
+    if removed:
+        _remove_files(store, row.id)
+
+
+def _drop_files(store: Store, row: _Row) -> None:
+    """Remove the files and movies of a fold, but not its row."""
+    if not row.bytes:
+        return
+    with store.changing() as session:
+        swept = rows_of(
+            session.execute(sa.update(FoldRow).where(*_same(row)).values(bytes=0, derived_bytes=0))
         )
-        with store.changing() as session:
-            swept = rows_of(session.execute(change))
-            if swept:
-                session.execute(sa.delete(MovieRow).where(MovieRow.fold_id == fold_id))
-        if swept and size:
-            log.info("files of cancelled fold %s go", fold_id, extra={"fold": fold_id})
-            try:
-                store.folders.remove(fold_id)
-            except StorageError as error:  # what belongs to no fold is swept another day
-                log.warning("files of cancelled fold %s stay: %s", fold_id, error)
+        if swept:
+            session.execute(sa.delete(MovieRow).where(MovieRow.fold_id == row.id))
+    if swept:
+        _remove_files(store, row.id)
+
+
+def _same(row: _Row) -> tuple[sa.ColumnElement[bool], ...]:
+    return (FoldRow.id == row.id, *_CANCELLED, FoldRow.seen_at == row.seen_at)
+
+
+def _remove_files(store: Store, fold_id: str) -> None:
+    log.info("files of cancelled fold %s go", fold_id, extra={"fold": fold_id})
+    try:
+        store.folders.remove(fold_id)
+    except StorageError as error:  # what belongs to no fold is swept another day
+        log.warning("files of cancelled fold %s stay: %s", fold_id, error)

@@ -9,16 +9,20 @@ from __future__ import annotations
 
 import logging
 import time
+from contextlib import suppress
 from typing import Final
 
 import sqlalchemy as sa
+from sqlalchemy.exc import IntegrityError
 
 from server.store.fold_files import DERIVED, EXPORTS_DIR, size_of
-from server.store.folds import Store, seen_of
-from server.store.tables import ENDED, MAKING, FoldRow, MovieRow, movie_file
+from server.store.folds import Store
+from server.store.tables import ENDED, MAKING, CounterRow, FoldRow, MovieRow, movie_file
 
 FRESH_S: Final = 600.0
 """Seconds for which a file that was made stays for who has asked for it."""
+COUNTED_APART: Final = "counted_apart"
+"""Name of the counter that says that ``count_apart`` is done."""
 log = logging.getLogger("foldback.janitor")
 
 
@@ -31,8 +35,13 @@ def derived_bytes(store: Store) -> int:
 
 
 def count_apart(store: Store) -> None:
-    """Counts files made of folds apart where an earlier version counted them as the folds' own."""
-    if store.folders.storage is not None:
+    """Count files made of folds apart where an earlier version counted them as the folds' own.
+
+    Once for all: a note among the counters says that it is done.
+    """
+    with store.reading() as session:
+        done = session.get(CounterRow, COUNTED_APART) is not None
+    if done or store.folders.storage is not None:
         return
     uncounted = (FoldRow.derived_bytes == 0, FoldRow.status.in_(sorted(ENDED)))
     with store.reading() as session:
@@ -48,6 +57,8 @@ def count_apart(store: Store) -> None:
                 .where(FoldRow.id == fold_id, *uncounted)
                 .values(bytes=own, derived_bytes=made)
             )
+    with suppress(IntegrityError), store.changing() as session:  # another worker was quicker
+        session.add(CounterRow(name=COUNTED_APART, value=1))
 
 
 def drop_derived(store: Store, lacking: int) -> int:
@@ -66,13 +77,13 @@ def drop_derived(store: Store, lacking: int) -> int:
     before = time.time() - FRESH_S
     with store.reading() as session:
         filled = session.scalars(
-            sa.select(FoldRow.id).where(FoldRow.derived_bytes > 0).order_by(seen_of())
+            sa.select(FoldRow.id).where(FoldRow.derived_bytes > 0).order_by(FoldRow.seen_at)
         ).all()
         movies = session.execute(
             sa.select(MovieRow.job)
             .join(FoldRow, FoldRow.id == MovieRow.fold_id)
             .where(MovieRow.status.not_in(MAKING), MovieRow.created_at < before)
-            .order_by(MovieRow.of_owner, seen_of(), MovieRow.created_at)
+            .order_by(MovieRow.of_owner, FoldRow.seen_at, MovieRow.created_at)
         ).scalars()
         jobs = list(movies)
     freed = 0

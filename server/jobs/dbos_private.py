@@ -6,6 +6,7 @@ Its version is pinned, and ``tests/server/jobs/test_dbos_private.py`` says which
 # pyright: reportPrivateUsage=false
 from __future__ import annotations
 
+import sqlalchemy as sa
 from dbos import DBOS
 from dbos._context import current_owner_xid
 from dbos._dbos import _get_dbos_instance
@@ -23,6 +24,27 @@ def hand_back(job: str, worker: str) -> None:
         with system.engine.begin() as connection:
             system._check_owner_txn(connection, job, owner)
     system.reenqueue_for_recovery(job, [worker], INTERNAL_QUEUE_NAME)
+
+
+def set_back(job: str, worker: str, queue: str, priority: int) -> None:
+    """Put a job that a worker holds into a queue, at a place of its own."""
+    system = _get_dbos_instance()._sys_db
+    jobs = system.tables.workflow_status
+    held = (*system._wf(jobs, job), jobs.c.status == "PENDING", jobs.c.executor_id == worker)
+    with system.engine.begin() as connection:
+        connection.execute(
+            sa.update(jobs)
+            .where(*held)
+            .values(
+                status="ENQUEUED",
+                owner_xid=None,
+                started_at_epoch_ms=None,
+                updated_at=system._now_ms_sql(),
+                queue_name=queue,
+                priority=priority,
+                recovery_attempts=0,
+            )
+        )
 
 
 def hand_back_all(worker: str) -> None:

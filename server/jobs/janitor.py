@@ -9,26 +9,30 @@ one.
 
 from __future__ import annotations
 
+import itertools
 import logging
+import os
 import shutil
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Final
 
 import sqlalchemy as sa
 from sqlalchemy.orm import aliased
 
-from server.files.cancelled import sweep_cancelled
+from server.files.cancelled import BATCH_ROWS, MAX_BATCHES, sweep_cancelled
 from server.files.derived import count_apart, derived_bytes, drop_derived
 from server.settings import Settings
-from server.store.folds import DAY_S, Store, seen_of
+from server.store.folds import DAY_S, Store
 from server.store.object_store import StorageError
 from server.store.tables import ENDED, FoldRow
 
 FRESH_S: Final = 3600.0
 """Seconds since somebody looked at it for which a fold stays, however little room there is."""
 ORPHANS_EVERY_S: Final = 3600.0
+NAMES_AT_ONCE: Final = 500
+"""Names of folds whose files are looked at in one sweep. Chosen."""
 ORPHAN_AGE_S: Final = 3600.0
 """Seconds that files may be without a row: an upload has files first."""
 log = logging.getLogger("foldback.janitor")
@@ -51,7 +55,11 @@ class Janitor:
         self._clock = clock
         self._counted_apart = False
         self._orphans_at = -ORPHANS_EVERY_S
+        self._names: Iterator[str] | None = None
+        """Rest of the round through all files; None if there is none under way."""
         self._suspects: set[str] = set()
+        self._found: set[str] = set()
+        """Files without a row in the last round, and in this one."""
 
     def sweep(self) -> int:
         """Sweeps once; how many folds were forgotten."""
@@ -62,8 +70,9 @@ class Janitor:
         self._make_room()
         gone = self._forget_superseded() + self._expire()
         now = time.monotonic()
-        if now - self._orphans_at >= ORPHANS_EVERY_S:
-            self._orphans_at = now
+        if self._names is not None or now - self._orphans_at >= ORPHANS_EVERY_S:
+            if self._names is None:
+                self._orphans_at = now
             self.sweep_orphans()
         return gone
 
@@ -87,7 +96,7 @@ class Janitor:
     def _forget_superseded(self) -> int:
         """Forgets folds of the gallery that failed by the service's fault and were done again."""
         later = aliased(FoldRow)
-        failed = sa.select(FoldRow.id, seen_of()).where(
+        failed = sa.select(FoldRow.id, FoldRow.seen_at).where(
             FoldRow.public,
             FoldRow.status == "failed",
             FoldRow.content_key.is_(None),
@@ -102,7 +111,7 @@ class Janitor:
             rows = session.execute(failed).all()
         return sum(self._forget(fold_id, seen) for fold_id, seen in rows)
 
-    def _forget(self, fold_id: str, seen: float) -> bool:
+    def _forget(self, fold_id: str, seen: float | None) -> bool:
         if not self._store.expire(fold_id, seen):
             return False
         log.info("fold %s expires", fold_id, extra={"fold": fold_id})
@@ -110,65 +119,109 @@ class Janitor:
         return True
 
     def _expire(self) -> int:
+        """Forget folds that are unseen for too long, or that there is no room for."""
         settings = self._settings
-        if settings.keep_days is None and (
-            settings.storage_bytes is settings.storage_of_visitor_bytes is None
-        ):
-            return 0
-        with self._store.reading() as session:
-            rows = session.execute(
-                sa.select(
-                    FoldRow.id,
-                    FoldRow.visitor,
-                    FoldRow.bytes,
-                    seen_of(),
-                    sa.or_(FoldRow.pinned, FoldRow.public, FoldRow.status.not_in(sorted(ENDED))),
-                )
-            ).all()
-        folds = sorted(
-            (seen, fold_id, visitor, size, stays) for fold_id, visitor, size, seen, stays in rows
-        )
         gone = 0
-        total = sum(size for _, _, _, size, _ in folds)
-        of_visitor: dict[str, int] = {}
-        for _, _, visitor, size, _ in folds:
-            of_visitor[visitor] = of_visitor.get(visitor, 0) + size
-        for seen, fold_id, visitor, size, stays in folds:
-            unseen = (
-                settings.keep_days is not None and self._clock() - seen > settings.keep_days * DAY_S
+        if settings.keep_days is not None:
+            gone += self._forget_unseen(self._clock() - settings.keep_days * DAY_S)
+        if settings.storage_bytes is not None:
+            gone += self._forget_until(settings.storage_bytes)
+        if settings.storage_of_visitor_bytes is not None:
+            size = sa.func.sum(FoldRow.bytes)
+            beyond = (
+                sa.select(FoldRow.visitor)
+                .group_by(FoldRow.visitor)
+                .having(size > settings.storage_of_visitor_bytes)
             )
-            too_much = settings.storage_bytes is not None and total > settings.storage_bytes
-            too_much_of_visitor = (
-                settings.storage_of_visitor_bytes is not None
-                and of_visitor[visitor] > settings.storage_of_visitor_bytes
-            )
-            fresh = self._clock() - seen < FRESH_S
-            wanted = stays or not (unseen or (not fresh and (too_much or too_much_of_visitor)))
-            if not wanted and self._forget(fold_id, seen):
-                total -= size
-                of_visitor[visitor] -= size
-                gone += 1
+            with self._store.reading() as session:
+                visitors = session.scalars(beyond).all()
+            for visitor in visitors:
+                gone += self._forget_until(
+                    settings.storage_of_visitor_bytes, FoldRow.visitor == visitor
+                )
         return gone
 
+    def _forget_unseen(self, since: float) -> int:
+        """Forget folds that nobody has looked at since then; the number of them."""
+        gone = 0
+        for _ in range(MAX_BATCHES):
+            batch = self._oldest(since)
+            gone += sum(self._forget(fold_id, seen) for fold_id, seen, _ in batch)
+            if len(batch) < BATCH_ROWS:
+                break
+        return gone
+
+    def _forget_until(self, limit: int, *whose: sa.ColumnElement[bool]) -> int:
+        """Forget folds, the longest unseen first, until the others take at most so many bytes.
+
+        Returns:
+            Number of folds that were forgotten.
+        """
+        with self._store.reading() as session:
+            total = int(session.scalar(sa.select(sa.func.sum(FoldRow.bytes)).where(*whose)) or 0)
+        gone = 0
+        while total > limit:
+            before = gone
+            for fold_id, seen, size in self._oldest(self._clock() - FRESH_S, *whose):
+                if total > limit and self._forget(fold_id, seen):
+                    total -= size
+                    gone += 1
+            if gone == before:
+                break
+        return gone
+
+    def _oldest(
+        self, since: float, *whose: sa.ColumnElement[bool]
+    ) -> Sequence[sa.Row[str, float | None, int]]:
+        """Return the longest unseen folds that may go: their ids, times and bytes."""
+        with self._store.reading() as session:
+            return session.execute(
+                sa.select(FoldRow.id, FoldRow.seen_at, FoldRow.bytes)
+                .where(
+                    FoldRow.status.in_(sorted(ENDED)),
+                    FoldRow.seen_at < since,
+                    FoldRow.pinned.is_(False),
+                    FoldRow.public.is_(False),
+                    *whose,
+                )
+                .order_by(FoldRow.seen_at)
+                .limit(BATCH_ROWS)
+            ).all()
+
     def sweep_orphans(self) -> None:
-        """Removes files of folds that have no row, seen so twice."""
-        folders, settings = self._store.folders, self._settings
-        found: set[str] = set()
-        if folders.storage is not None:
-            found |= set(folders.storage.below("folds")) | set(folders.storage.below("movies"))
-        for directory in (settings.folds_dir, settings.work_dir):
-            for entry in directory.iterdir() if directory.is_dir() else ():
-                with suppress(OSError):  # somebody else removes it just now
-                    if time.time() - entry.stat().st_mtime > ORPHAN_AGE_S:
-                        found.add(entry.name)
-        found |= folders.copied()  # of folds that were forgotten on another machine
-        orphans = found - self._known(found)
+        """Remove files of folds that have no row; a part of all at a time.
+
+        What is found so in one round goes when it is found again in the next one.
+        """
+        if self._names is None:
+            self._names = self._files()
+            self._suspects, self._found = self._found, set()
+        names = set(itertools.islice(self._names, NAMES_AT_ONCE))
+        if len(names) < NAMES_AT_ONCE:
+            self._names = None
+        orphans = names - self._known(names)
         for fold_id in orphans & self._suspects:
             if not (fold_id.isascii() and fold_id.isalnum()):
                 continue
             log.info("files of %s belong to no fold", fold_id)
-            folders.remove(fold_id)
-        self._suspects = orphans
+            self._store.folders.remove(fold_id)
+        self._found |= orphans - self._suspects
+
+    def _files(self) -> Iterator[str]:
+        """Yield the names of the folds that there are old files of."""
+        folders, settings = self._store.folders, self._settings
+        for directory in (settings.folds_dir, settings.work_dir):
+            if not directory.is_dir():
+                continue
+            with os.scandir(directory) as entries:
+                for entry in entries:
+                    with suppress(OSError):  # somebody else removes it just now
+                        if time.time() - entry.stat().st_mtime > ORPHAN_AGE_S:
+                            yield entry.name
+        if folders.storage is not None:
+            yield from folders.storage.below("folds")
+            yield from folders.storage.below("movies")
+        yield from folders.copied()  # of folds that were forgotten on another machine
 
     def _known(self, names: Iterable[str]) -> set[str]:
         wanted = sorted(names)

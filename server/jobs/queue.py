@@ -9,11 +9,13 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Generator
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 import sqlalchemy as sa
 from dbos import DBOS, DBOSClient, EnqueueOptions
 
+from server.limits.fair_queue import is_quick
 from server.settings import Settings
 
 if TYPE_CHECKING:
@@ -24,6 +26,8 @@ APPLICATION: Final = "foldback"
 # Fixed: jobs that wait go on after an update; the workflow's steps keep their meaning.
 APPLICATION_VERSION: Final = "1"
 QUEUE: Final = "folds"
+QUICK_QUEUE: Final = "quick-folds"
+"""Queue of quick folds, with places of its own in every worker."""
 WORKFLOW: Final = "fold"
 MOVIES_QUEUE: Final = "movies"
 MOVIE_WORKFLOW: Final = "movie"
@@ -31,10 +35,21 @@ GOING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
 POLL_S: Final = 0.2
 MOVIES_POLL_S: Final = 0.5
 AT_A_TIME: Final = 500
+MAX_BATCHES: Final = 20
+"""Batches of jobs that one sweep deletes. A larger value keeps other care waiting. Chosen."""
+KEEP_S: Final = 3600.0
+"""Seconds from its beginning for which the record of a job stays. It must outlast the looks that
+find jobs that failed. Chosen."""
 # A job ends so when not even its end could be noted, or when it took its worker along every time.
 FAILED: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
+OVER: Final = frozenset({"SUCCESS", "CANCELLED", *FAILED})
 PREPARING: Final = 0x666F6C64
 """Key of PostgreSQL's advisory lock under which tables are made."""
+
+
+def place_of(turn: int, cost_s: float) -> tuple[str, int]:
+    """Return the queue and the priority of a fold; the least priority above 0 comes first."""
+    return QUICK_QUEUE if is_quick(cost_s) else QUEUE, turn + 1
 
 
 def prepare(settings: Settings) -> None:
@@ -53,9 +68,10 @@ def prepare(settings: Settings) -> None:
 def _register(settings: Settings) -> None:
     client = _client(settings)
     try:
-        client.register_queue(
-            QUEUE, worker_concurrency=settings.folds_per_worker, polling_interval_sec=POLL_S
-        )
+        for name in (QUEUE, QUICK_QUEUE):
+            client.register_queue(
+                name, worker_concurrency=settings.folds_per_worker, polling_interval_sec=POLL_S
+            )
         # One at a time: software OpenGL and the encoder keep all cores of a small machine busy.
         client.register_queue(
             MOVIES_QUEUE, worker_concurrency=1, polling_interval_sec=MOVIES_POLL_S
@@ -100,14 +116,15 @@ class Jobs:
         """Lets go of the database."""
         self._client.destroy()
 
-    def enqueue(self, fold_id: str, turn: int) -> None:
-        """Puts a fold into the queue, in its turn; does nothing when it is there."""
+    def enqueue(self, fold_id: str, turn: int, cost_s: float) -> None:
+        """Put a fold into the queue of its lane, in its turn; do nothing if it is there."""
+        queue, priority = place_of(turn, cost_s)
         options: EnqueueOptions = {
             "workflow_name": WORKFLOW,
-            "queue_name": QUEUE,
+            "queue_name": queue,
             "workflow_id": fold_id,
             "app_version": APPLICATION_VERSION,
-            "priority": turn + 1,
+            "priority": priority,
         }
         self._client.enqueue(options, fold_id)
 
@@ -134,6 +151,29 @@ class Jobs:
         found = self._client.list_workflows(workflow_ids=jobs, load_input=False, load_output=False)
         return {str(job.workflow_id): job.status in GOING for job in found}
 
+    def sweep(self, now: float) -> int:
+        """Delete jobs that are over and were asked for more than ``KEEP_S`` ago.
+
+        Returns:
+            Number of jobs that were deleted.
+        """
+        before = datetime.fromtimestamp(now - KEEP_S, UTC).isoformat()
+        gone = 0
+        for _ in range(MAX_BATCHES):
+            over = self._client.list_workflows(
+                status=sorted(OVER),
+                end_time=before,
+                limit=AT_A_TIME,
+                load_input=False,
+                load_output=False,
+            )
+            if over:
+                self._client.delete_workflows([str(job.workflow_id) for job in over])
+            gone += len(over)
+            if len(over) < AT_A_TIME:
+                break
+        return gone
+
     def reconcile(self, store: Store, *, older_s: float = 0.0) -> list[FoldRow]:
         """Enqueues folds that have a row and no job, after a crash between the two.
 
@@ -154,5 +194,5 @@ class Jobs:
             states.update({str(job.workflow_id): str(job.status) for job in found})
         for row in rows:
             if row.id not in states and time.time() - row.created_at >= older_s:
-                self.enqueue(row.id, row.turn)
+                self.enqueue(row.id, row.turn, row.cost_s)
         return [row for row in rows if states.get(row.id) in FAILED]

@@ -107,7 +107,9 @@ class Remaining:
         if usual is None:
             return None
         if row.status == "queued":
-            return None if wait is None else wait + sum(usual.values())
+            # A fold that is paused begins the stage again that was cut off, and none before it.
+            ahead = STAGES[STAGES.index(row.stage or STAGES[0]) :]
+            return None if wait is None else wait + sum(usual.get(stage, 0.0) for stage in ahead)
         told, now = row.progress, self._clock()
         begun = told.get("stage") == row.stage  # else it is still what the stage before has said
         return left_s(

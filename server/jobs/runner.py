@@ -8,6 +8,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Generator
+from pathlib import Path
 from typing import Any, Final, TypedDict
 
 from sqlalchemy.exc import SQLAlchemyError
@@ -17,10 +18,12 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.attempt_folders import TIMELINE, any_verified, result
 from planner.playback.unfolding import START_CHAIN
 from planner.progress import COMPILING
-from server.files.cancelled import sweep_cancelled
+from server.files.cancelled import sweep_cancelled_of
 from server.jobs.progress import STAGES, TRYING, JobProgress
-from server.jobs.retry import Answer, patiently
-from server.processes.children import Child, ChildError, Children
+from server.jobs.queue import place_of
+from server.jobs.retry import TRY_AGAIN_S, Answer, patiently
+from server.jobs.slices import Slice
+from server.processes.children import CRASHED, LOST, Child, ChildError, Children
 from server.processes.fork_server import ForkServer
 from server.processes.limits import ChildLimits
 from server.settings import Settings
@@ -31,6 +34,10 @@ from server.store.object_store import StorageError
 
 KEEP_EVERY_S: Final = 0.7
 """Seconds between two copies of a growing timeline to the object store."""
+MAX_DEATHS: Final = 3
+"""Deaths of its own process that fail a fold, in one stage. With 1 whatever kills a process by
+chance fails a fold; a larger value has a fold that kills its process compute in vain longer.
+Chosen."""
 log = logging.getLogger("foldback.worker")
 
 
@@ -38,7 +45,8 @@ class Outcome(TypedDict):
     """How a stage ended; ``ended`` tells that the fold ends with it, ``following`` what is next.
 
     ``epoch`` is the one under which its files are kept, ``bytes`` what they take, None when that
-    is not known.
+    is not known. ``paused_by`` is the execution that has put the fold back into the queue in the
+    middle of the stage; None if the stage is over.
     """
 
     epoch: int
@@ -49,6 +57,7 @@ class Outcome(TypedDict):
     summary: dict[str, Any]
     error: dict[str, Any] | None
     repeatable: bool
+    paused_by: str | None
 
 
 def _outcome(
@@ -59,6 +68,7 @@ def _outcome(
     summary: dict[str, Any] | None = None,
     error: dict[str, Any] | None = None,
     repeatable: bool = True,
+    paused_by: str | None = None,
 ) -> Outcome:
     return {
         "epoch": 0,
@@ -69,6 +79,7 @@ def _outcome(
         "summary": summary or {},
         "error": error,
         "repeatable": repeatable,
+        "paused_by": paused_by,
     }
 
 
@@ -78,6 +89,10 @@ class TakenOverError(Exception):
 
 class UnwantedError(Exception):
     """The fold was cancelled or taken over while something was waited for."""
+
+
+class PausedError(Exception):
+    """The fold has been put back into the queue, as others wait and its slice is over."""
 
 
 class Runner:
@@ -100,6 +115,7 @@ class Runner:
         )
         self._children = Children("stages", ChildLimits.of(settings), self._fork_server)
         self._taken: dict[str, Child] = {}
+        self._slices: dict[str, Slice] = {}
         self._stopping = threading.Event()
 
     def prewarm(self) -> None:
@@ -148,6 +164,10 @@ class Runner:
             # What it has made so far is kept nowhere.
             self._release(worker)
             return {**self._stopped(fold_id, epoch), "epoch": known}
+        except PausedError:
+            self._release(worker)
+            paused = _outcome("queued", ended=False, following=stage, paused_by=worker)
+            return {**paused, "epoch": known}
         except InputError as error:
             error = self._advised(fold_id, error)
             outcome = _outcome(
@@ -215,8 +235,14 @@ class Runner:
             # Who has cancelled it wants the worker for something else: no waiting.
             with contextlib.suppress(StorageError, SQLAlchemyError, NoSuchFoldError):
                 self._store.folders.leave(fold_id, outcome["epoch"])
-                visitor = self._store.fold(fold_id).visitor
-                sweep_cancelled(self._store, time.time(), visitor=visitor)
+                sweep_cancelled_of(self._store, self._store.fold(fold_id).visitor)
+
+    def place(self, fold_id: str) -> tuple[str, int]:
+        """Return the queue and the priority of a fold that was put back."""
+        with contextlib.suppress(NoSuchFoldError):
+            row = self._store.fold(fold_id)
+            return place_of(row.turn, row.cost_s)
+        return place_of(0, 0.0)  # it was deleted, which whoever takes it notices
 
     def patiently(self, do: Callable[[], Answer]) -> Answer:
         """What it returns, once what it needs answers; never returns once the worker ends."""
@@ -264,24 +290,29 @@ class Runner:
         )
 
     def _run(self, fold_id: str, stage: str, worker: str, known: int, epoch: int) -> Outcome:
-        child = self._taken.get(worker)
-        if child is None:
-            child = self._taken[worker] = self._children.take()
         directory = self._patiently_for(
             fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
         )
         spent_s = self.patiently(lambda: self._store.stage_s(fold_id))
         done = _Progress(self._store, fold_id, stage, epoch, spent_s)
         progress = JobProgress(done.report)
+        part = self._slices.get(worker)
+        if part is None:
+            part = self.patiently(lambda: Slice(self._store, fold_id, epoch))
+            self._slices[worker] = part
         with _keeping(self._store, fold_id, epoch):
-            result = child.call(
+            result = self._call(
+                worker,
                 stage,
                 directory,
-                wall_s=self._settings.stage_seconds,
                 on_progress=done.take,
-                cancelled=progress.cancelled,
+                cancelled=lambda: progress.cancelled() or part.over(),
             )
         done.take_end()
+        if result.get("status") == "cancelled" and part.over():
+            self.patiently(progress.last)
+            if self.patiently(part.pause):
+                raise PausedError(fold_id)
         if result.get("status") == "cancelled" or not self.patiently(progress.last):
             return self._stopped(fold_id, epoch)
         if stage == "read":
@@ -303,6 +334,48 @@ class Runner:
         # A plan that the certificate has refused is tried again in another way, a few times.
         following = result.get("again") or STAGES[STAGES.index(stage) + 1]
         return _outcome("running", ended=False, following=following)
+
+    def _call(
+        self,
+        worker: str,
+        stage: str,
+        directory: Path,
+        *,
+        on_progress: Callable[[dict[str, Any]], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        """Compute a stage in the child of an execution; one that dies gets a successor.
+
+        Raises:
+            InputError: If the input is at fault.
+            ChildError: If a limit was exceeded, or ``MAX_DEATHS`` children died.
+        """
+        deaths = 0
+        while True:
+            child = self._taken.get(worker)
+            if child is None:
+                child = self._taken[worker] = self._children.take()
+            try:
+                return child.call(
+                    stage,
+                    directory,
+                    wall_s=self._settings.stage_seconds,
+                    on_progress=on_progress,
+                    cancelled=cancelled,
+                )
+            except ChildError as error:
+                self._halt()
+                if error.code not in (CRASHED, LOST):
+                    raise
+                self._release_child(worker)
+                deaths += error.code == CRASHED
+                if deaths == MAX_DEATHS:
+                    detail = f"{error.detail} This happened {deaths} times in the stage '{stage}'."
+                    raise ChildError(CRASHED, detail) from None
+                log.warning("stage=%s directory=%s begins again: %s", stage, directory, error)
+            self._wait(TRY_AGAIN_S)
+            if cancelled():
+                return {"status": "cancelled", "reason": "cancelled"}
 
     def _advised(self, fold_id: str, error: InputError) -> InputError:
         """The refusal, with shapes that a refold could lead to instead."""
@@ -344,6 +417,11 @@ class Runner:
             return {}
 
     def _release(self, worker: str) -> None:
+        """Forget an execution, and end its child."""
+        self._slices.pop(worker, None)
+        self._release_child(worker)
+
+    def _release_child(self, worker: str) -> None:
         child = self._taken.pop(worker, None)
         if child is not None:
             self._children.release(child)

@@ -23,7 +23,7 @@ from typing import Final
 from dbos import DBOS, DBOSConfig
 from dbos import error as dbos_errors
 
-from server.jobs.dbos_private import hand_back, hand_back_all, take_nothing_new
+from server.jobs.dbos_private import hand_back, hand_back_all, set_back, take_nothing_new
 from server.jobs.janitor import Janitor
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.progress import STAGES
@@ -79,6 +79,13 @@ class Active:
             return self._jobs.total()
 
 
+class PutBack(BaseException):
+    """End of an execution whose job goes on later.
+
+    The job system notes the outcome of a job that ends with an ``Exception``, but not with this.
+    """
+
+
 def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> None:
     """Tells the job system what a fold is: one step a stage, then its end; and what a movie is."""
 
@@ -91,6 +98,9 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
                     {"name": stage}, runner.run, fold_id, stage, worker, epoch
                 )
                 epoch = outcome["epoch"]
+                if outcome.get("paused_by") == worker:  # else it goes on after a pause
+                    runner.patiently(lambda: set_back(fold_id, name, *runner.place(fold_id)))
+                    raise PutBack
                 if outcome["ended"] or outcome["following"] is None:
                     return outcome
                 stage = outcome["following"]
@@ -198,6 +208,7 @@ class _Caretaker:
         if time.monotonic() - self._swept_at >= SWEEP_EVERY_S:
             self._swept_at = time.monotonic()
             self._janitor.sweep()
+            self._jobs.sweep(time.time())
 
     def _hand_back_strays(self, own: list[str]) -> None:
         """Has jobs done again that are ours and that nothing works on.

@@ -1,45 +1,39 @@
-"""Turns: in which order folds that wait are computed, and how long that will take.
+"""Fair queue: the order in which folds are computed, and which of them are accepted.
 
-Self-clocked fair queueing (Golestani, INFOCOM 1994), with visitors as flows: a fold's turn is the
-virtual time at which it would be over if all visitors who wait were served at the same rate. Who
-asks for many folds waits for them behind those who ask for one, a short fold goes before a long
-one, and nobody waits for ever, because virtual time goes on.
+Self-clocked fair queueing (Golestani, INFOCOM 1994): a fold's turn is the virtual time at which it
+would be over if all networks that wait were served at the same rate, and within a network all its
+visitors. A visitor who asks for many folds waits for them behind those who ask for one, a short
+fold goes before a long one, and nobody waits for ever, because virtual time goes on.
+
+Two lanes have places of their own in each worker, so that quick folds never wait for long ones. A
+fold whose slice is over makes room for others (``server.jobs.slices``).
+
+The queue is shared by dynamic thresholds (Choudhury and Hahne, IEEE/ACM ToN 1998): a network may
+hold no more than what is still free. One network alone fills half of the queue, two a third each,
+and the one that holds the most is refused first.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-from planner.pathfinding.duration import expected_seconds
-from planner.simulation.parameters import FLOATING
+from server.limits.networks import networks_of
 
 TICKS_A_SECOND: Final = 10
 LATEST: Final = 2**31 - 2
 """Largest priority that the job system takes; at full load it is reached after years."""
-SLOWEST: Final = 3600.0
-CHANGED: Final = 4.0
-"""Factor of the usual steps of a published explosion, with changed settings."""
-
-
-def expected_s(
-    modules: int,
-    preset: str,
-    settings: str = "",
-    *,
-    choosing: bool = False,
-    world: str = FLOATING,
-) -> float:
-    """About how long a fold takes, as far as its turn depends on it.
-
-    Args:
-        modules: Of its chain.
-        preset: Its parameters.
-        settings: What it changes of them: such a fold may take all the steps that there are.
-        choosing: Whether it chooses among several plans, which are all computed.
-        world: Where it folds.
-    """
-    usual = expected_seconds(modules, preset, choosing=choosing, world=world)
-    return min(SLOWEST, (CHANGED if settings else 1.0) * usual)
+QUICK_S: Final = 10.0
+"""Expected cost of a quick fold, in seconds, at most. With a larger value quick folds wait longer
+for each other; with a smaller one more folds wait for long ones. Chosen: half of the shapes of
+fewer than 300 modules."""
+OVERRUN: Final = 3.0
+"""Factor of its expected cost that a fold computes before it makes room for any other fold. A
+smaller value has more stages begin again, a larger one has others wait longer. Chosen."""
+MIN_SLICES: Final = 3.0
+"""Part of the first slice that a fold computes at least before that, as a divisor. Chosen."""
+SLICE_GROWTH: Final = 3.0
+"""Factor of the time before it makes room for cheaper folds, after each pause. What is computed in
+vain is then at most half as much as the time of the last slice. Chosen."""
 
 
 def ticks(cost_s: float) -> int:
@@ -47,19 +41,57 @@ def ticks(cost_s: float) -> int:
     return max(1, round(TICKS_A_SECOND * cost_s))
 
 
-def turn_of(*, now: int, last_own: int | None, cost_s: float, first: bool) -> int:
-    """The turn of a fold that somebody asks for.
+def is_quick(cost_s: float) -> bool:
+    """Return True if a fold of this expected cost is computed in the lane for quick folds."""
+    return cost_s <= QUICK_S
+
+
+def slice_s(cost_s: float, pauses: int, first_s: float, *, for_cheaper: bool = False) -> float:
+    """Return the seconds that a fold computes before it makes room for others that wait.
+
+    Args:
+        cost_s: Expected cost of the fold.
+        pauses: Number of times that it has made room before.
+        first_s: The time for the first slice before it makes room for cheaper folds.
+        for_cheaper: True for others that are expected to cost less.
+    """
+    whole = max(first_s / MIN_SLICES, OVERRUN * cost_s)
+    return min(whole, first_s * SLICE_GROWTH**pauses) if for_cheaper else whole
+
+
+def network_of(visitor: str) -> str:
+    """Return the widest network around a visitor; the visitor if none is known."""
+    return (*networks_of(visitor), visitor)[0]
+
+
+def admits(held: float, wanted: float, *, total: float, limit: float) -> bool:
+    """Return True if a network may hold more of a queue.
+
+    Args:
+        held: Part of the queue that the network holds.
+        wanted: Part that it asks for.
+        total: Part that all hold.
+        limit: Size of the queue, in the same unit.
+    """
+    return held + wanted <= limit - total
+
+
+def turn_of(
+    *, now: int, last_own: int | None, cost_s: float, sharers: int = 1, first: bool = False
+) -> int:
+    """Return the turn of a fold.
 
     Args:
         now: Virtual time, which is the latest turn that has come since nobody waited.
-        last_own: The latest turn of the same visitor's folds that wait, if there are some.
-        cost_s: What computing it is expected to take.
-        first: Whether it goes before all others, as those of the gallery do.
+        last_own: Latest turn of the same visitor's folds that wait, if there are some.
+        cost_s: Expected cost of the fold.
+        sharers: Number of visitors of its network that wait, its own included.
+        first: True if it goes before all others, as those of the gallery do.
     """
     if first:
         return now
     begin = now if last_own is None else max(now, last_own)
-    return min(LATEST, begin + ticks(cost_s))
+    return min(LATEST, begin + ticks(cost_s * sharers))
 
 
 def wait_s(*, ahead_s: float, running_s: float, at_once: int) -> float | None:

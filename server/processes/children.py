@@ -41,6 +41,14 @@ CALLS_A_CHILD: Final = 200
 LARGEST_EVENT_BYTES: Final = 2**20
 MOST_EVENTS: Final = 32
 """Events of a child that are read ahead; it waits when there are more."""
+LOST: Final = "lost"
+"""Code of the error of a child that ended because the fork server did. It is no fault of its task,
+which another child can do."""
+CRASHED: Final = "crashed"
+"""Code of the error of a child that ended by itself, by a signal or by what it sent."""
+LOST_TRIES: Final = 3
+"""Fork servers that may end one after the other during one short task before the task fails. A
+larger value keeps the client waiting longer where they end again and again. Chosen."""
 EVENTS: Final = {
     "ready": set[str](),
     "progress": {"stage", "fraction", "steps", "steps_per_second", "simulated_s", "message"},
@@ -70,6 +78,7 @@ class _Spawned(subprocess.Popen[bytes]):
 
     told: Final = None
     begun: Final = True
+    lost: Final = False
 
     def __init__(self, kind: Kind, limits: ChildLimits, environment: Mapping[str, str]) -> None:
         super().__init__(
@@ -260,7 +269,7 @@ class Child:
             raise self._death()
         if (event := _event(line)) is None:
             self.kill()
-            raise ChildError("crashed", "the computing process sent rubbish; it was ended.")
+            raise ChildError(CRASHED, "the computing process sent rubbish; it was ended.")
         return event
 
     def _read(self) -> None:
@@ -286,9 +295,9 @@ class Child:
             code = self._process.wait(ENDING_S)
         except subprocess.TimeoutExpired:
             self.kill()
-            return ChildError(
-                "crashed", "the computing process said nothing any more; it was ended."
-            )
+            return ChildError(CRASHED, "the computing process said nothing any more; it was ended.")
+        if self._process.lost:
+            return ChildError(LOST, "the process that starts computing processes ended; try again.")
         if code == -signal.SIGXCPU:
             return ChildError(
                 "cpu-limit",
@@ -298,8 +307,8 @@ class Child:
         if code < 0:
             name = signal.Signals(-code).name
             hint = " (often: the machine ran out of memory)" if name == "SIGKILL" else ""
-            return ChildError("crashed", f"the computing process was ended by {name}{hint}.")
-        return ChildError("crashed", f"the computing process ended with exit code {code}.")
+            return ChildError(CRASHED, f"the computing process was ended by {name}{hint}.")
+        return ChildError(CRASHED, f"the computing process ended with exit code {code}.")
 
 
 def _event(line: bytes) -> dict[str, Any] | None:
@@ -393,17 +402,24 @@ class Pool:
             InputError: When the input can't be used.
             ChildError: When the child crashed or went beyond a limit.
         """
-        child = self._take()
-        try:
-            result = child.call(task, directory, wall_s=self._wall_s, cancelled=cancelled)
-        except InputError:
-            self._keep(child)
-            raise
-        except BaseException:
-            self._children.release(child)
-            raise
-        self._keep(child)
-        return result
+        for left in reversed(range(LOST_TRIES)):
+            child = self._take()
+            try:
+                result = child.call(task, directory, wall_s=self._wall_s, cancelled=cancelled)
+            except InputError:
+                self._keep(child)
+                raise
+            except ChildError as error:
+                self._children.release(child)
+                if error.code != LOST or not left:
+                    raise
+            except BaseException:
+                self._children.release(child)
+                raise
+            else:
+                self._keep(child)
+                return result
+        raise AssertionError("every try returns or raises")
 
     def close(self) -> None:
         """Ends all children."""

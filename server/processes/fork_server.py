@@ -49,6 +49,8 @@ class Forked:
         self._pid: int | None = None
         self._code: int | None = None
         self._ended = threading.Event()
+        self.lost = False
+        """True once the fork server has ended, and with it this child."""
 
     @property
     def pid(self) -> int:
@@ -97,6 +99,12 @@ class Forked:
         if self._code is None:
             self._code = code
             self._ended.set()
+
+    def lose(self) -> None:
+        """Note that it ended with the fork server."""
+        if self._code is None:
+            self.lost = True
+        self.end(-signal.SIGKILL)
 
 
 class _Running:
@@ -181,9 +189,9 @@ class _Running:
             for pid, child in self._forked.items():
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.killpg(pid, signal.SIGKILL)
-                child.end(-signal.SIGKILL)
+                child.lose()
             for child in self._asked.values():
-                child.end(-signal.SIGKILL)
+                child.lose()
 
     def _hear(self, told: dict[str, Any]) -> None:
         with self._lock:

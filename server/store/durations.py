@@ -9,8 +9,7 @@ from typing import Final
 
 import sqlalchemy as sa
 
-from server.limits.fair_queue import expected_s
-from server.store.folds import Store
+from server.store.folds import Store, cost_of
 from server.store.tables import FoldRow
 
 LATEST: Final = 100
@@ -69,7 +68,7 @@ def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | Non
     """
     if row.modules <= 0:
         return None
-    cost_s = expected_s(row.modules, row.preset, row.settings, world=row.world)
+    cost_s = cost_of(row, row.modules).expected_s
     weighed: list[tuple[float, Duration]] = []
     for duration in known:
         apart = abs(math.log(row.modules / duration.modules))
@@ -84,7 +83,7 @@ def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | Non
                 (
                     duration.stage_s.get(stage, 0.0)
                     * cost_s
-                    / expected_s(duration.modules, row.preset, row.settings, world=row.world),
+                    / cost_of(row, duration.modules).expected_s,
                     weight,
                 )
                 for weight, duration in weighed

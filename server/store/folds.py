@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import secrets
+import threading
 import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
@@ -18,8 +19,11 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session, sessionmaker
 
-from planner.pipeline.preference import COMPUTING
-from server.limits.fair_queue import expected_s, turn_of
+from planner.pipeline.expected_cost import ExpectedCost, expected_cost
+from planner.pipeline.preference import COMPUTING, preference_named
+from planner.pipeline.request import Request
+from planner.simulation.parameters import AUTO, FLOATING
+from server.limits.fair_queue import QUICK_S, is_quick, network_of, slice_s, ticks, turn_of
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
 from server.store.shown import Found, ShownFold
@@ -35,9 +39,11 @@ from server.store.tables import (
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token", "rows_of"]
 
 WAITING = ("queued", "running")
-LOOKED_EVERY_S: Final = 3600.0
-"""Seconds to which the time of the last look at a fold is exact."""
+LOOKED_EVERY_S: Final = 900.0
+"""Seconds to which the time of the last look at a fold is exact. A smaller value writes more."""
 TURN: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
+SOON_S: Final = 1.0
+"""Seconds in which a fold whose slice is over makes room: a look at the queue and a step's end."""
 DROPPED_S: Final = 3600.0
 DAY_S: Final = 86400.0
 DURATION_SAMPLES: Final = 40
@@ -70,6 +76,9 @@ class Store:
     def __init__(self, settings: Settings) -> None:
         self.folders = Folders(settings)
         self._keep_days = settings.keep_days
+        self._first_slice_s = settings.slice_seconds
+        self.admitting = threading.Lock()
+        """Held from the look at the queue until a fold is in it."""
         self._engine = engine_for(settings.store_url)
         migrate(self._engine)
         self._sessions = sessionmaker(self._engine, expire_on_commit=False)
@@ -166,13 +175,43 @@ class Store:
             row = session.get(FoldRow, fold_id)
         return row is not None and not row.public and row.owner == hash_of(token)
 
-    def waiting(self, *, visitor: str | None = None) -> int:
-        """Folds that are queued or running, of all visitors or of one."""
-        query = sa.select(sa.func.count()).where(FoldRow.status.in_(WAITING))
-        if visitor is not None:
-            query = query.where(FoldRow.visitor == visitor)
+    def waiting(self) -> list[tuple[str, float]]:
+        """Return the visitor and the expected cost of each fold that is queued or running."""
+        query = sa.select(FoldRow.visitor, FoldRow.cost_s).where(FoldRow.status.in_(WAITING))
         with self._sessions() as session:
-            return session.scalar(query) or 0
+            return [(visitor, cost_s) for visitor, cost_s in session.execute(query)]
+
+    def others_wait(self, fold_id: str, *, spent_s: float, cheaper: bool) -> bool:
+        """Return True if a fold that runs keeps another one waiting whose turn is before its next.
+
+        Args:
+            fold_id: The fold that runs.
+            spent_s: Seconds that it has computed.
+            cheaper: True if only folds that are expected to cost less count.
+        """
+        with self._sessions() as session:
+            cost_s = session.scalar(sa.select(FoldRow.cost_s).where(FoldRow.id == fold_id)) or 0.0
+            now = session.scalar(sa.select(CounterRow.value).where(CounterRow.name == "turn")) or 0
+            queued = sa.select(FoldRow.id).where(
+                FoldRow.status == "queued",
+                FoldRow.id != fold_id,
+                FoldRow.turn < now + ticks(max(cost_s, spent_s)),
+                _in_lane(cost_s),
+            )
+            if cheaper:
+                queued = queued.where(FoldRow.cost_s < cost_s)
+            return session.scalar(queued.limit(1)) is not None
+
+    def slices_s(self, fold_id: str) -> tuple[float, float]:
+        """Return the seconds until a fold makes room for cheaper ones, and for any.
+
+        They are those of a fold that costs nothing if it was deleted.
+        """
+        query = sa.select(FoldRow.cost_s, FoldRow.pauses).where(FoldRow.id == fold_id)
+        with self._sessions() as session:
+            cost_s, pauses = session.execute(query).first() or (0.0, 0)
+        first_s = self._first_slice_s
+        return slice_s(cost_s, pauses, first_s, for_cheaper=True), slice_s(cost_s, pauses, first_s)
 
     def unfinished(self) -> Sequence[FoldRow]:
         """All folds that are queued or running."""
@@ -180,11 +219,12 @@ class Store:
             return session.scalars(sa.select(FoldRow).where(FoldRow.status.in_(WAITING))).all()
 
     def ahead(self, row: FoldRow) -> tuple[int, float, float]:
-        """What a queued fold waits for.
+        """Return what a queued fold waits for, in its lane.
 
         Returns:
             Its place, 1 for the next; what the folds before it are expected to take; and what is
-            left of those that are being computed. Both in seconds of the machines measured lately.
+            left of those that are being computed, until their slices are over at most. Both in
+            seconds of the machines measured lately.
         """
         before = sa.or_(
             FoldRow.turn < row.turn,
@@ -192,24 +232,29 @@ class Store:
         )
         queued = sa.select(
             sa.func.count(), sa.func.coalesce(sa.func.sum(FoldRow.cost_s), 0.0)
-        ).where(FoldRow.status == "queued", before)
-        running = sa.select(FoldRow.cost_s, FoldRow.started_at).where(FoldRow.status == "running")
+        ).where(FoldRow.status == "queued", before, _in_lane(row.cost_s))
+        running = sa.select(FoldRow.cost_s, FoldRow.pauses, FoldRow.resumed_at).where(
+            FoldRow.status == "running", _in_lane(row.cost_s)
+        )
         now = time.time()
         with self.reading() as session:
-            count, cost_s = session.execute(queued).one()
+            count, ahead_s = session.execute(queued).one()
             factor = self._duration_factor(session)
-            left = [
-                max(0.2 * factor * cost, factor * cost - (now - (started or now)))
-                for cost, started in session.execute(running)
-            ]
-        return count + 1, factor * float(cost_s), sum(left)
+            left = 0.0
+            for cost_s, pauses, since in session.execute(running):
+                spent_s = now - (since or now)
+                cheaper = row.cost_s < cost_s
+                room_s = slice_s(cost_s, pauses, self._first_slice_s, for_cheaper=cheaper) - spent_s
+                expected_s = max(0.2 * factor * cost_s, factor * cost_s - spent_s)
+                left += min(expected_s, max(SOON_S, room_s))
+        return count + 1, factor * float(ahead_s), left
 
     @staticmethod
     def _duration_factor(session: Session) -> float:
         """How much longer recent folds took than they were expected to; 1 when nobody knows."""
         recent_folds = (
             sa.select(FoldRow.ended_at - FoldRow.started_at, FoldRow.cost_s)
-            .where(FoldRow.status == "verified", FoldRow.cost_s > 0)
+            .where(FoldRow.status == "verified", FoldRow.cost_s > 0, FoldRow.pauses == 0)
             .order_by(FoldRow.created_at.desc())
             .limit(DURATION_SAMPLES)
         )
@@ -233,13 +278,8 @@ class Store:
         Its turn in the queue is settled here.
         """
         row.owner = row.maker = hash_of(token)
-        row.cost_s = expected_s(
-            row.modules,
-            row.preset,
-            row.settings,
-            choosing=row.prefer != COMPUTING,
-            world=row.world,
-        )
+        row.cost_s = cost_of(row).expected_s
+        row.seen_at = row.seen_at or row.ended_at or row.created_at
         try:
             with self.changing() as session:
                 row.turn = self._turn(session, row)
@@ -257,27 +297,31 @@ class Store:
 
     @staticmethod
     def _turn(session: Session, row: FoldRow) -> int:
-        latest = sa.select(sa.func.max(FoldRow.turn))
-        if session.scalar(latest.where(FoldRow.status.in_(WAITING))) is None:
-            session.execute(TURN.values(value=0))  # nobody waits: it begins anew
+        waiting = session.execute(
+            sa.select(FoldRow.visitor, FoldRow.turn).where(FoldRow.status.in_(WAITING))
+        ).all()
+        if not waiting:
+            session.execute(TURN.values(value=0))  # virtual time begins anew
         now = session.scalar(sa.select(CounterRow.value).where(CounterRow.name == "turn")) or 0
-        last = session.scalar(
-            latest.where(FoldRow.status.in_(WAITING), FoldRow.visitor == row.visitor)
-        )
-        # Who cancels a fold of the gallery again and again does not go first again and again.
-        dropped = session.scalar(
-            sa.select(sa.func.count()).where(
-                FoldRow.public,
-                FoldRow.visitor == row.visitor,
-                FoldRow.status == "cancelled",
-                FoldRow.created_at > row.created_at - DROPPED_S,
+        network = network_of(row.visitor)
+        sharers = {visitor for visitor, _ in waiting if network_of(visitor) == network}
+        first = bool(row.public)
+        if first:
+            # Who cancels a fold of the gallery again and again does not go first again and again.
+            first = not session.scalar(
+                sa.select(sa.func.count()).where(
+                    FoldRow.public,
+                    FoldRow.visitor == row.visitor,
+                    FoldRow.status == "cancelled",
+                    FoldRow.created_at > row.created_at - DROPPED_S,
+                )
             )
-        )
         return turn_of(
             now=now,
-            last_own=last,
+            last_own=max((turn for who, turn in waiting if who == row.visitor), default=None),
             cost_s=row.cost_s,
-            first=bool(row.public) and not dropped,
+            sharers=len(sharers | {row.visitor}),
+            first=first,
         )
 
     def secret(self, name: str, made: bytes) -> bytes:
@@ -332,19 +376,20 @@ class Store:
                 .values(
                     status=sa.case((queued, "cancelled"), else_=FoldRow.status),
                     ended_at=sa.case((queued, time.time()), else_=FoldRow.ended_at),
+                    seen_at=time.time(),
                     content_key=None,
                     cancel_requested=True,
                 )
             )
             return session.scalar(sa.select(FoldRow.id).where(*own)) is not None
 
-    def expire(self, fold_id: str, seen: float) -> bool:
+    def expire(self, fold_id: str, seen: float | None) -> bool:
         """Forgets a fold that nobody has looked at since, unless somebody wants it after all."""
         gone = sa.delete(FoldRow).where(
             FoldRow.id == fold_id,
             FoldRow.pinned.is_(False),
             FoldRow.status.in_(ENDED),
-            seen_of() == seen,
+            FoldRow.seen_at == seen,
         )
         with self.changing() as session:
             return bool(rows_of(session.execute(gone)))
@@ -388,6 +433,7 @@ class Store:
         Returns:
             The epoch in which it is computed; None when it is cancelled, over or deleted.
         """
+        same = FoldRow.worker == worker
         with self.changing() as session:
             begun = session.execute(
                 sa.update(FoldRow)
@@ -400,9 +446,8 @@ class Store:
                     status="running",
                     stage=stage,
                     started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
-                    epoch=sa.case(
-                        (FoldRow.worker == worker, FoldRow.epoch), else_=FoldRow.epoch + 1
-                    ),
+                    epoch=sa.case((same, FoldRow.epoch), else_=FoldRow.epoch + 1),
+                    resumed_at=sa.case((same, FoldRow.resumed_at), else_=time.time()),
                     worker=worker,
                 )
                 .returning(FoldRow.epoch, FoldRow.turn)
@@ -411,6 +456,33 @@ class Store:
                 return None
             session.execute(TURN.where(CounterRow.value < begun[1]).values(value=begun[1]))
             return begun[0]
+
+    def pause(self, fold_id: str, epoch: int, *, spent_s: float) -> bool:
+        """Put a running fold back into the queue, in the turn of a fold that is asked for now.
+
+        Args:
+            fold_id: The fold.
+            epoch: Epoch in which it runs.
+            spent_s: Seconds that it has computed: it costs at least as much.
+
+        Returns:
+            False if the fold is cancelled, over, deleted, or has changed hands.
+        """
+        ours = (
+            FoldRow.id == fold_id,
+            FoldRow.epoch == epoch,
+            FoldRow.status == "running",
+            FoldRow.cancel_requested.is_(False),
+        )
+        with self.changing() as session:
+            row = session.scalar(sa.select(FoldRow).where(*ours))
+            if row is None:
+                return False
+            row.cost_s = max(row.cost_s, spent_s)
+            row.turn = self._turn(session, row)
+            row.pauses += 1
+            row.status = "queued"
+            return True
 
     def show(self, fold_id: str, epoch: int) -> None:
         """Has readers see what was kept in an epoch, if it lasts."""
@@ -497,11 +569,26 @@ class Store:
             session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
 
 
+def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
+    """Return what computing a fold is expected to cost, or one like it of so many modules."""
+    request = Request(
+        preset=row.preset,
+        settings=row.settings or "",
+        strategy=row.strategy or AUTO,
+        prefer=preference_named(row.prefer or COMPUTING),
+        world="table" if row.world == "table" else FLOATING,
+        module=row.module,
+        refold=row.refold is not None,
+        smooth=row.smooths is not None,
+    )
+    return expected_cost(row.modules if modules is None else modules, request)
+
+
+def _in_lane(cost_s: float) -> sa.ColumnElement[bool]:
+    """Return the condition that a fold is in the lane of one with this expected cost."""
+    return FoldRow.cost_s <= QUICK_S if is_quick(cost_s) else FoldRow.cost_s > QUICK_S
+
+
 def rows_of(result: sa.Result[Any]) -> int:
     """How many rows a statement has changed."""
     return result.rowcount if isinstance(result, sa.CursorResult) else 0
-
-
-def seen_of() -> sa.ColumnElement[float]:
-    """When somebody last looked at a fold, as a column."""
-    return sa.func.coalesce(FoldRow.seen_at, FoldRow.ended_at, FoldRow.created_at)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from datetime import UTC, datetime
 from typing import Any
 
@@ -34,18 +35,28 @@ class FoldRow(Base):
     who has it from an older epoch has no say any more. Readers see the files of epoch ``kept``.
     ``bytes`` is what its own files take, from the moment on that it is accepted;
     ``derived_bytes`` what exports and pictures take that were made of it and can be made again.
-    ``seen_at`` is when somebody last looked, and what is ``pinned`` never expires.
+    ``seen_at`` is when somebody last looked, or when it was asked for or ended if that was later;
+    only rows of an earlier version that is still running have none. What is ``pinned`` never
+    expires.
 
     ``owner`` is the hash of the token of who asked for it, None when it is nobody's: a ``public``
     fold that several have asked for. ``maker`` is that of who asked first: it stays in his list.
     ``renamed`` tells that its owner has called it ``name``.
+
+    ``pauses`` counts how often it went back to the queue so that others had their turn;
+    ``resumed_at`` is when ``worker`` began or went on.
     """
 
     __tablename__ = "folds"
+    __table_args__ = (
+        sa.Index("ix_folds_status_seen_at", "status", "seen_at"),
+        sa.Index("ix_folds_visitor_status_seen_at", "visitor", "status", "seen_at"),
+        sa.Index("ix_folds_public_status", "public", "status"),
+    )
 
     id: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
     name: Mapped[str] = mapped_column(sa.String(200))
-    status: Mapped[str] = mapped_column(sa.String(16), index=True)
+    status: Mapped[str] = mapped_column(sa.String(16))
     stage: Mapped[str | None] = mapped_column(sa.String(16))
     created_at: Mapped[float] = mapped_column(index=True)
     started_at: Mapped[float | None]
@@ -58,7 +69,7 @@ class FoldRow(Base):
     seed: Mapped[int] = mapped_column(sa.BigInteger)
     module_size: Mapped[float | None]
     content_key: Mapped[str | None] = mapped_column(sa.String(64), unique=True)
-    visitor: Mapped[str] = mapped_column(sa.String(64), index=True)
+    visitor: Mapped[str] = mapped_column(sa.String(64))
     cancel_requested: Mapped[bool] = mapped_column(default=False)
     progress: Mapped[dict[str, Any]] = mapped_column(default=dict)
     summary: Mapped[dict[str, Any]] = mapped_column(default=dict)
@@ -70,7 +81,7 @@ class FoldRow(Base):
     epoch: Mapped[int] = mapped_column(default=0)
     kept: Mapped[int] = mapped_column(default=0)
     bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
-    seen_at: Mapped[float | None] = mapped_column(default=None)
+    seen_at: Mapped[float | None] = mapped_column(default=time.time)
     pinned: Mapped[bool] = mapped_column(default=False)
     strategy: Mapped[str] = mapped_column(sa.String(16), default="auto")
     smooths: Mapped[str | None] = mapped_column(sa.String(32), default=None)
@@ -81,6 +92,8 @@ class FoldRow(Base):
     maker: Mapped[str | None] = mapped_column(sa.String(64), index=True, default=None)
     renamed: Mapped[bool] = mapped_column(default=False)
     world: Mapped[str] = mapped_column(sa.String(16), default="floating")
+    pauses: Mapped[int] = mapped_column(default=0)
+    resumed_at: Mapped[float | None] = mapped_column(default=None)
 
     @property
     def created(self) -> datetime:

@@ -84,6 +84,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceHere]:
         max_modules=1000,
         largest_queue=1000,
         largest_queue_of_visitor=1000,
+        largest_queue_seconds=1e9,
+        largest_queue_seconds_of_visitor=1e9,
     ).start()
     tempfile.tempdir = kept  # what the tests of this process keep there is not the desk's
     yield service

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy import event
 
 from server.store.tables import FoldRow, MovieRow
 
@@ -47,3 +52,18 @@ def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:
         "created_at": time.time(),
     }
     return MovieRow(fold_id=fold_id, id=movie_id, **usual | values)
+
+
+@contextmanager
+def statements() -> Iterator[list[tuple[str, Any]]]:
+    """The statements that all engines execute meanwhile, with their values."""
+    said: list[tuple[str, Any]] = []
+
+    def note(_: Any, __: Any, statement: str, values: Any, *___: Any) -> None:
+        said.append((statement, values))
+
+    event.listen(sa.Engine, "before_cursor_execute", note)
+    try:
+        yield said
+    finally:
+        event.remove(sa.Engine, "before_cursor_execute", note)

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from planner.pipeline.expected_cost import expected_cost
+from planner.pipeline.request import Request
 from planner.plan.plan import Plan
-from server.limits.fair_queue import expected_s
 from tests.server.service import STAIRS, Service
 
 pytestmark = pytest.mark.slow
@@ -61,5 +62,10 @@ def test_a_baseline_has_no_choice(desk: Service) -> None:
 
 
 def test_who_wants_a_choice_waits_for_it() -> None:
-    assert expected_s(288, "default", choosing=True) > 3 * expected_s(288, "default")
-    assert expected_s(9600, "default", choosing=True) <= expected_s(9600, "default") + 300.0
+    plain, choosing = Request(), Request(prefer="time")
+    short, long = (
+        [expected_cost(modules, request).expected_s for request in (plain, choosing)]
+        for modules in (288, 9600)
+    )
+    assert short[1] > 3 * short[0]
+    assert long[1] <= long[0] + 300.0

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server.limits.fair_queue import expected_s
+from planner.pipeline.expected_cost import expected_cost
+from planner.pipeline.request import Request
 from tests.server.service import STAIRS, Service
 from web.timeline.columns import decode
 
@@ -167,4 +168,5 @@ def test_floating_it_is_another_fold(service: Service, resting: dict[str, Any]) 
 
 
 def test_who_wants_it_on_a_table_waits_for_it() -> None:
-    assert expected_s(64, "default", world="table") > 10 * expected_s(64, "default")
+    floating, table = (expected_cost(64, Request(world=w)) for w in ("floating", "table"))
+    assert table.expected_s > 10 * floating.expected_s

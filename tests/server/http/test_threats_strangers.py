@@ -267,6 +267,20 @@ def test_hostile_settings_are_refused(desk: Service, settings: str | bytes) -> N
     assert len(answer.text) < 1000
 
 
+@pytest.mark.parametrize(
+    "settings", ["step_s=0.0001", "snapshot_interval=1,steps_per_snapshot=1000", "damping=0.9"]
+)
+def test_settings_that_cannot_end_are_refused_with_a_remedy(desk: Service, settings: str) -> None:
+    cells = [[x, y if x % 2 == 0 else 29 - y, 0] for x in range(20) for y in range(30)]
+    files = {"file": ("long.json", json.dumps(cells))}
+    answer = desk.http.post(
+        "/api/folds", data={"preset": "paper", "settings": settings}, files=files
+    )
+    told = answer.json()
+    assert (answer.status_code, told["code"]) == (422, "too-long"), told
+    assert all(word in told["detail"] for word in ("got settings", "expected", "Use fewer modules"))
+
+
 def test_other_methods_do_nothing(desk: Service) -> None:
     for method in ("PUT", "PATCH", "TRACE", "CONNECT", "PROPFIND", "OPTIONS"):
         for path in ("/api/folds", "/", "/api/folds/x"):

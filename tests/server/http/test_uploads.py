@@ -220,6 +220,20 @@ def test_a_full_queue_says_when_to_try_again(here_with) -> None:
     assert service.fold(SNAKE, seed="1", token=TOKEN)["existing"]
 
 
+def test_a_visitor_has_few_seconds_of_work_waiting_and_others_go_on(here_with) -> None:
+    service = here_with(largest_queue_seconds_of_visitor=30, trusted_proxies="127.0.0.0/8").start()
+    dear = {"shape": "mallet-64", "preset": "paper"}
+    service.fold(**dear, seed="0")
+    answer = service.http.post("/api/folds", data={**dear, "seed": "1"})
+    assert (answer.status_code, answer.json()["code"]) == (429, "queue-full")
+    assert "30 s" in answer.json()["detail"]
+    other = {"X-Forwarded-For": "203.0.113.9"}
+    answer = service.http.post("/api/folds", data={**dear, "seed": "1"}, headers=other)
+    assert answer.status_code == 202
+    state = service.state(service.fold(SNAKE, seed="2")["id"])
+    assert state["progress"]["queue_position"] == 1, "quick folds have places of their own"
+
+
 def test_no_upload_is_taken_when_the_disk_is_nearly_full(here_with) -> None:
     service = here_with(min_free_disk_bytes=2**60).start()
     answer = service.http.post("/api/folds", data={"shape": "mallet-64"})

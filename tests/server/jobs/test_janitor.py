@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from server.files.cancelled import KEPT_S, sweep_cancelled
+from server.files.cancelled import KEPT_S, MAX_KEPT, sweep_cancelled_of
 from server.files.derived import FRESH_S
 from server.jobs.janitor import DAY_S, ORPHAN_AGE_S, Janitor
 from server.settings import Settings
@@ -17,7 +17,7 @@ from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store, new_id, new_token
 from server.store.tables import FoldRow
 from tests.server.bucket import Bucket
-from tests.server.rows import a_movie
+from tests.server.rows import a_movie, statements
 
 MIB = 2**20
 GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
@@ -146,28 +146,52 @@ def test_who_wants_it_after_all_is_in_time(store: Store) -> None:
     assert left(store, late) == [True]
 
 
-def test_a_cancelled_fold_keeps_its_files_for_an_hour_and_its_page(
-    tmp_path: Path, store: Store
-) -> None:
+def test_a_cancelled_fold_goes_an_hour_after_the_last_look(tmp_path: Path, store: Store) -> None:
     hour = KEPT_S / DAY_S
-    early, late, pinned = (
+    old, late, pinned, seen = (
         fold(store, days=days, status="cancelled", pinned=days > 2 * hour, visitor=f"{days}")
-        for days in (1.1 * hour, 0.9 * hour, 3 * hour)
+        for days in (1.1 * hour, 0.9 * hour, 3 * hour, 1.2 * hour)
     )
+    store.looked(store.fold(seen))
     janitor(tmp_path, store).sweep()
-    assert [store.folders.place(name).exists() for name in (early, late, pinned)] == [
-        False,
-        True,
-        True,
-    ]
-    assert [store.fold(name).bytes for name in (early, late, pinned)] == [0, MIB, MIB]
+    assert left(store, old, late, pinned, seen) == [False, True, True, True]
+
+
+def test_of_one_visitor_only_the_latest_cancelled_folds_stay(store: Store) -> None:
+    folds = [fold(store, days=n / 1e4, size=1, status="cancelled") for n in range(MAX_KEPT + 2)]
+    others = fold(store, days=0.01, status="cancelled", visitor="another")
+    sweep_cancelled_of(store, "somebody")
+    assert left(store, *folds, others) == MAX_KEPT * [True] + [False, False, True]
+
+
+def test_a_sweep_reads_no_rows_that_stay(tmp_path: Path, store: Store) -> None:
+    for _ in range(3):
+        fold(store, days=1)
+    old = [fold(store, days=days, status="cancelled") for days in (1, 2)]
+    sweeping = janitor(tmp_path, store, keep_days=30)
+    with statements() as said:
+        sweeping.sweep()
+    assert left(store, *old) == [False, False]
+    reading = [one for one in said if "folds" in one[0].lower().split()]
+    assert reading
+    with store.reading() as session:
+        for statement, values in reading:
+            explain = session.connection().exec_driver_sql(
+                f"EXPLAIN QUERY PLAN {statement}", values
+            )
+            walks = [line.detail for line in explain if line.detail.startswith("SCAN folds")]
+            assert not walks, statement
+    with statements() as again:
+        sweeping.sweep()
+    deleted = sum(one[0].startswith("DELETE") for one in said)
+    assert deleted == len(old) and not any(one[0].startswith("DELETE") for one in again)
 
 
 def test_cancelling_one_upload_after_the_other_fills_no_disk(store: Store) -> None:
     large: dict[str, Any] = {"size": 8 * MIB, "status": "cancelled"}
     folds = [fold(store, days=n / 1e4, **large) for n in range(8)]
     others = fold(store, days=1e-4, visitor="another", **large)
-    sweep_cancelled(store, time.time(), visitor="somebody")
+    sweep_cancelled_of(store, "somebody")
     there = [store.folders.place(name).exists() for name in folds]
     assert there == [True, True, True] + 5 * [False]  # the last one, and 16 MiB more
     assert sum(store.fold(name).bytes for name in folds) == 24 * MIB

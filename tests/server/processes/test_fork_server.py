@@ -16,7 +16,7 @@ import pytest
 
 from planner.progress import COMPILING
 from server.processes import children
-from server.processes.children import Child, ChildError
+from server.processes.children import LOST, Child, ChildError
 from server.processes.fork_server import ForkServer
 from server.processes.limits import ChildLimits
 from tests.server.here import FORKS
@@ -81,7 +81,7 @@ def test_when_it_ends_its_children_end_and_the_next_one_has_another(
     assert not psutil.wait_procs([process], timeout=PATIENCE_S)[1]
     with pytest.raises(ChildError) as ended:
         child.call("check", directory, wall_s=60)
-    assert ended.value.code == "crashed"
+    assert ended.value.code == LOST
     child.close()
     child = Child("reader", LIMITS, fork_server=server)
     assert child.call("check", directory, wall_s=60) == WHOLE
@@ -159,7 +159,7 @@ def test_that_it_compiles_is_told_to_whoever_waits(tmp_path: Path, directory: Pa
 PARENT = """
 import json, sys, time
 from pathlib import Path
-from server.processes.children import Child
+from server.processes.children import Child, LOST
 from server.processes.fork_server import ForkServer
 from server.processes.limits import ChildLimits
 server = ForkServer(["reader"], warm=False)

@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from server.limits.fair_queue import wait_s
+from server.jobs.slices import LOOK_EVERY_S, Slice
+from server.limits.fair_queue import slice_s, wait_s
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store, new_id, new_token
 from server.store.tables import FoldRow
@@ -192,8 +193,7 @@ def test_places_in_the_queue(store: Store) -> None:
     assert [store.ahead(f)[0] for f in folds] == [1, 2, 3]
     store.begin(folds[0].id, "read", "one")
     assert [store.ahead(f)[0] for f in folds[1:]] == [1, 2]
-    assert store.waiting() == 3
-    assert store.waiting(visitor="nobody") == 0
+    assert store.waiting() == [(fold.visitor, fold.cost_s) for fold in folds]
 
 
 def test_who_asks_for_much_does_not_hold_up_who_asks_for_little(store: Store) -> None:
@@ -208,9 +208,9 @@ def test_who_asks_for_much_does_not_hold_up_who_asks_for_little(store: Store) ->
 
 def test_short_folds_and_those_of_the_gallery_go_first(store: Store) -> None:
     folds = [
-        row(name="long", visitor="a", modules=1000),
+        row(name="long", visitor="a", modules=250),
         row(name="short", visitor="b", modules=16),
-        row(name="gallery", visitor="c", modules=400, public=True),
+        row(name="gallery", visitor="c", modules=200, public=True),
     ]
     for fold in folds:
         store.add(fold, new_token())
@@ -218,11 +218,11 @@ def test_short_folds_and_those_of_the_gallery_go_first(store: Store) -> None:
 
 
 def test_a_long_fold_is_not_overtaken_for_ever(store: Store) -> None:
-    long = row(name="long", visitor="patient", modules=500)
+    long = row(name="long", visitor="patient", modules=280)
     store.add(long, new_token())
     served = 0
     while True:
-        short = row(visitor=f"visitor {served}", modules=160)
+        short = row(visitor=f"visitor {served}", modules=64)
         store.add(short, new_token())
         if store.ahead(store.fold(long.id))[0] == 1:
             break
@@ -231,6 +231,88 @@ def test_a_long_fold_is_not_overtaken_for_ever(store: Store) -> None:
         served += 1
         assert served < 100
     assert served > 3
+
+
+def test_a_network_of_many_visitors_gets_the_turns_of_one(store: Store) -> None:
+    folds = [row(name=f"many {i}", visitor=f"2001:db8::/48|{i}") for i in range(3)]
+    folds += [row(name=f"one {i}", visitor="2001:db8:1::/48|0") for i in range(3)]
+    for fold in folds:
+        store.add(fold, new_token())
+    assert order(store, folds) == ["many 0", "one 0", "many 1", "one 1", "many 2", "one 2"]
+
+
+def a_running_fold(store: Store, **values: Any) -> tuple[FoldRow, int]:
+    fold = row(**values)
+    store.add(fold, new_token())
+    epoch = store.begin(fold.id, "explode", "one")
+    assert epoch is not None
+    return fold, epoch
+
+
+@pytest.mark.parametrize(
+    ("modules", "waiting", "cheaper", "over"),
+    [
+        (1000, [], False, False),
+        (1000, [16], False, False),  # it has a place of its own
+        (1000, [900], True, True),
+        (900, [1000], True, False),
+        (64, [16], False, True),
+    ],
+)
+def test_a_fold_makes_room_only_for_those_that_wait_for_it(
+    store: Store, modules: int, waiting: list[int], cheaper: bool, over: bool
+) -> None:
+    fold, _ = a_running_fold(store, modules=modules)
+    for each in waiting:
+        store.add(row(visitor="another", modules=each), new_token())
+    assert store.others_wait(fold.id, spent_s=1.0, cheaper=cheaper) == over
+
+
+def test_a_paused_fold_waits_behind_others_with_what_it_has_cost(store: Store) -> None:
+    fold, epoch = a_running_fold(store, modules=16, name="paused")
+    store.add(row(visitor="another", name="waits", modules=2000), new_token())
+    assert store.pause(fold.id, epoch, spent_s=40.0)
+    paused = store.fold(fold.id)
+    assert (paused.status, paused.pauses, paused.cost_s) == ("queued", 1, 40.0)
+    assert order(store, [paused]) == ["paused"]
+    assert store.ahead(paused)[0] == 2
+    assert not store.pause(fold.id, epoch, spent_s=1.0), "it does not run"
+    second = store.begin(fold.id, "explode", "two")
+    assert second is not None and second > epoch
+    assert not store.pause(fold.id, epoch, spent_s=1.0), "another execution has it"
+
+
+@pytest.mark.parametrize(
+    ("cost_s", "pauses", "for_cheaper", "seconds"),
+    [
+        (1.0, 0, False, 10.0),
+        (100.0, 0, False, 300.0),
+        (100.0, 0, True, 30.0),
+        (100.0, 2, True, 270.0),
+        (100.0, 9, True, 300.0),
+        (2.0, 0, True, 10.0),
+    ],
+)
+def test_slices_grow_with_every_pause(
+    cost_s: float, pauses: int, for_cheaper: bool, seconds: float
+) -> None:
+    assert slice_s(cost_s, pauses, 30.0, for_cheaper=for_cheaper) == seconds
+
+
+def test_a_slice_is_over_when_its_time_is_and_another_waits(store: Store) -> None:
+    fold, epoch = a_running_fold(store, modules=16)
+    now = [0.0]
+    part = Slice(store, fold.id, epoch, clock=lambda: now[0])
+    now[0] = 100.0
+    assert not part.over(), "no other fold waits"
+    other = row(visitor="another", modules=16)
+    store.add(other, new_token())
+    assert not part.over(), "the queue was looked at a moment ago"
+    now[0] += LOOK_EVERY_S
+    assert part.over()
+    assert part.pause()
+    assert store.fold(fold.id).cost_s == 100.0 + LOOK_EVERY_S
+    assert store.ahead(store.fold(other.id))[0] == 1
 
 
 def test_what_a_fold_waits_for(store: Store) -> None:

@@ -142,7 +142,8 @@ def test_the_first_schema_comes_up_with_all_its_rows(
             assert row.owner == row.maker == hash_of(TOKEN) and not row.renamed
             assert store.owns(row.id, TOKEN) != row.public
             assert not store.owns(row.id, "another")
-            assert (row.refold, row.smooths, row.worker, row.seen_at) == (None, None, None, None)
+            assert (row.refold, row.smooths, row.worker, row.resumed_at) == (None, None, None, None)
+            assert (row.seen_at, row.pauses) == (fold["ended_at"] or fold["created_at"], 0)
             assert (row.turn, row.cost_s, row.epoch, row.kept) == (0, 0.0, 0, 0)
             # What is left of a cancelled one was not counted, and is to be swept.
             assert (row.bytes, row.derived_bytes) == (row.status == "cancelled", 0)

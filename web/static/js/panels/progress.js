@@ -80,7 +80,8 @@ export class Progress {
     if (this.cancelling) text = "Cancelling…";
     else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then place ${queue} in the queue` : ""}`;
     else if (now.status === "queued") {
-      text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
+      if (now.paused) text = now.message;
+      else text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
       if (now.wait_s != null) text += left;
       else if (queue > 0) text += " · no worker is running just now";
     } else if (now.message === READY) text = "Getting ready";

@@ -1,0 +1,195 @@
+"""Expected cost: processor time that a fold is likely to take, and the least that it can take.
+
+The service shares its processors out by it and refuses what cannot end within its limits. Seconds
+are of one core of the machine that docs/reproduction.md names, measured on snakes through boxes and
+on shapes of the gallery; what it depends on is counted in steps of a simulation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+from planner.chain.module import Module, module_named
+from planner.explosion.expected_cost import IN_LAYERS, INTERLOCKED
+from planner.pathfinding.duration import expected_seconds
+from planner.pipeline.preference import COMPUTING
+from planner.pipeline.request import Request
+from planner.simulation.parameters import (
+    FLOATING,
+    PUBLISHED_PLAYBACK,
+    PaperExplosionParameters,
+    Parameters,
+    PlaybackParameters,
+)
+
+MAX_EXPECTED_S: Final = 3600.0
+"""Largest expected cost in seconds: limits of a stage end a fold about then. Chosen."""
+PUBLISHED_STEPS: Final = 80_000.0
+"""Steps of the published explosion of ``PUBLISHED_MODULES``: 81 250 of a mallet of 64 and 97 725 of
+a wrench of 160 (docs/reproduction.md)."""
+PUBLISHED_MODULES: Final = 64
+PUBLISHED_POWER: Final = 0.27
+"""Power of the number of modules with which these steps grow."""
+SHORT_RANGE: Final = 0.125
+"""Part of the repulsion and of the hinges' springs that counts beside the radial force: they act
+near contacts and near straight only. A larger value expects fewer steps where that force is slight.
+Fitted."""
+LOOSE_STEP_S: Final = 3e-6
+"""Processor time of a step of the published explosion for each module, on average over a fold."""
+PACKED_STEP_S: Final = 9e-6
+"""The same of a chain that stays packed because the settings do not drive it apart."""
+SERVO_STEP_S: Final = 6e-6
+"""Processor time of a step of a simulated playback for each module, with few contacts."""
+CONTACT_STEP_S: Final = 30e-6
+"""The same of a chain that goes straight to its shape: 14 to 45 µs were seen with its contacts."""
+DIRECT_SETTLING: Final = 500
+"""Steps that servoing straight to the shape takes at its end."""
+ROBOT_S: Final = (3.5e-3, 9e-6)
+"""Processor time of one robot's playback and certificate for each module, and for each square of
+modules: 0.7 s of 160 modules and 12 s of 1000 were seen."""
+USUAL: Final = Parameters()
+TINY: Final = 1e-12
+"""Smallest growth of a step that is reckoned with: without forces there is none."""
+SURE: Final = 0.25
+"""Part of an estimate that a fold takes at least. A larger value refuses folds that might have
+ended; with a smaller one folds begin that cannot. Chosen: measured costs are within a factor of
+two of the estimates."""
+REFOLDED: Final = 2.0
+"""Factor of the cost of a fold that begins folded: it unfolds first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedCost:
+    """Cost of a fold.
+
+    Attributes:
+        expected_s: Processor time of the whole fold, in seconds.
+        least_s: Least time of its longest stage, in seconds.
+        stage: That stage.
+        cause: What was asked for that makes it take so long.
+        remedy: What to ask for in its place, as a sentence.
+    """
+
+    expected_s: float
+    least_s: float = 0.0
+    stage: str = "explode"
+    cause: str = "the fold"
+    remedy: str = "Use a smaller shape."
+
+
+def expected_cost(modules: int, request: Request) -> ExpectedCost:
+    """Return what a fold is expected to cost.
+
+    Args:
+        modules: Number of modules of its chain.
+        request: What was asked for; it was checked before.
+    """
+    parameters = request.parameters()
+    explosion = parameters.explosion
+    if isinstance(explosion, PaperExplosionParameters):
+        cost = _published(modules, module_named(request.module), explosion, parameters.playback)
+    elif explosion is None:
+        cost = _direct(modules, parameters.playback)
+    else:
+        cost = _ours(modules, request, parameters)
+    times = REFOLDED if request.refold else 1.0
+    return replace(cost, expected_s=min(MAX_EXPECTED_S, times * cost.expected_s))
+
+
+def _published(
+    modules: int,
+    module: Module,
+    explosion: PaperExplosionParameters,
+    playback: PlaybackParameters,
+) -> ExpectedCost:
+    """Return the cost of a fold as published, with any settings."""
+    usual = PUBLISHED_STEPS * (modules / PUBLISHED_MODULES) ** PUBLISHED_POWER
+    slower = growth_of_step(PaperExplosionParameters(), module) / max(
+        growth_of_step(explosion, module), TINY
+    )
+    steps = usual * slower
+    packed = steps > explosion.max_steps
+    exploding_s = (
+        min(steps, explosion.max_steps) * modules * (PACKED_STEP_S if packed else LOOSE_STEP_S)
+    )
+    playing = steps / explosion.snapshot_interval * max(1, playback.least_steps)
+    simulated = modules <= playback.dynamic_up_to
+    playing_s = simulated * min(playing, playback.max_steps) * modules * SERVO_STEP_S
+    least_s = {
+        "explode": SURE * steps * modules * LOOSE_STEP_S,
+        "play_back": SURE * simulated * playing * modules * SERVO_STEP_S,
+    }
+    stage = max(least_s, key=lambda name: least_s[name])
+    return ExpectedCost(
+        expected_s=expected_seconds(modules) + exploding_s + playing_s,
+        least_s=least_s[stage],
+        stage=stage,
+        cause=f"settings with which {modules} modules take about {steps:.2g} steps to explode and "
+        f"{playing:.2g} to fold",
+        remedy="Use fewer modules, a longer step_s, larger gains, or less damping."
+        if stage == "explode"
+        else "Use fewer modules, a longer snapshot_interval, or fewer steps_per_snapshot.",
+    )
+
+
+def growth_of_step(explosion: PaperExplosionParameters, module: Module) -> float:
+    """Return σ Δt: the growth in one step of distances that the forces drive apart.
+
+    Distances follow ẍ + α ẋ = r x with the drag α and a rate r of the forces for each module mass
+    and pitch, so σ = (√(α² + 4 r) − α) / 2.
+    """
+    mass = explosion.module_mass_g(module)
+    rate = (
+        explosion.radial_gain / explosion.pitch_cm
+        + SHORT_RANGE * explosion.repulsion_gain / explosion.pitch_cm**3
+        + SHORT_RANGE * explosion.spring / explosion.pitch_cm**2
+    ) / mass
+    drag = explosion.damping / (1.0 - explosion.damping) / explosion.step_s
+    return 2.0 * rate * explosion.step_s / (math.sqrt(drag**2 + 4.0 * rate) + drag)
+
+
+def _direct(modules: int, playback: PlaybackParameters) -> ExpectedCost:
+    """Return the cost of servoing straight to the shape, which is simulated at any length."""
+    usual = playback.step_s >= PUBLISHED_PLAYBACK.step_s
+    steps = playback.direct_steps + DIRECT_SETTLING if usual else playback.max_steps
+    return ExpectedCost(
+        expected_s=expected_seconds(modules) + steps * modules * CONTACT_STEP_S,
+        least_s=playback.direct_steps * modules * SERVO_STEP_S,
+        stage="play_back",
+        cause=f"{modules} modules that go straight to their shape",
+        remedy="Use fewer modules, or the preset default.",
+    )
+
+
+def _ours(modules: int, request: Request, parameters: Parameters) -> ExpectedCost:
+    """Return the cost of a fold by foldback's own method."""
+    choosing = request.prefer != COMPUTING
+    usual_s = expected_seconds(modules, choosing=choosing, world=request.world)
+    robots_s = _robots_s(modules, parameters.playback)
+    usual_robots_s = _robots_s(modules, USUAL.playback)
+    expected_s, least_s = usual_s + max(0.0, robots_s - usual_robots_s), SURE * robots_s
+    stage, cause = "play_back", f"{modules} modules and {parameters.playback.robot.runs} robots"
+    remedy = "Use fewer robots, or fewer modules in simulated_modules."
+    if request.world != FLOATING and SURE * usual_s > least_s:
+        least_s, stage, cause = SURE * usual_s, "explode", f"{modules} modules on a table"
+        remedy = "Use fewer modules, or the world floating."
+    strategy = request.strategy
+    if strategy in INTERLOCKED and not request.smooth:
+        expected_s += INTERLOCKED[strategy].of(modules)
+        if (least := SURE * IN_LAYERS[strategy].of(modules)) > least_s:
+            least_s, stage = least, "explode"
+            cause = f"{modules} modules with the strategy {strategy}"
+            remedy = "Use fewer modules, or the strategy auto."
+    return ExpectedCost(
+        expected_s=expected_s, least_s=least_s, stage=stage, cause=cause, remedy=remedy
+    )
+
+
+def _robots_s(modules: int, playback: PlaybackParameters) -> float:
+    """Return the processor time of a playback that robots with faults are simulated in."""
+    if modules > playback.dynamic_up_to:
+        return 0.0
+    linear_s, square_s = ROBOT_S
+    return max(1, playback.robot.runs) * (linear_s * modules + square_s * modules**2)

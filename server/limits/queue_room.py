@@ -1,0 +1,67 @@
+"""Queue room: refuses folds that a visitor, a network or the queue has no room for.
+
+Room is counted twice: in folds, and in seconds that computing them is expected to take.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from server.errors import TooMany
+from server.limits.fair_queue import admits, network_of
+from server.settings import Settings
+
+RETRY_AFTER_S: Final = 30
+"""Seconds after which a client that was refused may ask again. Chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """A fold that is queued or running, as far as others need to know.
+
+    Attributes:
+        visitor: Visitor who asked for it.
+        cost_s: Its expected cost in seconds.
+    """
+
+    visitor: str
+    cost_s: float
+
+
+def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) -> None:
+    """Refuse a fold that there is no room for.
+
+    A visitor who has no fold in the queue may add one of any cost that the queue has room for.
+
+    Raises:
+        TooMany: ``queue-full``.
+    """
+    own = [fold.cost_s for fold in waiting if fold.visitor == wanted.visitor]
+    if len(own) >= settings.largest_queue_of_visitor:
+        raise _full(f"{len(own)} folds of yours are waiting")
+    if own and sum(own) + wanted.cost_s > settings.largest_queue_seconds_of_visitor:
+        raise _full(
+            f"your {len(own)} folds that are waiting take about {sum(own):.0f} s and this one "
+            f"{wanted.cost_s:.0f} s, more than {settings.largest_queue_seconds_of_visitor:g} s"
+        )
+    network = network_of(wanted.visitor)
+    near = [fold.cost_s for fold in waiting if network_of(fold.visitor) == network]
+    all_s = sum(fold.cost_s for fold in waiting)
+    if not (
+        admits(len(near), 1, total=len(waiting), limit=settings.largest_queue)
+        and admits(sum(near), wanted.cost_s, total=all_s, limit=settings.largest_queue_seconds)
+    ):
+        raise _full(
+            f"{len(waiting)} folds in all are waiting, {len(near)} of them from your network, "
+            f"which take about {all_s:.0f} s"
+        )
+
+
+def _full(why: str) -> TooMany:
+    return TooMany(
+        "queue-full",
+        f"{why}, which is the most there may be; try again in {RETRY_AFTER_S} s.",
+        retry_after_s=RETRY_AFTER_S,
+    )

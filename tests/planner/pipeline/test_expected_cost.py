@@ -1,0 +1,73 @@
+"""Expected cost: what is expected of folds of all kinds, beside what was measured of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from planner.pipeline.expected_cost import MAX_EXPECTED_S, expected_cost
+from planner.pipeline.request import Request
+
+STAGE_S = 1800.0
+PAPER: dict[str, Any] = {"preset": "paper"}
+MEASURED = [  # processor seconds of whole folds, and of explosions as published
+    (160, {}, 3.9),
+    (160, {"settings": "robots=20"}, 15.9),
+    (160, {"preset": "direct"}, 36.0),
+    (64, {"preset": "direct"}, 5.0),
+    (160, {"preset": "direct", "settings": "step_s=0.0001"}, 81.9),
+    (1000, {"settings": "simulated_modules=2000,robots=1"}, 18.3),
+    (64, PAPER, 19.0),
+    (160, PAPER, 65.0),
+]
+ENDLESS = [
+    (1000, {**PAPER, "settings": "step_s=0.0001,radial_gain=0.001,repulsion_gain=0.001"}),
+    (1000, {**PAPER, "settings": "step_s=0.001"}),
+    (160, {**PAPER, "settings": "step_s=0.0001"}),
+    (512, {**PAPER, "settings": "radial_gain=0,repulsion_gain=0,spring=0"}),
+    (1000, {**PAPER, "settings": "damping=0.9"}),
+    (600, {**PAPER, "settings": "snapshot_interval=1,steps_per_snapshot=1000"}),
+    (600, {**PAPER, "settings": "density_kg_m3=100000,pitch_cm=10"}),
+    (12_000, {"settings": "simulated_modules=20000,robots=20"}),
+    (2000, {"world": "table"}),
+]
+
+
+@pytest.mark.parametrize(("modules", "asked", "measured_s"), MEASURED)
+def test_expected_cost_is_within_a_factor_of_three_of_what_was_measured(
+    modules: int, asked: dict[str, Any], measured_s: float
+) -> None:
+    cost = expected_cost(modules, Request(**asked))
+    assert measured_s / 3.0 < cost.expected_s < 3.0 * measured_s
+    assert cost.least_s < STAGE_S
+
+
+@pytest.mark.parametrize(("modules", "asked"), ENDLESS)
+def test_expected_cost_of_what_cannot_end_is_above_the_limit(
+    modules: int, asked: dict[str, Any]
+) -> None:
+    cost = expected_cost(modules, Request(**asked))
+    assert cost.least_s > STAGE_S
+    assert cost.cause and cost.remedy.endswith(".")
+    assert 0.0 < cost.expected_s <= MAX_EXPECTED_S
+
+
+@pytest.mark.parametrize(
+    ("modules", "asked"),
+    [
+        (12_000, {}),
+        (12_000, {"prefer": "time"}),
+        (9_600, {"refold": True}),
+        (160, {"smooth": True}),
+        (1000, PAPER),
+        (160, {**PAPER, "settings": "step_s=0.005"}),
+        (160, {**PAPER, "settings": "radial_gain=0.05,damping=0.2"}),
+        (64, {"world": "table"}),
+        (1000, {"preset": "direct"}),
+    ],
+)
+def test_expected_cost_of_what_may_end_is_below_the_limit(
+    modules: int, asked: dict[str, Any]
+) -> None:
+    assert expected_cost(modules, Request(**asked)).least_s < STAGE_S
