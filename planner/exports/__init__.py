@@ -64,10 +64,18 @@ EXPORTS: Final = (
     Export(
         name="urdf",
         label="Robot model",
-        hint="URDF for ROS and others, in metres; tetrahedra need module.stl beside it",
+        hint="URDF for ROS and others, in metres; tetrahedra need module.obj beside it",
         media_type="application/xml",
         filename="model.urdf",
         write=_by("urdf"),
+    ),
+    Export(
+        name="srdf",
+        label="Collision pairs",
+        hint="SRDF for MoveIt and others: linked modules, which may overlap; belongs to the URDF",
+        media_type="application/xml",
+        filename="model.srdf",
+        write=_by("srdf"),
     ),
     Export(
         name="mcap",
@@ -94,6 +102,15 @@ EXPORTS: Final = (
         media_type="model/stl",
         filename="module.stl",
         write=_by("stl"),
+        shared=True,
+    ),
+    Export(
+        name="obj",
+        label="Mesh for the URDF",
+        hint="OBJ of the same solid, in metres",
+        media_type="model/obj",
+        filename="module.obj",
+        write=_by("obj"),
         shared=True,
     ),
 )

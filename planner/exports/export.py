@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
@@ -10,6 +12,9 @@ from typing import TYPE_CHECKING, Final
 from planner.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from planner.plan.plan import Plan
 
 Write = Callable[["Plan"], bytes]
@@ -58,6 +63,32 @@ def clean_name(name: str) -> str:
     """A name, which may be a stranger's, without what does not print; ``fold`` if empty."""
     printing = "".join(c if c.isprintable() else " " for c in name)
     return " ".join(printing.split())[:LONGEST].rstrip() or "fold"
+
+
+def identifier(name: str) -> str:
+    """Return a name as ASCII letters, digits, ``_`` and ``-``, beginning with a letter.
+
+    Robot models are named so: ROS, Drake and MoveIt make topics, scoped names and file names of it.
+    """
+    plain = unicodedata.normalize("NFKD", clean_name(name)).encode("ascii", "ignore").decode()
+    words = re.sub(r"[^A-Za-z0-9-]+", "_", plain).strip("_-")
+    if not words:
+        return "fold"
+    return words if words[0].isalpha() else f"fold_{words}"
+
+
+def rising(times: NDArray[np.generic]) -> NDArray[np.intp]:
+    """Return the indices of the frames to write, so that their times rise strictly.
+
+    Of frames with equal times the last one is written: nothing moves between them.
+
+    Args:
+        times: (F,) times in the units and the precision of the file.
+    """
+    import numpy as np
+
+    earliest_later = np.minimum.accumulate(times[:0:-1])[::-1]
+    return np.append(np.flatnonzero(times[:-1] < earliest_later), len(times) - 1)
 
 
 def write_json(plan: Plan) -> bytes:

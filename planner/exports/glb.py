@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.exports.export import clean_name, require_frames
+from planner.exports.export import clean_name, require_frames, rising
 from planner.exports.stl import hull_of
 from planner.plan.plan import Plan
 
@@ -176,12 +176,12 @@ def write(plan: Plan) -> bytes:
 def track_of(plan: Plan) -> Track:
     """Keyframes of the plan, few enough, between which straight lines and slerps follow it."""
     modules = len(plan.chain)
-    rising = np.flatnonzero(np.diff(np.float32(plan.time_s), prepend=np.float32(-np.inf)) > 0)
+    chosen = rising(plan.time_s.astype(np.float32))
     most = max(2, MOST_BYTES // (modules * POSE_BYTES))
     # What is looked at fits into memory; of many frames, some are passed over from the outset.
-    seen = rising[:: -(-len(rising) // (4 * most))]
-    if seen[-1] != rising[-1]:
-        seen = np.append(seen, rising[-1])
+    seen = chosen[:: -(-len(chosen) // (4 * most))]
+    if seen[-1] != chosen[-1]:
+        seen = np.append(seen, chosen[-1])
     track = _all_of(plan, seen)
     tolerance = TOLERANCE
     while len(keys := keyframes(track, tolerance)) > most:

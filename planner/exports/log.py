@@ -3,28 +3,34 @@
 Topics: ``/joint_states`` (sensor_msgs/JointState, a message a frame), ``/joint_trajectory``
 (trajectory_msgs/JointTrajectory, the whole fold in one message at its start), ``/tf`` (the root
 module's frame in ``world``, in metres) and, where it needs no file besides, ``/robot_description``
-(the URDF). Time counts from the fold's start; angles are in radians.
+(the URDF). Time counts from the fold's start, rises strictly, and is the same in a message's header
+and in the log; angles are in radians. Each channel states the quality of service that
+``ros2 bag play`` offers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from io import BytesIO
 from typing import Final
 
 import numpy as np
-from mcap_ros2.writer import Writer
+from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
+from mcap.writer import Writer
+from mcap_ros2._dynamic import serialize_dynamic
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.exports import urdf
-from planner.exports.export import clean_name, require_frames
+from planner.exports.export import clean_name, require_frames, rising
 from planner.motion.frames import Frames
 from planner.plan.plan import Plan
 
 Array = NDArray[np.float64]
 SECOND_NS: Final = 1_000_000_000
+LIBRARY: Final = "foldback"
 WORLD: Final = "world"
 RULE: Final = "\n" + "=" * 80 + "\n"
 TIME: Final = "int32 sec\nuint32 nanosec"
@@ -66,6 +72,59 @@ TOPICS: Final = {
     "/tf": "tf2_msgs/msg/TFMessage",
     "/robot_description": "std_msgs/msg/String",
 }
+TRANSIENT_LOCAL, VOLATILE = 1, 2
+"""Durability in ``rmw_qos_durability_policy_t``."""
+QOS: Final = """\
+- history: 1
+  depth: {depth}
+  reliability: 1
+  durability: {durability}
+  deadline: {{sec: 9223372036, nsec: 854775807}}
+  lifespan: {{sec: 9223372036, nsec: 854775807}}
+  liveliness: 1
+  liveliness_lease_duration: {{sec: 9223372036, nsec: 854775807}}
+  avoid_ros_namespace_conventions: false
+"""
+"""Quality of service that a topic is offered with, as rosbag2 writes it into its logs: keep last,
+reliable, automatic liveliness, no limits of time."""
+
+
+class _Log:
+    """A log of ROS 2 messages that is being written.
+
+    Args:
+        writer: Started.
+    """
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._channels: dict[str, int] = {}
+
+    def add(self, topic: str, time_ns: int, message: Mapping[str, object]) -> None:
+        """Write a message at a time since the start."""
+        kind = TOPICS[topic]
+        if topic not in self._channels:
+            schema = self._writer.register_schema(
+                kind, SchemaEncoding.ROS2, DEFINITIONS[kind].encode()
+            )
+            latched = topic == "/robot_description"
+            qos = QOS.format(
+                depth=1 if latched else 10, durability=TRANSIENT_LOCAL if latched else VOLATILE
+            )
+            self._channels[topic] = self._writer.register_channel(
+                topic, MessageEncoding.CDR, schema, {"offered_qos_profiles": qos}
+            )
+        self._writer.add_message(
+            self._channels[topic],
+            log_time=time_ns,
+            publish_time=time_ns,
+            data=_encoder(kind)(message),
+        )
+
+
+@cache
+def _encoder(kind: str) -> Callable[[object], bytes]:
+    return serialize_dynamic(kind, DEFINITIONS[kind])[kind]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,32 +150,31 @@ def write(plan: Plan) -> bytes:
         InputError: ``no-frames``.
     """
     require_frames(plan)
-    times_ns: list[int] = np.round(plan.time_s * SECOND_NS).astype(np.int64).tolist()
+    rounded = np.round(plan.time_s * SECOND_NS).astype(np.int64)
+    chosen = rising(rounded)
+    times_ns: list[int] = rounded[chosen].tolist()
     names = list(plan.chain.joint_names)
-    frames = plan.whole()
+    frames = plan.whole()[chosen]
     file = BytesIO()
-    with Writer(file) as writer:
-        schemas = {kind: writer.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
-
-        def add(topic: str, time_ns: int, message: Mapping[str, object]) -> None:
-            schema = schemas[TOPICS[topic]]
-            writer.write_message(topic, schema, message, log_time=time_ns, publish_time=time_ns)
-
-        if plan.chain.module.geom == "box":
-            add("/robot_description", times_ns[0], {"data": urdf.write(plan).decode()})
-        points = [
-            _Point(angles, time_ns - times_ns[0])
-            for angles, time_ns in zip(plan.joint_angles_rad, times_ns, strict=True)
-        ]
-        header = {"stamp": time_of(times_ns[0])}
-        whole = {"header": header, "joint_names": names, "points": points}
-        add("/joint_trajectory", times_ns[0], whole)
-        for k, time_ns in enumerate(times_ns):
-            header = {"stamp": time_of(time_ns)}
-            positions = frames.joint_angles_rad[k].tolist()
-            add("/joint_states", time_ns, {"header": header, "name": names, "position": positions})
-            add("/tf", time_ns, {"transforms": [root_transform(plan.chain, frames, k, time_ns)]})
-        writer.add_metadata("foldback", about(plan))
+    writer = Writer(file)
+    writer.start(Profile.ROS2, LIBRARY)
+    log = _Log(writer)
+    if plan.chain.module.geom == "box":
+        log.add("/robot_description", times_ns[0], {"data": urdf.write(plan).decode()})
+    points = [
+        _Point(angles, time_ns - times_ns[0])
+        for angles, time_ns in zip(frames.joint_angles_rad, times_ns, strict=True)
+    ]
+    header = {"stamp": time_of(times_ns[0])}
+    whole = {"header": header, "joint_names": names, "points": points}
+    log.add("/joint_trajectory", times_ns[0], whole)
+    for k, time_ns in enumerate(times_ns):
+        header = {"stamp": time_of(time_ns)}
+        positions = frames.joint_angles_rad[k].tolist()
+        log.add("/joint_states", time_ns, {"header": header, "name": names, "position": positions})
+        log.add("/tf", time_ns, {"transforms": [root_transform(plan.chain, frames, k, time_ns)]})
+    writer.add_metadata("foldback", about(plan))
+    writer.finish()
     return file.getvalue()
 
 

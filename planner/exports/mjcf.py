@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -20,6 +21,7 @@ LONGEST_TREE: Final = 800
 """Modules up to which the chain is one tree; see ``planner.exports.mjcf_pieces``."""
 PERCENTS: Final = (0, 25, 50, 75, 100)
 """How far into the fold's time the keys on the way are, ``at_0`` to ``at_100``."""
+_NUMBERED_BODY: Final = re.compile(r'(<body name|\bbody[12])="((?:module|ghost)_\d+)"')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,7 +75,8 @@ def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
     ``root`` is that of the root module. The site ``module_<i>`` sits at the centre of module i.
     Keys ``straight`` and ``folded`` exist. Excluded from contact is ``Module.exempt_pairs``, as in
     the certificate. Lengths are in pitches. A chain of more than
-    ``LONGEST_TREE`` modules comes in pieces that are welded end to end.
+    ``LONGEST_TREE`` modules comes in pieces that are welded end to end. Bodies are named as by
+    ``named_bodies``.
 
     Args:
         chain: The chain.
@@ -88,7 +91,17 @@ def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
         text = str(spec.to_xml()).rstrip()
     lines = "".join(_key(chain, key) for key in (*_ends(chain), *keys))
     end = "</mujoco>"
-    return f"{text.removesuffix(end)}  <keyframe>\n{lines}  </keyframe>\n{end}\n"
+    return f"{named_bodies(text).removesuffix(end)}  <keyframe>\n{lines}  </keyframe>\n{end}\n"
+
+
+def named_bodies(text: str) -> str:
+    """Return a model whose bodies are named ``module_<i>_body`` instead of ``module_<i>``.
+
+    Drake makes a body for each but the last joint of a body and names it by appending a digit: from
+    ``module_2`` it makes ``module_20``, which a longer chain has already. Models of earlier
+    versions become the same as new ones.
+    """
+    return _NUMBERED_BODY.sub(r'\1="\2_body"', text)
 
 
 def _ends(chain: Chain) -> tuple[Key, Key]:

@@ -2,8 +2,8 @@
 
 MuJoCo reads elements nested 500 deep at most, and a tree's mass matrix grows with the square of its
 length. So a long chain is cut: the tree ``root_<i>`` begins with module i, and its last body,
-``ghost_<j>``, is where the next tree's first module is. Hinges are named as in a single tree, and
-their values are the plan's angles.
+``ghost_<j>_body``, is where the next tree's first module is. Hinges are named as in a single tree,
+and their values are the plan's angles.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _lines(chain: Chain, module_size: float) -> Iterator[str]:
     yield "  <worldbody>"
     place = module.anchor + module.turn @ module.offset
     body = f'pos="{_numbers(place)}" quat="{_numbers(wxyz_from_matrix(module.turn))}"'
-    limit = module.stop_rad
+    limit = module.angle_limit_rad
     turns = [
         f'pos="{_numbers(-module.offset)}" axis="{_numbers(module.turn.T @ axis)}" '
         f'range="{-limit!r} {limit!r}"'

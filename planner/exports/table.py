@@ -1,10 +1,13 @@
-"""Table: the fold as CSV, a row a frame, for pandas, NumPy and spreadsheets."""
+"""Table: the fold as CSV, a row for each frame, for pandas, NumPy and spreadsheets.
+
+Times rise strictly: of frames at one time, between which nothing moves, there is the last.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from planner.exports.export import require_frames
+from planner.exports.export import require_frames, rising
 from planner.motion.frames import PHASES
 from planner.plan.plan import Plan
 
@@ -24,15 +27,16 @@ def write(plan: Plan) -> bytes:
     require_frames(plan)
     joints = [f"{name}_rad" for name in plan.chain.joint_names]
     lines = [",".join(["time_s", "phase", *ROOT, *joints, "max_error_rad"])]
-    frames = plan.whole()
+    chosen = rising(plan.time_s)
+    frames = plan.whole()[chosen]
     numbers = np.column_stack(
         [frames.root_position * plan.chain.pitch_m, frames.root_wxyz, frames.joint_angles_rad]
     )
     for time_s, phase, row, error in zip(
-        plan.time_s.tolist(),
-        plan.phase.tolist(),
+        frames.time_s.tolist(),
+        frames.phase.tolist(),
         numbers.tolist(),
-        plan.max_error_rad.tolist(),
+        plan.max_error_rad[chosen].tolist(),
         strict=True,
     ):
         last = "" if np.isnan(error) else repr(error)

@@ -18,14 +18,14 @@ from scipy.spatial.transform import Rotation
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module
-from planner.exports.export import clean_name
+from planner.exports.export import identifier
 from planner.plan.plan import Plan
 from planner.simulation.model import hinge_names
 
 Array = NDArray[np.float64]
-MESH: Final = "module.stl"
-MESH_SCALE: Final = "0.001 0.001 0.001"
-"""The STL export is in millimetres."""
+MESH: Final = "module.obj"
+"""Mesh of a tetrahedron, in metres. Drake reads no STL for collision; all others read OBJ, too."""
+DRAKE_NAMESPACE: Final = "https://drake.mit.edu"
 HINGE_SHARE: Final = 0.01
 """Of a module's mass: what the link between two hinges carries, so that no link is without."""
 
@@ -75,15 +75,22 @@ def centre_of(chain: Chain, index: int) -> Array:
 
 
 def write(plan: Plan) -> bytes:
-    """The plan's chain as URDF.
+    """Return the plan's chain as URDF.
 
     Joints are named as in ``Chain.joint_names`` and come in that order. A module has the mass of a
-    solid one; cubes are boxes, tetrahedra the mesh ``module.stl``, which is an export of its own.
-    Limits of effort and speed are what holds the straight chain out against gravity, and the
-    plan's joint speed.
+    solid one; cubes are boxes, tetrahedra the mesh ``module.obj``, which is an export of its own.
+    Limits of effort and speed are the torque that holds the straight chain out against gravity, and
+    the plan's joint speed. Linked modules overlap: Drake reads their pairs as collision filter
+    groups here, others in the SRDF beside it. There is no ``encoding`` in the first line, so that
+    parsers take the text as a string, too.
     """
     chain, module = plan.chain, plan.chain.module
-    robot = ElementTree.Element("robot", name=clean_name(chain.name))
+    robot = ElementTree.Element(
+        "robot", {"name": identifier(chain.name), "xmlns:drake": DRAKE_NAMESPACE}
+    )
+    # MuJoCo would otherwise merge fixed links, whose names an SRDF refers to.
+    extension = ElementTree.SubElement(robot, "mujoco")
+    ElementTree.SubElement(extension, "compiler", fusestatic="false")
     mass = float(plan.parameters["density_kg_m3"]) * module.volume * chain.pitch_m**3
     limit = {
         "lower": repr(-module.angle_limit_rad),
@@ -91,37 +98,64 @@ def write(plan: Plan) -> bytes:
         "effort": repr(plan.certificate.gravity_torque_straight_nm),
         "velocity": repr(plan.certificate.joint_speed_limit_rad_s),
     }
-    joints: dict[str, ElementTree.Element] = {}
     size = plan.certificate.module_size
     _add_module(robot, chain, chain.root, mass, size)
-    ways = (
-        (range(chain.root + 1, len(chain)), -1, outward(module)),
-        (range(chain.root - 1, -1, -1), 1, inward(module)),
-    )
-    for modules, back, side in ways:
-        for i in modules:
-            parent = i + back
-            names = hinge_names(chain, min(i, parent))[::-back]
-            bare = max(0, len(names) - 1)
-            _add_module(robot, chain, i, mass * (1.0 - HINGE_SHARE * bare), size)
-            links = [f"module_{parent}", *(f"hinge_{name}" for name in names[:-1]), f"module_{i}"]
-            for name in links[1:-1]:
-                link = ElementTree.SubElement(robot, "link", name=name)
-                _add_inertial(link, chain, np.zeros(3), mass * HINGE_SHARE)
-            anchor = centre_of(chain, parent) + side.anchor * chain.pitch_m
-            if not names:
-                name = f"rigid_{min(i, parent)}"
-                joints[name] = _joint(name, "fixed", links[0], links[1], anchor, side.rpy)
-            for k, name in enumerate(names):
-                origin, rpy = (anchor, side.rpy) if k == 0 else (np.zeros(3), UPRIGHT)
-                joint = _joint(name, "revolute", links[k], links[k + 1], origin, rpy)
-                ElementTree.SubElement(joint, "axis", xyz=_numbers(side.axes[k]))
-                ElementTree.SubElement(joint, "limit", limit)
-                joints[name] = joint
+    joints: dict[str, ElementTree.Element] = {}
+    for i in (*range(chain.root + 1, len(chain)), *range(chain.root - 1, -1, -1)):
+        parent = i - 1 if i > chain.root else i + 1
+        hinges = len(hinge_names(chain, min(i, parent)))
+        _add_module(robot, chain, i, mass * (1.0 - HINGE_SHARE * max(0, hinges - 1)), size)
+        joints |= _linked(robot, chain, parent, i, mass * HINGE_SHARE, limit)
     order = {name: k for k, name in enumerate(chain.joint_names)}
     robot.extend(joints[name] for name in sorted(joints, key=lambda name: order.get(name, -1)))
-    ElementTree.indent(robot)
-    return ElementTree.tostring(robot, encoding="utf-8", xml_declaration=True) + b"\n"
+    _add_filter_groups(robot, chain)
+    return xml_bytes(robot)
+
+
+def xml_bytes(root: ElementTree.Element) -> bytes:
+    """Return a document as UTF-8, without an ``encoding`` in its declaration."""
+    ElementTree.indent(root)
+    return f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'.encode()
+
+
+def _linked(
+    robot: ElementTree.Element,
+    chain: Chain,
+    parent: int,
+    index: int,
+    hinge_mass: float,
+    limit: dict[str, str],
+) -> dict[str, ElementTree.Element]:
+    """Return the joints by name that tie a module to its parent; add the links between them."""
+    outwards = index > parent
+    side = outward(chain.module) if outwards else inward(chain.module)
+    names = hinge_names(chain, min(index, parent))[:: 1 if outwards else -1]
+    links = [f"module_{parent}", *(f"hinge_{name}" for name in names[:-1]), f"module_{index}"]
+    for name in links[1:-1]:
+        link = ElementTree.SubElement(robot, "link", name=name)
+        _add_inertial(link, chain, np.zeros(3), hinge_mass)
+    anchor = centre_of(chain, parent) + side.anchor * chain.pitch_m
+    if not names:
+        name = f"rigid_{min(index, parent)}"
+        return {name: _joint(name, "fixed", links[0], links[1], anchor, side.rpy)}
+    joints: dict[str, ElementTree.Element] = {}
+    for k, name in enumerate(names):
+        origin, rpy = (anchor, side.rpy) if k == 0 else (np.zeros(3), UPRIGHT)
+        joint = _joint(name, "revolute", links[k], links[k + 1], origin, rpy)
+        ElementTree.SubElement(joint, "axis", xyz=_numbers(side.axes[k]))
+        ElementTree.SubElement(joint, "limit", limit)
+        joints[name] = joint
+    return joints
+
+
+def _add_filter_groups(robot: ElementTree.Element, chain: Chain) -> None:
+    """Add Drake's collision filter groups: one for each exempt pair, which ignores itself."""
+    for i, j in chain.module.exempt_pairs(len(chain)):
+        name = f"linked_{i}_{j}"
+        group = ElementTree.SubElement(robot, "drake:collision_filter_group", name=name)
+        for index in (i, j):
+            ElementTree.SubElement(group, "drake:member", link=f"module_{index}")
+        ElementTree.SubElement(group, "drake:ignored_collision_filter_group", name=name)
 
 
 def _add_module(
@@ -138,7 +172,7 @@ def _add_module(
             edges = np.ptp(chain.module.vertices, axis=0) * (size * chain.pitch_m)
             ElementTree.SubElement(geometry, "box", size=_numbers(edges))
         else:
-            ElementTree.SubElement(geometry, "mesh", filename=MESH, scale=MESH_SCALE)
+            ElementTree.SubElement(geometry, "mesh", filename=MESH)
 
 
 def _add_inertial(link: ElementTree.Element, chain: Chain, centre: Array, mass: float) -> None:

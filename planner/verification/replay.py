@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import InputError
+from planner.exports.mjcf import named_bodies
 from planner.plan.plan import Plan
 from planner.simulation.mujoco import mujoco
 
@@ -94,7 +95,7 @@ class _Loaded:
         try:
             free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
             bodies = [int(model.jnt_bodyid[joint]) for joint in free]
-            follow = [model.body(body).name.removeprefix("module_") for body in bodies[1:]]
+            ends = [model.body(body).name.replace("module", "ghost", 1) for body in bodies[1:]]
             return cls(
                 model=model,
                 data=mujoco.MjData(model),
@@ -102,8 +103,8 @@ class _Loaded:
                 sites=[int(model.site(f"module_{i}").id) for i in range(len(chain))],
                 roots=[int(model.jnt_qposadr[joint]) for joint in free],
                 bodies=bodies,
-                ends=[int(model.body(f"ghost_{start}").id) for start in follow],
-                root=int(model.body(f"module_{chain.root}").id),
+                ends=[int(model.body(name).id) for name in ends],
+                root=int(model.body(f"module_{chain.root}_body").id),
             )
         except KeyError as error:
             raise InputError(
@@ -138,10 +139,11 @@ def _checked_model(xml: str, chain: Chain) -> Any:
     are looked at, too.
     """
     exempt = {
-        frozenset((f"module_{i}", f"module_{j}")) for i, j in chain.module.exempt_pairs(len(chain))
+        frozenset((f"module_{i}_body", f"module_{j}_body"))
+        for i, j in chain.module.exempt_pairs(len(chain))
     }
     try:
-        spec: Any = mujoco.MjSpec.from_string(xml)
+        spec: Any = mujoco.MjSpec.from_string(named_bodies(xml))
         for pair in list(spec.excludes):
             if frozenset((pair.bodyname1, pair.bodyname2)) not in exempt:
                 spec.delete(pair)

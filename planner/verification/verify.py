@@ -251,7 +251,7 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
     try:
         size = own_parameters(plan, None).module_size
         again = mjcf.mjcf(plan.chain, module_size=size, keys=mjcf.keys_of(plan))
-        for difference in model_differences(text, again):
+        for difference in model_differences(mjcf.named_bodies(text), again):
             yield f"model.xml: {difference}"
     except InputError as error:
         raise named(error, "model.xml") from None

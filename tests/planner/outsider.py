@@ -65,7 +65,7 @@ class Outsider:
         self.hinges = [int(self.model.joint(name).qposadr[0]) for name in names]
         sites = sum(self.model.site(i).name.startswith("module_") for i in range(self.model.nsite))
         self.sites = [int(self.model.site(f"module_{i}").id) for i in range(sites)]
-        self.root = f"module_{root}"
+        self.root = f"module_{root}_body"
         free = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         # Of each tree: where its pose is among the coordinates, and what its first body is called.
         self.trees = [
@@ -103,7 +103,7 @@ class Outsider:
 
     def distance(self, one: int, other: int) -> float:
         """Between the hulls of two modules."""
-        geoms = [self.model.body(f"module_{i}").geomadr[0] for i in (one, other)]
+        geoms = [self.model.body(f"module_{i}_body").geomadr[0] for i in (one, other)]
         return float(mujoco.mj_geomDistance(self.model, self.data, *geoms, 10.0, None))
 
 

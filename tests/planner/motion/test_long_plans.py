@@ -362,7 +362,7 @@ def test_a_long_chain_is_cut_into_trees_that_continue_each_other() -> None:
         sites = np.array([data.site(f"module_{i}").xpos for i in range(len(chain))])
         np.testing.assert_allclose(sites, poses.positions, atol=1e-9)
         for start in starts[1:]:
-            ghost, body = data.body(f"ghost_{start}"), data.body(f"module_{start}")
+            ghost, body = data.body(f"ghost_{start}_body"), data.body(f"module_{start}_body")
             np.testing.assert_allclose(ghost.xpos, body.xpos, atol=1e-9)
             np.testing.assert_allclose(ghost.xmat, body.xmat, atol=1e-9)
         assert data.ncon == 0

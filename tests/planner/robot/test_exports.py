@@ -6,17 +6,20 @@ import csv
 import dataclasses
 import io
 import json
+import re
 import struct
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import lxml.etree
 import mujoco
 import numpy as np
 import pandas
 import pygltflib
 import pytest
 import trimesh
+import yaml
 import yourdfpy
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -26,11 +29,13 @@ from scipy.spatial.transform import Rotation, Slerp
 from planner.chain.kinematics import Poses
 from planner.errors import InputError
 from planner.exports import EXPORTS, Export, export_named, exports_of, glb
+from planner.exports.export import identifier
 from planner.exports.mjcf import PERCENTS
-from planner.exports.urdf import centre_of
+from planner.exports.urdf import DRAKE_NAMESPACE, centre_of
 from planner.pipeline.fold import fold
 from planner.plan.plan import Plan
 from planner.readers.angle_strings import read_angle_string
+from tests.planner.plans import changed
 
 Array = NDArray[np.float64]
 NASTY = "</robot>\x00\x1b[31m\ud800\u202e\uffff \"'&<]]>\n- -- \U0001f980"
@@ -161,7 +166,7 @@ def centred(plan: Plan, links: list[Array]) -> list[Array]:
 
 def test_yourdfpy_moves_the_urdf_as_the_plan(plan: Plan, tmp_path: Path) -> None:
     (tmp_path / "model.urdf").write_bytes(written("urdf", plan))
-    (tmp_path / "module.stl").write_bytes(written("stl", plan))
+    (tmp_path / "module.obj").write_bytes(written("obj", plan))
     robot: Any = yourdfpy.URDF.load(str(tmp_path / "model.urdf"), build_scene_graph=True)
     assert robot.base_link == f"module_{plan.chain.root}"
     assert tuple(robot.actuated_joint_names) == plan.chain.joint_names
@@ -185,7 +190,7 @@ def test_yourdfpy_moves_the_urdf_as_the_plan(plan: Plan, tmp_path: Path) -> None
 
 
 def test_mujoco_moves_the_urdf_as_the_plan(plan: Plan) -> None:
-    assets = {"module.stl": written("stl", plan)}
+    assets = {"module.obj": written("obj", plan)}
     text = written("urdf", plan).decode()
     model = mujoco.MjModel.from_xml_string(text, assets)
     data = mujoco.MjData(model)
@@ -203,11 +208,9 @@ def test_mujoco_moves_the_urdf_as_the_plan(plan: Plan) -> None:
         for name, angle in zip(chain.joint_names, plan.joint_angles_rad[frame], strict=True):
             data.joint(name).qpos[0] = angle
         mujoco.mj_kinematics(model, data)
-        # Links that are fixed to others are made one with them, and the root is the world.
+        # The root stands where MuJoCo's world begins.
         base = root_of(plan, frame)
-        for i in range(chain.module.rigid_links, len(chain)):
-            if i == chain.root:
-                continue
+        for i in range(len(chain)):
             link = np.eye(4)
             link[:3, :3] = data.body(f"module_{i}").xmat.reshape(3, 3)
             link[:3, 3] = data.body(f"module_{i}").xpos
@@ -227,6 +230,142 @@ def test_links_of_the_urdf_turn_as_heavily_as_solid_modules(plan: Plan) -> None:
         moments = [float(told.attrib[name]) for name in ("ixx", "iyy", "izz")]
         mass = float(link.find("mass").attrib["value"])  # type: ignore[union-attr]
         np.testing.assert_allclose(moments, mass * solid)
+
+
+def exempt_names(plan: Plan) -> set[tuple[str, str]]:
+    pairs = plan.chain.module.exempt_pairs(len(plan.chain))
+    return {(f"module_{i}", f"module_{j}") for i, j in pairs}
+
+
+def test_srdf_and_drake_groups_of_the_urdf_name_the_exempt_pairs(plan: Plan) -> None:
+    srdf = ElementTree.fromstring(written("srdf", plan))
+    urdf = ElementTree.fromstring(written("urdf", plan))
+    assert srdf.get("name") == urdf.get("name")
+    links = {link.get("name") for link in urdf.iter("link")}
+    disabled = {(e.get("link1"), e.get("link2")) for e in srdf.iter("disable_collisions")}
+    assert disabled == exempt_names(plan)
+    assert {name for pair in disabled for name in pair} <= links
+    groups = urdf.findall(f"{{{DRAKE_NAMESPACE}}}collision_filter_group")
+    members = set()
+    for group in groups:
+        assert {e.get("name") for e in group} == {None, group.get("name")}
+        members.add(tuple(e.get("link") for e in group if e.get("link")))
+    assert members == disabled
+    assert tuple(e.get("name") for e in srdf.findall("group/joint")) == plan.chain.joint_names
+
+
+def test_mujoco_with_the_srdf_finds_contacts_of_the_urdf_as_in_the_mjcf(plan: Plan) -> None:
+    assets = {"module.obj": written("obj", plan)}
+    spec = mujoco.MjSpec.from_string(written("urdf", plan).decode(), assets=assets)
+    for pair in ElementTree.fromstring(written("srdf", plan)).iter("disable_collisions"):
+        spec.add_exclude(bodyname1=pair.attrib["link1"], bodyname2=pair.attrib["link2"])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for frame in some_frames(plan):
+        for name, angle in zip(plan.chain.joint_names, plan.joint_angles_rad[frame], strict=True):
+            data.joint(name).qpos[0] = angle
+        mujoco.mj_fwdPosition(model, data)
+        assert data.ncon == 0
+
+
+@pytest.mark.parametrize("name", ["urdf", "srdf"])
+def test_robot_descriptions_are_strings_for_lxml(plan: Plan, name: str) -> None:
+    text = written(name, plan).decode()
+    assert lxml.etree.fromstring(text).tag == "robot"
+
+
+def test_bodies_of_the_mjcf_with_a_digit_more_are_no_other_bodies(plan: Plan) -> None:
+    model = mujoco.MjModel.from_xml_string(written("mjcf", plan).decode())
+    names = {model.body(k).name for k in range(model.nbody)}
+    assert not names & {f"{name}{k}" for name in names for k in range(10)}
+    assert {model.site(k).name for k in range(model.nsite)} == {
+        f"module_{i}" for i in range(len(plan.chain))
+    }
+
+
+def test_the_mesh_of_the_urdf_is_the_module_in_metres(plan: Plan) -> None:
+    mesh: Any = trimesh.load_mesh(io.BytesIO(written("obj", plan)), file_type="obj")
+    edge = plan.certificate.module_size * plan.chain.pitch_m
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(plan.chain.module.volume * edge**3)
+    files = {e.get("filename") for e in ElementTree.fromstring(written("urdf", plan)).iter("mesh")}
+    assert files <= {export.filename for export in EXPORTS if export.shared}
+
+
+def test_links_and_joints_of_the_urdf_are_physical(plan: Plan) -> None:
+    urdf = ElementTree.fromstring(written("urdf", plan))
+    for inertia in urdf.iter("inertia"):
+        moments = sorted(float(inertia.attrib[name]) for name in ("ixx", "iyy", "izz"))
+        assert 0.0 < moments[0] <= moments[1] <= moments[2] <= moments[0] + moments[1]
+    limits = {joint.get("name"): joint.find("limit") for joint in urdf.iter("joint")}
+    for name, angles in zip(plan.chain.joint_names, plan.joint_angles_rad.T, strict=True):
+        limit = limits[name]
+        assert limit is not None
+        assert float(limit.attrib["lower"]) <= angles.min()
+        assert angles.max() <= float(limit.attrib["upper"])
+        assert min(float(limit.attrib[kind]) for kind in ("effort", "velocity")) > 0.0
+
+
+@pytest.fixture
+def halting(plan: Plan) -> Plan:
+    """The plan with frames at one time, in which nothing moves, also at both ends."""
+    count = len(plan.time_s)
+    frames = np.repeat(np.arange(count), [3 if k in (0, 7, count - 1) else 1 for k in range(count)])
+    return dataclasses.replace(
+        plan, motion=plan.motion[frames], max_error_rad=plan.max_error_rad[frames]
+    )
+
+
+def test_times_of_exports_rise_strictly_where_the_plan_stands_still(
+    plan: Plan, halting: Plan
+) -> None:
+    assert (np.diff(halting.time_s) == 0.0).any()
+    for name in ("csv", "glb"):
+        assert written(name, halting) == written(name, plan)
+    stamps: dict[str, list[int]] = {}
+    for channel, record, message in decoded(written("mcap", halting)):
+        if channel.topic in ("/joint_states", "/tf"):
+            header = getattr(message, "header", None) or message.transforms[0].header
+            stamp = header.stamp.sec * 10**9 + header.stamp.nanosec
+            assert stamp == record.log_time == record.publish_time
+            stamps.setdefault(channel.topic, []).append(stamp)
+        elif channel.topic == "/joint_trajectory":
+            starts = [p.time_from_start for p in message.points]
+            stamps[channel.topic] = [s.sec * 10**9 + s.nanosec for s in starts]
+    for values in stamps.values():
+        assert len(values) == len(plan.time_s)
+        assert (np.diff(values) > 0).all()
+
+
+def test_times_closer_than_a_nanosecond_are_one_in_the_log(plan: Plan) -> None:
+    close = plan.time_s.copy()
+    close[5] = close[4] + 1e-10
+    near = changed(plan, time_s=close)
+    times = [r.log_time for c, r, _ in decoded(written("mcap", near)) if c.topic == "/tf"]
+    assert (np.diff(times) > 0).all()
+    assert len(times) == len(close) - 1
+
+
+def test_channels_of_the_log_state_their_quality_of_service(plan: Plan) -> None:
+    for channel, _, _ in decoded(written("mcap", plan)):
+        (profile,) = yaml.safe_load(channel.metadata["offered_qos_profiles"])
+        latched = channel.topic == "/robot_description"
+        assert (profile["reliability"], profile["durability"]) == (1, 1 if latched else 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("wrench-24", "wrench-24"),
+        ("My robot, 2nd", "My_robot_2nd"),
+        ("2nd", "fold_2nd"),
+        ("Möbel::a/b", "Mobel_a_b"),
+        ("日本", "fold"),
+        ("../..", "fold"),
+    ],
+)
+def test_identifier_of_a_name_is_plain(name: str, expected: str) -> None:
+    assert identifier(name) == expected
 
 
 def decoded(data: bytes) -> list[tuple[Any, Any, Any]]:
@@ -369,8 +508,7 @@ def test_a_strangers_name_breaks_nothing(plan: Plan, export: Export) -> None:
     if export.media_type == "application/xml":
         root = ElementTree.fromstring(data)
         named = root.get("name", "")
-        assert named.startswith("</robot>") or root.tag == "mujoco"
-        assert "\x1b" not in named
+        assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", named) or root.tag == "mujoco"
     elif export.name == "glb":
         length = struct.unpack_from("<I", data, 12)[0]
         name = json.loads(data[20 : 20 + length])["nodes"][-1]["name"]
