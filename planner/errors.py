@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from typing import Final
@@ -37,6 +38,20 @@ def named(error: InputError, name: str) -> InputError:
 
 class TimelineError(PlannerError):
     """A timeline on disk that is missing, damaged, or used in the wrong order."""
+
+
+class DamagedError(TimelineError):
+    """Stored data that is missing, or is not what was written.
+
+    Attributes:
+        path: File that it is about.
+        reason: Short sentence without a full stop.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], reason: str) -> None:
+        super().__init__(f"{os.fspath(path)} is damaged: {reason}; restore it from a copy.")
+        self.path = os.fspath(path)
+        self.reason = reason
 
 
 class SimulationError(PlannerError):

@@ -5,10 +5,12 @@ from __future__ import annotations
 import ctypes
 import json
 import os
+import secrets
 from collections.abc import Generator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path as FilePath
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -19,11 +21,32 @@ if TYPE_CHECKING:
 _LOADING: Final = Lock()
 
 
+TEMPORARY_SUFFIX: Final = ".partial"
+"""Ending of files and directories that are being written, as zarr has it for its own."""
+
+
+def temporary_path(path: FilePath) -> FilePath:
+    """Return a new name beside a path, for what gets that name when it is complete."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
+
+
+def remove_temporary(directory: FilePath) -> None:
+    """Remove what a process that was killed has left half written, at any depth."""
+    for path in directory.rglob(f"*{TEMPORARY_SUFFIX}"):
+        if path.is_dir() and not path.is_symlink():
+            rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
+
 def write_whole(path: FilePath, data: bytes) -> None:
     """Writes a file that is either whole or not there."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    aside.write_bytes(data)
-    aside.replace(path)
+    aside = temporary_path(path)
+    try:
+        aside.write_bytes(data)
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
 
 
 def write_json(path: FilePath, values: object) -> None:
@@ -43,14 +66,19 @@ def json_of(path: FilePath) -> dict[str, Any]:
 def zarr_group(path: str | FilePath, mode: Literal["r", "r+", "w"] = "r") -> zarr.Group:
     """The zarr group at a path; a new one for ``w``.
 
-    zarr takes a while to load, so that is left to whoever opens a group first. Its modules import
-    each other in circles, which two threads that begin at once would break.
+    Its chunks are not checked: ``planner.checked_zarr`` does that.
+    """
+    return load_zarr().open_group(str(path), mode=mode, zarr_format=3 if mode == "w" else None)
+
+
+def load_zarr() -> Any:
+    """Import zarr on first use; it takes a while to load.
+
+    Its modules import each other in circles, which two threads that begin at once would break.
     """
     with _LOADING:
         import_module("zarr.codecs")
-    import zarr
-
-    return zarr.open_group(str(path), mode=mode, zarr_format=3 if mode == "w" else None)
+    return import_module("zarr")
 
 
 @contextmanager

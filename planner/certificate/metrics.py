@@ -5,7 +5,6 @@ On disk they are a zarr group beside the timeline, of which any range of frames 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
@@ -15,8 +14,9 @@ from typing import TYPE_CHECKING, Any, Final, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import TimelineError
-from planner.files import zarr_group
+from planner.checked_zarr import checksums_of, create_array, read_group, sealed
+from planner.errors import UNREADABLE, DamagedError, TimelineError
+from planner.files import temporary_path, zarr_group
 
 if TYPE_CHECKING:
     import zarr
@@ -56,10 +56,11 @@ class Curves:
         """Frames ``start`` to ``stop`` (all there are when None) of what ``write`` wrote.
 
         Raises:
-            TimelineError: When there are no figures, they are damaged, or the range is not in them.
+            TimelineError: If there are no figures, or the range is not in them.
+            DamagedError: If they are damaged.
         """
         try:
-            group = zarr_group(path)
+            group = read_group(path)
             attributes = group.attrs.asdict()
             arrays = {f.name: cast("zarr.Array[Any]", group[f.name]) for f in fields(cls)}
         except (OSError, ValueError, KeyError) as error:
@@ -75,7 +76,12 @@ class Curves:
                 f"got frames {start} to {end}, expected a range within the {frames} frames there "
                 "are."
             )
-        found: dict[str, Any] = {name: array[start:end] for name, array in arrays.items()}
+        try:
+            found: dict[str, Any] = {name: array[start:end] for name, array in arrays.items()}
+        except DamagedError:
+            raise
+        except UNREADABLE as error:
+            raise DamagedError(path, f"{type(error).__name__}: {error}") from error
         return cls(**found)
 
 
@@ -105,11 +111,10 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
     What is there in the end is a whole zarr group, or what was there before.
     """
     whole = FilePath(path)
-    aside = whole.with_name(f".{whole.name}.{os.getpid()}")
+    aside = temporary_path(whole)
     rmtree(aside, ignore_errors=True)
     try:
         group = zarr_group(aside, "w")
-        group.attrs.put({"format": FORMAT, "reach": REACH})
         arrays: dict[str, zarr.Array[Any]] = {}
         curves: list[Curves] = []
         start = 0
@@ -123,7 +128,10 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
             start += len(part)
         for field in fields(Curves):
             values = np.concatenate([getattr(part, field.name) for part in curves])
-            _array(group, field.name, frames, values, FRAMES_A_CURVE)[:] = values
+            arrays[field.name] = _array(group, field.name, frames, values, FRAMES_A_CURVE)
+            arrays[field.name][:] = values
+        checksums = checksums_of(aside, arrays)
+        group.attrs.put(sealed({"format": FORMAT, "reach": REACH}, checksums))
         rmtree(whole, ignore_errors=True)
         aside.rename(whole)
     finally:
@@ -133,15 +141,13 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
 def _array(
     group: zarr.Group, name: str, frames: int, values: NDArray[Any], chunk: int
 ) -> zarr.Array[Any]:
-    from zarr.codecs import BloscCodec  # late: ``zarr_group`` has loaded it
-
     tail = values.shape[1:]
-    return group.create_array(
+    return create_array(
+        group,
         name,
         shape=(frames, *tail),
         chunks=(chunk, *(max(1, size) for size in tail)),
         dtype=values.dtype,
-        compressors=[BloscCodec(cname="zstd", clevel=3, shuffle="shuffle")],
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.files import temporary_path
 from planner.motion.angle_steps import packed_frames, unpacked_frames
 from planner.motion.motion import Motion, motion_arrays, motion_from_arrays
 
@@ -152,14 +152,17 @@ def save_npz(path: FilePath, arrays: dict[str, Any], *, level: int = 1) -> None:
         arrays: By name.
         level: How much zlib tries, from 1 to 9. What would not get smaller it does not try.
     """
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    with ZipFile(aside, "w", compresslevel=level) as file:
-        for name, value in arrays.items():
-            array = np.asanyarray(value)
-            file.compression = ZIP_DEFLATED if _shrinks(array) else ZIP_STORED
-            with file.open(f"{name}.npy", "w", force_zip64=True) as part:
-                np.lib.format.write_array(part, array, allow_pickle=False)
-    aside.replace(path)
+    aside = temporary_path(path)
+    try:
+        with ZipFile(aside, "w", compresslevel=level) as file:
+            for name, value in arrays.items():
+                array = np.asanyarray(value)
+                file.compression = ZIP_DEFLATED if _shrinks(array) else ZIP_STORED
+                with file.open(f"{name}.npy", "w", force_zip64=True) as part:
+                    np.lib.format.write_array(part, array, allow_pickle=False)
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
 
 
 def _shrinks(array: NDArray[Any]) -> bool:

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import secrets
 import time
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
@@ -20,7 +22,16 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import module_named
-from planner.errors import UNREADABLE, InputError, TimelineError
+from planner.checked_zarr import (
+    ROOT_FILE,
+    checksums_of,
+    create_array,
+    is_sealed,
+    open_for_writing,
+    read_group,
+    sealed,
+)
+from planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
 from planner.files import zarr_group
 from planner.motion.frames import Frames
 from planner.motion.motion import Motion, joined
@@ -33,6 +44,8 @@ Array = NDArray[np.float64]
 FORMAT: Final = "foldback-timeline/1"
 WINDOWS_FORMAT: Final = "foldback-timeline/2"
 Status = Literal["growing", "complete", "failed"]
+ERRORS_FROM: Final = "errors_from"
+"""Attribute of windows: number of angles before the first with a recorded error, or None."""
 FRAMES_A_CHUNK: Final = 128
 """Frames in a chunk of every array."""
 WINDOWS_A_CHUNK: Final = 4096
@@ -101,13 +114,24 @@ def chain_from_attributes(attributes: dict[str, Any]) -> Chain:
 class TimelineWriter:
     """Appends frames to a timeline. One writer at a time; a context manager."""
 
-    def __init__(self, group: zarr.Group, chain: Chain, frames: int, *, windowed: bool) -> None:
+    def __init__(
+        self,
+        path: str | FilePath,
+        group: zarr.Group,
+        arrays: dict[str, zarr.Array[Any]],
+        attributes: dict[str, Any],
+    ) -> None:
+        self._path = path
         self._group = group
-        self._chain = chain
-        self._frames = frames
-        self._windowed = windowed
+        self._arrays = arrays
+        self._attributes = attributes
+        self._sealed = is_sealed(attributes)
+        self._frames = int(attributes["frames"])
+        self._windowed = attributes["format"] == WINDOWS_FORMAT
+        self._hinges = (
+            arrays["folded_rad"].size if self._windowed else len(attributes["chain"]["folded_rad"])
+        )
         self._waiting: list[Motion] = []
-        self._arrays: dict[str, zarr.Array[Any]] = {}
         self._next_flush = time.monotonic() + FLUSH_EVERY_S
         self._status: Status = "growing"
 
@@ -122,38 +146,49 @@ class TimelineWriter:
             chain: Whose frames it holds.
             windowed: Whether it takes ``Windows``; else it takes ``Frames``.
         """
-        # First of all: who has read frames while their files were deleted sees that by its absence.
-        (FilePath(path) / "zarr.json").unlink(missing_ok=True)
+        # First of all: a reader of frames whose files are being deleted sees that by its absence.
+        (FilePath(path) / ROOT_FILE).unlink(missing_ok=True)
         group = zarr_group(path, "w")
-        from zarr.codecs import BloscCodec  # late: ``zarr_group`` has loaded it
-
-        codec = BloscCodec(cname="zstd", clevel=3, shuffle="shuffle")
         columns = _window_columns() if windowed else _frame_columns(len(chain.folded_rad))
-        for name, (tail, dtype, rows) in columns.items():
-            group.create_array(
+        arrays = {
+            name: create_array(
+                group,
                 name,
                 shape=(0, *tail),
                 chunks=(rows, *tail),
                 dtype=dtype,
-                compressors=[codec],
                 fill_value=np.nan if name == "errors_rad" else 0,
             )
-        told = chain_attributes(chain)
+            for name, (tail, dtype, rows) in columns.items()
+        }
+        chain_values = chain_attributes(chain)
+        errors: dict[str, Any] = {}
         if windowed:
             # The attributes are written and read over and over: what is long is beside them.
-            group.create_array("folded_rad", data=chain.folded_rad)
-            told = {k: v for k, v in told.items() if k not in ("folded_rad", "joint_names")}
-        group.attrs.put(
-            {
-                "format": WINDOWS_FORMAT if windowed else FORMAT,
-                # Tells a timeline that was begun anew from the one that was there before.
-                "id": secrets.token_hex(8),
-                "chain": told,
-                "frames": 0,
-                "status": "growing",
-            }
-        )
-        return cls(group, chain, 0, windowed=windowed)
+            folded = chain.folded_rad
+            arrays["folded_rad"] = create_array(
+                group,
+                "folded_rad",
+                shape=folded.shape,
+                chunks=(max(1, len(folded)),),
+                dtype=folded.dtype,
+            )
+            arrays["folded_rad"][:] = folded
+            for name in ("folded_rad", "joint_names"):
+                del chain_values[name]
+            errors = {ERRORS_FROM: None}
+        attributes = {
+            "format": WINDOWS_FORMAT if windowed else FORMAT,
+            # Tells a timeline that was begun anew from the one that was there before.
+            "id": secrets.token_hex(8),
+            "chain": chain_values,
+            **errors,
+            "frames": 0,
+            "status": "growing",
+        }
+        writer = cls(path, group, arrays, sealed(attributes))
+        writer._mark("growing")
+        return writer
 
     @classmethod
     def reopen(cls, path: str | FilePath, *, frames: int | None = None) -> TimelineWriter:
@@ -164,11 +199,13 @@ class TimelineWriter:
             raise TimelineError(
                 f"got {kept} frames to keep, expected 0 to {len(timeline)}, which {path} holds."
             )
-        group = zarr_group(path, "r+")
+        timeline.motion(max(kept - 1, 0), kept)  # a damaged chunk must not be written again
+        group, arrays = open_for_writing(path)
+        attributes = {**group.attrs.asdict(), "frames": kept}
         if kept < len(timeline):
             # Who has read what is dropped has to begin anew.
-            group.attrs.update({"id": secrets.token_hex(8)})
-        writer = cls(group, timeline.chain, kept, windowed=timeline.windowed)
+            attributes["id"] = secrets.token_hex(8)
+        writer = cls(path, group, arrays, attributes)
         writer._mark("growing")
         return writer
 
@@ -193,7 +230,7 @@ class TimelineWriter:
         if isinstance(frames, Windows) != self._windowed:
             expected = "Windows" if self._windowed else "Frames"
             raise TimelineError(f"got {type(frames).__name__}, expected {expected}.")
-        hinges = len(self._chain.folded_rad)
+        hinges = self._hinges
         if isinstance(frames, Frames):
             joints = frames.joint_angles_rad.shape[-1]
             if joints != hinges:
@@ -221,22 +258,16 @@ class TimelineWriter:
         self._waiting = []
         stop = self._frames + len(motion)
         if isinstance(motion, Windows):
-            begins = int(cast("Any", self._array("ends")[self._frames - 1])) if self._frames else 0
+            begins = int(cast("Any", self._arrays["ends"][self._frames - 1])) if self._frames else 0
             values = {
                 **{name: getattr(motion, name) for name in _WINDOW_ROWS},
                 "ends": begins + motion.offsets[1:],
             }
-            for name in ("angles_rad", "errors_rad"):
-                flat = getattr(motion, name)
-                if name in self._group:  # earlier timelines have no errors
-                    array = self._array(name)
-                    array.resize((begins + len(motion.angles_rad),))
-                    if flat is not None:  # what is not written takes no room and is read as NaN
-                        array[begins:] = flat
+            self._write_angles(motion, begins)
         else:
             values = {name: getattr(motion, name) for name in _frame_columns(0)}
         for name, column in values.items():
-            array = self._array(name)
+            array = self._arrays[name]
             array.resize((stop, *array.shape[1:]))
             array[self._frames : stop] = column.astype(array.dtype)
         self._frames = stop
@@ -245,10 +276,30 @@ class TimelineWriter:
         pause = min((now - begun) / FLUSH_SHARE, FLUSH_EVERY_S_AT_MOST)
         self._next_flush = now + max(pause, FLUSH_EVERY_S)
 
-    def _array(self, name: str) -> zarr.Array[Any]:
-        if name not in self._arrays:
-            self._arrays[name] = cast("zarr.Array[Any]", self._group[name])
-        return self._arrays[name]
+    def _write_angles(self, motion: Windows, begins: int) -> None:
+        """Write the angles of windows, and their errors from the first recorded one on.
+
+        Args:
+            motion: The windows.
+            begins: Number of angles before them.
+        """
+        count = begins + len(motion.angles_rad)
+        self._arrays["angles_rad"].resize((count,))
+        self._arrays["angles_rad"][begins:] = motion.angles_rad
+        errors = self._arrays.get("errors_rad")
+        if errors is None:  # earlier timelines have none
+            return
+        errors.resize((count,))
+        first = self._attributes.get(ERRORS_FROM)
+        if first is not None and first >= begins:  # those were dropped when it was reopened
+            first = None
+        if motion.errors_rad is not None:
+            errors[begins:] = motion.errors_rad
+            first = begins if first is None else first
+        elif first is not None:
+            errors[begins:] = np.nan
+        if self._sealed:
+            self._attributes[ERRORS_FROM] = first
 
     def close(self, status: Status = "complete") -> None:
         """Writes what waits and closes the timeline for good."""
@@ -257,7 +308,13 @@ class TimelineWriter:
 
     def _mark(self, status: Status) -> None:
         self._status = status
-        self._group.attrs.update({"frames": self._frames, "status": status})
+        self._attributes |= {"frames": self._frames, "status": status}
+        if self._sealed:
+            over = status != "growing"
+            self._attributes = sealed(
+                self._attributes, checksums_of(self._path, self._arrays) if over else None
+            )
+        self._group.attrs.put(self._attributes)
 
 
 _WINDOW_ANGLES: Final = ("angles_rad", "errors_rad")
@@ -274,12 +331,10 @@ class Timeline:
         self._arrays: dict[str, zarr.Array[Any]] = {}
         self._frames = 0
         self._status: Status = "growing"
+        self._errors_from: int | None = None
         told = attributes["chain"]
         if self.windowed:
-            try:
-                folded = cast("zarr.Array[Any]", zarr_group(path)["folded_rad"])
-            except KeyError as error:
-                raise TimelineError(f"{path} is damaged: it lacks {error}.") from error
+            folded = cast("zarr.Array[Any]", read_group(path)["folded_rad"])
             told = {**told, "folded_rad": np.asarray(folded[:]).tolist()}
         self.told_chain = dict(told)
         self.chain = chain_from_attributes(told)
@@ -290,13 +345,12 @@ class Timeline:
         """Opens a timeline.
 
         Raises:
-            TimelineError: When there is none, or it is damaged.
+            TimelineError: If there is none, or another one is taking its place.
+            DamagedError: If it is damaged.
         """
         attributes = _attributes(str(path))
-        try:
+        with _reading(str(path), attributes["id"]):
             return cls(str(path), attributes)
-        except (*UNREADABLE, InputError) as error:
-            raise TimelineError(f"{path} is damaged: {error}") from error
 
     def __len__(self) -> int:
         """Frames seen at the last ``refresh``."""
@@ -317,16 +371,19 @@ class Timeline:
         attributes = _attributes(self.path)
         if attributes["id"] != self.id:
             raise TimelineError(f"the timeline at {self.path} has been begun anew.")
-        self._take(attributes)
+        with _reading(self.path, self.id):
+            self._take(attributes)
         return before != (self._frames, self._status)
 
     @property
     def replaced(self) -> bool:
         """Whether another one has taken its place, or is about to."""
-        try:
-            return bool(_attributes(self.path)["id"] != self.id)
-        except TimelineError:
-            return True
+        return _is_replaced(self.path, self.id)
+
+    @property
+    def sealed(self) -> bool:
+        """True if its chunks carry checksums; earlier versions wrote none."""
+        return self._sealed
 
     def motion(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Motion:
         """As ``frames``, in the layout that the timeline has."""
@@ -342,9 +399,10 @@ class Timeline:
             return self.windows(start, stop, stride).dense(self.chain)
         end = self._end(start, stop, stride)
         found: dict[str, Any] = {}
-        for name in _frame_columns(0):
-            part = _strided(self._arrays[name], start, end, stride)
-            found[name] = part.astype(np.float64) if part.dtype == np.float32 else part
+        with _reading(self.path, self.id):
+            for name in _frame_columns(0):
+                part = _strided(self._arrays[name], start, end, stride)
+                found[name] = part.astype(np.float64) if part.dtype == np.float32 else part
         return Frames(**found)
 
     def windows(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Windows:
@@ -356,33 +414,43 @@ class Timeline:
         if not self.windowed:
             return Windows.of(self.chain, self.frames(start, stop, stride))
         end = self._end(start, stop, stride)
+        with _reading(self.path, self.id):
+            return self._windows(start, end, stride)
+
+    def _windows(self, start: int, end: int, stride: int) -> Windows:
         numbers = np.arange(start, end, stride)
         ends = cast("NDArray[np.int64]", self._arrays["ends"][max(start - 1, 0) : end])
         ends = np.concatenate([[0], ends]) if start == 0 else ends
         begins, stops = ends[numbers - start], ends[numbers - start + 1]
-        flat: dict[str, NDArray[np.float32]] = {}
-        for name in _WINDOW_ANGLES:
-            array = cast("Any", self._arrays.get(name))
-            if array is None:
-                continue
-            if stride == 1 or not len(numbers):
-                flat[name] = array[int(ends[0]) : int(ends[-1])]
-            else:
-                parts = zip(begins.tolist(), stops.tolist(), strict=True)
-                flat[name] = np.concatenate([array[a:b] for a, b in parts])
-        errors = flat.get("errors_rad")
+        if stride == 1 or not len(numbers):
+            spans = [(int(ends[0]), int(ends[-1]))]
+        else:
+            spans = list(zip(begins.tolist(), stops.tolist(), strict=True))
+        angles = cast("Any", self._arrays["angles_rad"])
+        errors = np.concatenate([self._errors(first, last) for first, last in spans])
         return Windows(
             offsets=np.concatenate([[0], np.cumsum(stops - begins)]),
-            angles_rad=flat["angles_rad"],
-            errors_rad=None if errors is None or np.isnan(errors).all() else errors,
+            angles_rad=np.concatenate([angles[first:last] for first, last in spans]),
+            errors_rad=None if np.isnan(errors).all() else errors,
             **{name: cast("Any", self._arrays[name][start:end])[::stride] for name in _WINDOW_ROWS},
         )
+
+    def _errors(self, first: int, last: int) -> NDArray[np.float32]:
+        """Return errors of a range of angles, NaN before the first recorded one."""
+        array = cast("Any", self._arrays.get("errors_rad"))
+        if array is None or (self._sealed and self._errors_from is None):
+            return np.full(last - first, np.nan, np.float32)
+        begin = min(max(first, self._errors_from or 0), last)
+        before = np.full(begin - first, np.nan, np.float32)
+        return np.concatenate([before, array[begin:last]])
 
     @property
     def tells_errors(self) -> bool:
         """Whether joint errors of any frame may be recorded; those of windows are not read."""
+        if not self.windowed or self._sealed:
+            return not self.windowed or self._errors_from is not None
         array = cast("Any", self._arrays.get("errors_rad"))
-        return not self.windowed or (array is not None and array.nchunks_initialized > 0)
+        return array is not None and array.nchunks_initialized > 0
 
     def window_errors(self, start: int = 0, stop: int | None = None) -> Array:
         """(f,) the largest joint error of each window, NaN where none is recorded.
@@ -402,7 +470,8 @@ class Timeline:
 
     def clock(self) -> tuple[Array, NDArray[np.uint8]]:
         """(F,) times and (F,) phases of all frames, without reading the rest of them."""
-        time_s, phase = (self._arrays[name][: self._frames] for name in ("time_s", "phase"))
+        with _reading(self.path, self.id):
+            time_s, phase = (self._arrays[name][: self._frames] for name in ("time_s", "phase"))
         return cast("Array", time_s), cast("NDArray[np.uint8]", phase)
 
     def _end(self, start: int, stop: int | None, stride: int) -> int:
@@ -416,24 +485,34 @@ class Timeline:
 
     def _take(self, attributes: dict[str, Any]) -> None:
         frames = int(attributes["frames"])
-        if frames != self._frames or not self._arrays:
-            group = zarr_group(self.path)
-            columns = _window_columns() if self.windowed else _frame_columns(0)
-            try:
-                self._arrays = {
-                    n: cast("zarr.Array[Any]", group[n])
-                    for n in columns
-                    if n != "errors_rad" or n in group  # earlier timelines have none
-                }
-            except KeyError as error:
-                raise TimelineError(f"{self.path} is damaged: it lacks {error}.") from error
+        status = cast("Status", attributes["status"])
+        # A group that was opened while it grew knows no checksums of chunk files.
+        if frames != self._frames or status != self._status or not self._arrays:
+            group = read_group(self.path)
+            columns = _window_columns() if self.windowed else _frame_columns(self._joints)
+            self._arrays = {
+                n: cast("zarr.Array[Any]", group[n])
+                for n in columns
+                if n != "errors_rad" or n in group  # earlier timelines have none
+            }
+            for name, array in self._arrays.items():
+                tail, dtype, _ = columns[name]
+                if array.shape[1:] != tail or array.dtype != dtype:
+                    raise DamagedError(
+                        FilePath(self.path) / name,
+                        f"got {array.dtype} of {array.shape}, expected {dtype} of (…, {tail})",
+                    )
             rows = [a.shape[0] for n, a in self._arrays.items() if n not in _WINDOW_ANGLES]
             if not 0 <= frames <= min(rows):
-                raise TimelineError(
-                    f"{self.path} is damaged: it promises {frames} frames and holds {min(rows)}."
-                )
+                raise DamagedError(self.path, f"it promises {frames} frames and holds {min(rows)}")
+        self._sealed = is_sealed(attributes)
+        self._errors_from = attributes.get(ERRORS_FROM)
         self._frames = frames
-        self._status = cast("Status", attributes["status"])
+        self._status = status
+
+    @property
+    def _joints(self) -> int:
+        return len(self.chain.folded_rad)
 
 
 def _strided(array: zarr.Array[Any], start: int, end: int, stride: int) -> NDArray[Any]:
@@ -450,18 +529,40 @@ def _strided(array: zarr.Array[Any], start: int, end: int, stride: int) -> NDArr
     return np.concatenate(parts) if parts else cast("NDArray[Any]", array[start:start])
 
 
+@contextmanager
+def _reading(path: str, timeline_id: str) -> Generator[None]:
+    """Turn what reading raises into DamagedError, or TimelineError if it is being replaced."""
+    try:
+        yield
+    except (DamagedError, InputError, *UNREADABLE) as error:
+        if _is_replaced(path, timeline_id):
+            raise TimelineError(f"the timeline at {path} has been begun anew.") from error
+        if isinstance(error, DamagedError):
+            raise
+        raise DamagedError(path, f"{type(error).__name__}: {error}") from error
+
+
+def _is_replaced(path: str, timeline_id: str) -> bool:
+    try:
+        return bool(_attributes(path)["id"] != timeline_id)
+    except DamagedError:
+        return False
+    except TimelineError:
+        return True
+
+
 def _attributes(path: str) -> dict[str, Any]:
     try:
-        attributes = zarr_group(path).attrs.asdict()
-    except (OSError, ValueError, KeyError) as error:
+        attributes = read_group(path).attrs.asdict()
+    except FileNotFoundError as error:
         raise TimelineError(f"no timeline at {path}: {error}") from error
+    if not attributes:  # one that is just being created
+        raise TimelineError(f"no timeline at {path} yet.")
     if attributes.get("format") not in (FORMAT, WINDOWS_FORMAT):
         raise TimelineError(
             f"got the format {attributes.get('format')!r} at {path}, expected {FORMAT!r} or "
             f"{WINDOWS_FORMAT!r}."
         )
-    try:
-        found = {key: attributes[key] for key in ("format", "chain", "frames", "status")}
-    except KeyError as error:
-        raise TimelineError(f"{path} is damaged: it lacks {error}.") from error
-    return {**found, "id": attributes.get("id", "")}
+    if missing := {"chain", "frames", "status"} - attributes.keys():
+        raise DamagedError(path, f"it lacks {', '.join(sorted(missing))}")
+    return {"id": "", **attributes}

@@ -138,7 +138,10 @@ def _fields(path: FilePath) -> Iterator[tuple[str, str]]:
         for key, digest in _of_values(group.attrs.asdict()):
             yield f"attributes.{key}", digest
         for name, array in sorted(group.arrays()):
-            yield name, _of_array(array)
+            try:
+                yield name, _of_array(array)
+            except UNREADABLE:
+                yield name, "unreadable"
     else:
         yield WHOLE, _of_bytes(path)
 

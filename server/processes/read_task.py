@@ -6,7 +6,6 @@ Solvers are loaded where they are needed: most uploads are paths.
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path as CellPath
+from planner.files import write_json
 from planner.playback.unfolding import START_PLAN, check_fits
 from planner.readers import read
 from planner.shapes.shape import Shape
@@ -142,9 +142,7 @@ def preview(directory: Path) -> dict[str, Any]:
         time_limit_s=request["time_limit_s"],
         searching=request["path"],
     )
-    aside = directory / f"report.{os.getpid()}"
-    aside.write_text(json.dumps(made.report()))
-    aside.rename(directory / "report.json")
+    write_json(directory / "report.json", made.report())
     return {"kind": made.kind}
 
 

@@ -19,7 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from planner.files import write_whole
+from planner.files import temporary_path, write_whole
 from planner.pipeline.attempt_folders import TIMELINE, result
 from server.errors import NoSuch
 from server.settings import Settings
@@ -185,7 +185,7 @@ class Folders:
         if not place.is_dir():
             raise NoSuchFoldError(fold_id)
         movies = place / MOVIES
-        aside = movies / f"{name}.partial"
+        aside = temporary_path(movies / name)
         try:
             movies.mkdir(exist_ok=True)
             shutil.copyfile(path, aside)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import secrets
 import threading
 from collections.abc import Callable, Generator, Iterator
@@ -23,7 +22,7 @@ import obstore
 from obstore.exceptions import BaseError
 from obstore.store import ObjectStore, from_url
 
-from planner.files import write_whole
+from planner.files import temporary_path, write_whole
 from server.settings import Settings
 
 HEAD: Final = "timeline.zarr/zarr.json"
@@ -164,7 +163,7 @@ class Storage:
         Raises:
             StorageError: When the storage does not answer.
         """
-        aside = path.with_name(f".{path.name}.{os.getpid()}")
+        aside = temporary_path(path)
         with self._storage_errors():
             try:
                 found = obstore.get(self._store, key)

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import zarr
 
+from planner import checked_zarr
+from planner.checked_zarr import checksums_of, open_for_writing
 from planner.pipeline.manifest import WHOLE, write_manifest
 from planner.plan.plan import read_values
 
@@ -23,6 +25,12 @@ ZARR = ("timeline.zarr", "figures.zarr")
 SMALLEST = 1e-6
 """Numbers are changed by this part of themselves at least, which is more than any tolerance."""
 Random = np.random.Generator
+
+
+def reseal(path: FilePath) -> None:
+    """Work out the checksums of a zarr group anew."""
+    group, arrays = open_for_writing(path)
+    group.attrs.put(checked_zarr.sealed(group.attrs.asdict(), checksums_of(path, arrays)))
 
 
 @dataclass(frozen=True)
@@ -73,6 +81,8 @@ class Tampered:
         change = kinds[random.integers(len(kinds))](self.place, random)
         if sealed and change is not None:
             change = replace(change, fields=())
+            for name in (name for name in change.files if name in ZARR):
+                reseal(self.place / name)
             write_manifest(self.place)
         try:
             yield change

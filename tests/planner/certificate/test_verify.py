@@ -32,6 +32,7 @@ from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.planner.chains import COIL
 from tests.planner.plans import changed
+from tests.planner.tampering import reseal
 
 LATER = (
     "exempt_pairs",
@@ -328,6 +329,7 @@ def test_damaged_numbers_are_told_without_a_warning(directory: FilePath) -> None
     values = errors[:]
     values.view(np.uint32)[-1, 3] = 0x7FA00000
     errors[:] = values
+    reseal(directory / "timeline.zarr")
     write_manifest(directory)
     assert "timeline.zarr and plan.npz differ in max_error_rad" in "\n".join(
         verify(directory).problems
@@ -341,6 +343,7 @@ def test_joint_errors_are_those_of_the_simulated_angles(directory: FilePath) -> 
     k = len(values) - 50
     values[k] *= 0.5
     errors[:] = values
+    reseal(directory / "timeline.zarr")
     plan = Plan.load(directory / "plan.npz")
     largest = plan.max_error_rad.copy()
     largest[k - len(values)] = values[k].max()

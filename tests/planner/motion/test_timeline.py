@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -14,10 +15,12 @@ from hypothesis import strategies as st
 
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
-from planner.errors import TimelineError
+from planner.checked_zarr import check_chunks
+from planner.errors import DamagedError, TimelineError
 from planner.motion import timeline as timeline_module
 from planner.motion.frames import PHASES, Frames, Phase
 from planner.motion.timeline import Timeline, TimelineWriter, chain_attributes
+from tests.planner.tampering import reseal
 
 COLUMNS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz")
 
@@ -269,6 +272,7 @@ def edit_attributes(place: FilePath, **changes: object) -> None:
     document["attributes"].update(changes)
     document["attributes"] = {k: v for k, v in document["attributes"].items() if v is not None}
     file.write_text(json.dumps(document))
+    reseal(place)
 
 
 @pytest.mark.parametrize("key", ["format", "frames", "chain", "status"])
@@ -358,8 +362,113 @@ def test_chunks_without_a_wanted_frame_are_not_read(place: FilePath, hook_chain:
         chunk.write_bytes(b"damaged")
     timeline = Timeline.open(place)
     assert_same(timeline.frames(0, 400, 300), some_frames(400)[0:400:300])
-    with pytest.raises(RuntimeError):
+    with pytest.raises(DamagedError, match="joint_angles_rad/c/1/0 is damaged"):
         timeline.frames(0, 400, 100)
+
+
+def damage_missing(file: FilePath) -> None:
+    file.unlink()
+
+
+def damage_bit(file: FilePath) -> None:
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 16
+    file.write_bytes(data)
+
+
+def damage_truncated(file: FilePath) -> None:
+    file.write_bytes(file.read_bytes()[:-9])
+
+
+def damage_empty(file: FilePath) -> None:
+    file.write_bytes(b"")
+
+
+def damage_foreign(file: FilePath) -> None:
+    """Put another valid chunk of the same array in its place."""
+    other = file.parents[1] / "1" / "0" if file.parents[1].name == "c" else file.parent / "1"
+    file.write_bytes(other.read_bytes())
+
+
+def damage_directory(file: FilePath) -> None:
+    file.unlink()
+    file.mkdir()
+
+
+DAMAGES = (
+    damage_missing,
+    damage_bit,
+    damage_truncated,
+    damage_empty,
+    damage_foreign,
+    damage_directory,
+)
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("array", ["joint_angles_rad/c/0/0", "phase/c/0", "time_s/c/0"])
+def test_timeline_with_damaged_chunk_raises(
+    place: FilePath, hook_chain: Chain, array: str, damage: Callable[[FilePath], None]
+) -> None:
+    """Also of an array that is all zeros, which zarr would fill in."""
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(130))
+        writer.append(some_frames(130, start=130, phase="playback", error=True))
+    damage(place / array)
+    with pytest.raises(DamagedError, match=f"{array} is damaged"):
+        Timeline.open(place).frames()
+    with pytest.raises(DamagedError, match=f"{array} is damaged"):
+        check_chunks(place)
+
+
+@pytest.mark.parametrize("damage", [damage_truncated, damage_empty, damage_missing])
+@pytest.mark.parametrize("name", ["phase/zarr.json", "joint_angles_rad/zarr.json"])
+def test_timeline_with_damaged_array_metadata_raises(
+    place: FilePath, hook_chain: Chain, name: str, damage: Callable[[FilePath], None]
+) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(5))
+    damage(place / name)
+    with pytest.raises(DamagedError):
+        Timeline.open(place).frames()
+
+
+@pytest.mark.parametrize("offset", range(60, 1400, 191))
+def test_timeline_with_one_changed_byte_of_its_attributes_raises(
+    place: FilePath, hook_chain: Chain, offset: int
+) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(5))
+    file = place / "zarr.json"
+    whole = file.read_bytes()
+    k = offset % len(whole)
+    if bytes([whole[k]]).isspace():  # means the same in JSON
+        return
+    file.write_bytes(whole[:k] + bytes([whole[k] ^ 1]) + whole[k + 1 :])
+    with pytest.raises(TimelineError):
+        Timeline.open(place).frames()
+
+
+def test_timeline_that_grows_is_not_damaged(place: FilePath, hook_chain: Chain) -> None:
+    """Its tail is not complete, and its chunks have no list of checksums yet."""
+    writer = TimelineWriter.create(place, hook_chain)
+    for start in range(0, 400, 100):
+        writer.append(some_frames(100, start=start))
+        writer.flush()
+        assert_same(Timeline.open(place).frames(), some_frames(start + 100))
+    with TimelineWriter.reopen(place, frames=250) as again:
+        assert len(Timeline.open(place).frames()) == 250
+        again.append(some_frames(50, start=250))
+    assert_same(Timeline.open(place).frames(), some_frames(300))
+    check_chunks(place)
+
+
+def test_writer_goes_on_only_with_an_undamaged_tail(place: FilePath, hook_chain: Chain) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(5))
+    (place / "joint_angles_rad" / "c" / "0" / "0").unlink()
+    with pytest.raises(DamagedError):
+        TimelineWriter.reopen(place)
 
 
 AT_ONCE = """

@@ -1,0 +1,133 @@
+"""Integrity: comparison of a finished fold's files with what was written.
+
+Each file is compared when it is first used, and again when it has changed on disk. Timelines and
+figures carry checksums of their own (``planner.checked_zarr``), which need no unpacking; all other
+files, and those groups as earlier versions wrote them, are compared with the manifest.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterable
+from pathlib import Path as FilePath
+from typing import Any, Final
+from zipfile import ZipFile
+
+from planner.checked_zarr import check_chunks, is_sealed, read_group
+from planner.errors import UNREADABLE, DamagedError
+from planner.pipeline.manifest import FILE, FORMAT, Digests, digests_of, digests_of_texts
+
+MAX_RESULTS: Final = 4096
+"""Results of comparisons in memory; beyond it all are dropped and compared again. Chosen."""
+_RESULTS: Final[dict[FilePath, tuple[object, str | None]]] = {}
+_LOCK: Final = threading.Lock()
+
+
+def check(directory: FilePath, *names: str) -> None:
+    """Compare files of a fold that is over with what was written.
+
+    Args:
+        directory: Of the fold.
+        names: Of the files; one that the fold never had is not missed.
+
+    Raises:
+        DamagedError: If one is missing, or is not what was written.
+    """
+    for name in names:
+        path = directory / name
+        stamp = (_stamp(path), _stamp(directory / FILE))
+        with _LOCK:
+            known = _RESULTS.get(path)
+        if known is None or known[0] != stamp:
+            known = (stamp, _reason(directory, name))
+            with _LOCK:
+                if len(_RESULTS) >= MAX_RESULTS:
+                    _RESULTS.clear()
+                _RESULTS[path] = known
+        if known[1] is not None:
+            raise DamagedError(path, known[1])
+
+
+def damaged_among(directory: FilePath, names: Iterable[str]) -> list[str]:
+    """Return the names of damaged files."""
+    found: list[str] = []
+    for name in names:
+        try:
+            check(directory, name)
+        except DamagedError:
+            found.append(name)
+    return found
+
+
+def _reason(directory: FilePath, name: str) -> str | None:
+    """Return why a file is damaged, or None."""
+    path = directory / name
+    try:
+        known = _manifest(directory)
+        if known is not None and name not in known:
+            return None
+        if not path.exists():
+            return None if known is None else "it is missing"
+        if path.suffix == ".zarr" and is_sealed(read_group(path).attrs.asdict()):
+            return _reason_of_sealed(path, known)
+        if known is not None:
+            return _reason_by_digest(directory, name, known[name])
+        return _reason_by_itself(path)
+    except DamagedError as error:
+        return error.reason
+    except (FileNotFoundError, *UNREADABLE) as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def _reason_of_sealed(path: FilePath, known: Digests | None) -> str | None:
+    check_chunks(path)
+    identity = None if known is None else known[path.name].get("attributes.id")
+    if identity is None:
+        return None
+    text = json.dumps(read_group(path).attrs.asdict().get("id"))
+    return None if digests_of_texts({"id": text})["id"] == identity else "it is another fold's"
+
+
+def _reason_by_digest(directory: FilePath, name: str, known: dict[str, str]) -> str | None:
+    here = digests_of(directory, [name])[name]
+    changed = [field for field in {**known, **here} if known.get(field) != here.get(field)]
+    return f"not as it was written: {', '.join(changed[:3])}" if changed else None
+
+
+def _reason_by_itself(path: FilePath) -> str | None:
+    """Return what can be seen of a file without a manifest."""
+    if path.suffix == ".json":
+        values = json.loads(path.read_bytes())
+        return None if isinstance(values, dict | list) else f"got {type(values).__name__}"
+    if path.suffix == ".npz":
+        with ZipFile(path) as file:
+            broken = file.testzip()
+        return None if broken is None else f"{broken} is not as it was written"
+    return None
+
+
+def _manifest(directory: FilePath) -> Digests | None:
+    """Return the digests of a manifest; None if there is none, as of a fold without a plan."""
+    path = directory / FILE
+    try:
+        values: Any = json.loads(path.read_bytes())
+        if values["format"] != FORMAT:
+            raise DamagedError(path, f"{FILE} has the format {values['format']!r}")
+        return {str(name): dict(fields) for name, fields in values["sha256"].items()}
+    except FileNotFoundError:
+        return None
+    except UNREADABLE as error:
+        raise DamagedError(path, f"{FILE} cannot be read") from error
+
+
+def _stamp(path: FilePath) -> object:
+    """Return what changes whenever a file, or a file in a directory, is written."""
+    try:
+        found = path.stat()
+        if path.suffix != ".zarr":
+            return (found.st_ino, found.st_mtime_ns, found.st_size)
+        files = [(each, each.stat()) for each in sorted(path.rglob("*"))]
+        return hash(tuple((str(p), s.st_ino, s.st_mtime_ns, s.st_size) for p, s in files))
+    except OSError:
+        return None
