@@ -62,7 +62,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
     order, elements, start = _header(data)
     body = _Text(data[start:], elements) if order == "" else _Binary(data[start:], order)
     points: NDArray[np.float64] | None = None
-    triangles: Ints | None = None
+    parts: list[Ints] = []
     for element in elements:
         if not element.properties:
             raise _damaged(f"the element {quote(element.name)!r} has no properties")
@@ -75,25 +75,45 @@ def read_ply(data: bytes, source: Source) -> Solid:
                 raise _damaged("the vertices have no x, y and z")
             with np.errstate(invalid="ignore"):
                 points = np.column_stack([columns[p][0].astype(np.float64) for p in places])
-        elif element.name == "face":
+        elif element.name in ("face", "tristrips"):
             place = element.column(CORNERS)
             if place == -1 or not element.properties[place].length:
                 raise _damaged("the faces have no list of vertices")
             corners, counts = columns[place]
             with np.errstate(invalid="ignore"):
-                triangles = fans(corners.astype(np.int64), counts)
-        if points is not None and triangles is not None:
-            break
-    if points is None or triangles is None:
+                rows = corners.astype(np.int64)
+            parts.append(fans(rows, counts) if element.name == "face" else _strips(rows, counts))
+    others = [e.name for e in elements if e.count and any(p.length for p in e.properties)]
+    if points is None or not sum(map(len, parts)):
+        lists = [name for name in others if name not in ("face", "tristrips")]
+        found = f"the element {quote(lists[0])!r} is not read" if lists else "points alone"
         raise InputError(
-            "no-triangles", "got a PLY file without faces: points alone bound no solid."
+            "no-triangles",
+            f"got a PLY file without faces ({found}), expected a closed surface of polygons.",
         )
+    triangles = np.concatenate(parts)
     return Solid.from_triangles(
         points,
         triangles,
         name=source.name or "solid",
         most_triangles=source.most_triangles,
     )
+
+
+def _strips(corners: Ints, counts: Ints) -> Ints:
+    """Return (T, 3) triangles of strips; −1 ends a strip, every other triangle is turned."""
+    ends = np.cumsum(counts)
+    place = np.arange(len(corners))
+    breaks = np.zeros(len(corners) + 1, dtype=np.bool_)
+    breaks[ends] = True
+    breaks[1:] |= corners < 0
+    breaks[:-1] |= corners < 0
+    begins = np.maximum.accumulate(np.where(breaks[:-1], place, 0))
+    number = place - begins
+    third = np.flatnonzero((number >= 2) & (corners >= 0))
+    rows = np.column_stack([corners[third - 2], corners[third - 1], corners[third]])
+    odd = number[third] % 2 == 1
+    return np.where(odd[:, None], rows[:, [1, 0, 2]], rows)
 
 
 def _damaged(found: str) -> InputError:

@@ -24,7 +24,7 @@ LENGTHS: Final = (1e-9, 1e9)
 MOST_LENGTHS: Final = 0.6
 PART_BYTES: Final = 4 << 20
 FACET_END: Final = b"endfacet"
-NAME: Final = re.compile(rb"(?m)^\s*(?:end)?solid\b(?:(?!\bfacet\b).)*")
+NAME: Final = re.compile(rb"(?m)^[ \t]*(?:end)?solid\b(?:(?!\bfacet\b).)*")
 VERTEX: Final = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 NO_NUMBER: Final = re.compile(
     rb" (?![-+]?(?:[\d.]+(?:e[-+]?\d+)?|nan|inf(?:inity)?)[ \n])([^ \n]*)"
@@ -68,8 +68,13 @@ def _holds_lengths(data: bytes) -> bool:
 
 def is_text(data: bytes) -> bool:
     """Whether this is an STL written as text."""
-    start = data[:LOOKED_AT].lstrip(b"\xef\xbb\xbf \t\r\n").lower()
-    return start.startswith(b"solid") and (b"facet" in start or b"endsolid" in start)
+    start = data[:LOOKED_AT].lstrip()
+    if start[:5].lower() != b"solid":
+        return False
+    # The name may be of any length.
+    end = data.find(b"\n", len(start[:5]))
+    after = data[end : end + LOOKED_AT] if end > 0 else b""
+    return any(word in part.lower() for part in (start, after) for word in (b"facet", b"endsolid"))
 
 
 def read_stl(data: bytes, source: Source, hinted: bool) -> Solid:
@@ -85,8 +90,9 @@ def read_stl(data: bytes, source: Source, hinted: bool) -> Solid:
 
 def _binary(data: bytes, source: Source) -> Solid:
     count = announced(data)
-    check_triangles(count, source.most_triangles)
     expected = HEADER_BYTES + TRIANGLE_BYTES * count
+    if count or len(data) <= expected + LONGEST_TAIL:
+        check_triangles(count, source.most_triangles)
     if len(data) < expected:
         held = (len(data) - HEADER_BYTES) // TRIANGLE_BYTES
         raise InputError(
@@ -127,8 +133,8 @@ def _text(data: bytes, source: Source) -> Solid:
 
 def _facets(text: bytes) -> Iterator[bytes]:
     """Whole facets, some megabytes at a time: trimesh takes seven times the memory of text."""
-    at = 0
-    while (end := text.find(FACET_END, min(at + PART_BYTES, text.rfind(FACET_END)))) >= at:
+    at, last = 0, text.rfind(FACET_END)
+    while (end := text.find(FACET_END, min(at + PART_BYTES, last))) >= at:
         part, at = text[at : end + len(FACET_END)], end + len(FACET_END)
         # A name may hold any words, and one file several solids.
         yield NAME.sub(b"", part) if b"solid" in part else part
