@@ -46,15 +46,17 @@ def refuse_digits(text: str) -> None:
         InputError: ``digits``.
     """
     words = text[:DIGITS_CHECKED].translate(_NO_SEPARATORS).split()
-    line = next((line for line in text.splitlines() if line.strip()), "")
-    if sum(separator in line for separator in ",;\t") > 1:
+    first = next((line for line in text.splitlines() if line.strip()), "")
+    if sum(separator in first for separator in ",;\t") > 1:
         return
-    many = len(line.translate(_NO_SEPARATORS).split()) > MAX_COLUMNS
+    many = len(first.translate(_NO_SEPARATORS).split()) > MAX_COLUMNS
     run = len(words) == 1 and len(words[0]) > MAX_COLUMNS
+    lines = [line.split() for line in text[:DIGITS_CHECKED].splitlines() if line.strip()]
+    many |= len(lines) > MAX_COLUMNS and all(line == [line[0][:1]] for line in lines)
     if (many or run) and all(set(word) <= _TURN_DIGITS for word in words):
         raise InputError(
             "digits",
-            f"got {quote(line.strip())!r}: digits are not read as angles; use 0, + or - for each "
+            f"got {quote(first.strip())!r}: digits are not read as angles; use 0, + or - for each "
             "hinge.",
         )
 

@@ -11,6 +11,7 @@ from planner.readers.trimesh_meshes import triangles_in
 from planner.shapes.solid import Solid, check_triangles
 
 VERTEX_LINE: Final = re.compile(rb"(?m)^[ \t]*v[ \t]+[-+.\dnNiI]")
+LEADING_COMMENTS: Final = re.compile(rb"(?:[ \t]*(?:#[^\r\n]*)?[\r\n])*+")
 COMMENT: Final = re.compile(rb"#[^\n]*")
 NEWLINE: Final = b"\n"
 CONTINUED: Final = re.compile(rb"\\\r?\n")
@@ -29,7 +30,9 @@ LOOKED_AT: Final = 65_536
 
 def is_obj(data: bytes) -> bool:
     """Whether a line near the beginning is a vertex as OBJ files have it."""
-    start = data[:LOOKED_AT]
+    head = LEADING_COMMENTS.match(data)
+    begin = head.end() if head else 0
+    start = data[begin : begin + LOOKED_AT]
     return start.lstrip()[:1] not in (b"{", b"[") and VERTEX_LINE.search(start) is not None
 
 

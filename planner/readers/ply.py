@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any, Final
@@ -15,6 +16,7 @@ from planner.readers.polygons import fans
 from planner.shapes.solid import Solid, check_triangles
 
 LONGEST_HEADER: Final = 65_536
+END_HEADER: Final = re.compile(rb"(?<=[\r\n])end_header[ \t]*(?:\r\n|\n|\r)")
 TYPES: Final = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
     **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4"},
@@ -121,13 +123,12 @@ def _damaged(found: str) -> InputError:
 
 
 def _header(data: bytes) -> tuple[str, list[_Element], int]:
-    end = data.find(b"end_header", 0, LONGEST_HEADER)
-    line_end = data.find(b"\n", end)
-    if end < 0 or line_end < 0:
+    last = END_HEADER.search(data, 0, LONGEST_HEADER)
+    if last is None:
         raise InputError("truncated", "the file ends within its header; save or send it again.")
     order: str | None = None
     elements: list[_Element] = []
-    for number, line in enumerate(data[:end].decode("latin-1").splitlines(), 1):
+    for number, line in enumerate(data[: last.start()].decode("latin-1").splitlines(), 1):
         words = line.split()
         match words:
             case ["format", name, _] if name in FORMATS:
@@ -150,7 +151,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
                 raise _damaged(f"line {number} of the header is {quote(line.strip())!r}")
     if order is None:
         raise _damaged("the header names no format")
-    return order, elements, line_end + 1
+    return order, elements, last.end()
 
 
 Columns = list[tuple[NDArray[Any], Ints]]

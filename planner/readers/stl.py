@@ -17,6 +17,8 @@ from planner.shapes.solid import MOST_TRIANGLES, Solid, check_triangles
 HEADER_BYTES: Final = 84
 TRIANGLE_BYTES: Final = 50
 LOOKED_AT: Final = 2048
+LONGEST_NAME: Final = 1 << 20
+"""Bytes of the first line of a text, at most: longer ones are no name. Chosen."""
 LONGEST_TAIL: Final = 4096
 ROW: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 LENGTHS: Final = (1e-9, 1e9)
@@ -72,7 +74,8 @@ def is_text(data: bytes) -> bool:
     if start[:5].lower() != b"solid":
         return False
     # The name may be of any length.
-    end = data.find(b"\n", len(start[:5]))
+    ends = (data.find(mark, 0, LONGEST_NAME) for mark in (b"\n", b"\r"))
+    end = min((at for at in ends if at > 0), default=0)
     after = data[end : end + LOOKED_AT] if end > 0 else b""
     return any(word in part.lower() for part in (start, after) for word in (b"facet", b"endsolid"))
 
@@ -91,7 +94,7 @@ def read_stl(data: bytes, source: Source, hinted: bool) -> Solid:
 def _binary(data: bytes, source: Source) -> Solid:
     count = announced(data)
     expected = HEADER_BYTES + TRIANGLE_BYTES * count
-    if count or len(data) <= expected + LONGEST_TAIL:
+    if count or len(data) < HEADER_BYTES + TRIANGLE_BYTES:
         check_triangles(count, source.most_triangles)
     if len(data) < expected:
         held = (len(data) - HEADER_BYTES) // TRIANGLE_BYTES
@@ -100,7 +103,7 @@ def _binary(data: bytes, source: Source) -> Solid:
             f"the header announces {count} triangles and the file holds {held}; save or send it "
             "again.",
         )
-    if len(data) > expected + LONGEST_TAIL:
+    if len(data) > expected + (LONGEST_TAIL if count else 0):
         raise InputError(
             "damaged",
             f"the header announces {count} triangles and {len(data) - expected} bytes follow them; "

@@ -26,6 +26,7 @@ LARGEST_RATIO: Final = 100
 MOST_INSTANCES: Final = 20_000
 DEEPEST: Final = 64
 PIECE: Final = 1 << 18
+UNPRINTED: Final = "parts that are not to be printed were left out."
 LEFT_OUT: Final = "cutters, modifiers and supports were left out: they are no material."
 SLICER_CONFIGS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
 """Lists of the parts' roles, as PrusaSlicer and those that came from it write them."""
@@ -253,7 +254,7 @@ class _Models:
             case "item" if self._is_root:
                 printable = next((v for k, v in fields.items() if k.endswith("printable")), "1")
                 if printable.strip().lower() in ("0", "false"):
-                    self._notes["parts that are not to be printed were left out."] = None
+                    self._notes[UNPRINTED] = None
                 else:
                     self._items.append(self._reference(fields))
             case "beam" | "ball" | "booleanshape" | "levelset" | "displacementmesh" as other:
@@ -275,6 +276,10 @@ class _Models:
 
     def solid(self) -> Solid:
         """Everything that is built, as one solid."""
+        if not self._items and UNPRINTED in self._notes:
+            raise InputError(
+                "empty", "no part of the model is to be printed; mark one as printable."
+            )
         inner = {key for model in self._objects.values() for key, _ in model.parts}
         items = self._items or [
             (key, np.array(IDENTITY).reshape(4, 3)) for key in self._objects if key not in inner

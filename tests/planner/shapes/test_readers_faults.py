@@ -207,3 +207,39 @@ def test_read_long_runs_takes_time_in_proportion(before: str, run: bytes) -> Non
     # Quadratic readers take 64 times as long for eight times the run, and seconds for it.
     short, long = (BEFORE[before] + run * n + b"x" for n in (5_000, 40_000))
     assert seconds(long) < 25 * seconds(short) + 0.1
+
+
+TETRAHEDRON = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+PLY = exported("ply_ascii", box(1, 2, 3))
+STL = exported("stl_ascii", box(1, 2, 3)).split(b"\n", 1)[1]
+
+
+@pytest.mark.parametrize(
+    ("data", "volume"),
+    [
+        (b"# a remark\n" * 30_000 + TETRAHEDRON, 1 / 6),
+        (TETRAHEDRON.replace(b"\n", b"\r"), 1 / 6),
+        (PLY.replace(b"element vertex", b"comment end_header\nelement vertex", 1), 6),
+        (PLY.replace(b"\n", b"\r"), 6),
+        ((b"SOLID " + b"n" * 50_000 + b"\n" + STL).replace(b"\n", b"\r"), 6),
+    ],
+)
+def test_read_mesh_with_other_line_ends_and_long_heads(data: bytes, volume: float) -> None:
+    solid = read(data)
+    assert isinstance(solid, Solid)
+    assert abs(signed_volume(solid.vertices, solid.faces)) == pytest.approx(volume)
+
+
+@pytest.mark.parametrize(
+    ("data", "code"),
+    [
+        (b"0123012301", "digits"),
+        (b"0\n1\n2\n3\n0\n1\n", "digits"),
+        (TETRAHEDRON + b"f 1 2\n", "damaged"),
+        (b"v 0 0 0\nv 1 0 0\nl 1 2\n", "no-triangles"),
+    ],
+)
+def test_read_what_says_too_little_is_refused(data: bytes, code: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(data)
+    assert refusal.value.code == code
