@@ -36,6 +36,17 @@ def named(error: InputError, name: str) -> InputError:
     return InputError(error.code, f"{name}: {error.detail}", where=error.where)
 
 
+def checked_fraction(value: float, name: str) -> float:
+    """Return a figure that lies between 0 and 1, so that no other is ever reported.
+
+    Raises:
+        ArithmeticError: For any other value: a fault of the product, not of an input.
+    """
+    if not 0.0 <= value <= 1.0:
+        raise ArithmeticError(f"got {value:g} as {name}, expected 0 to 1.")
+    return value
+
+
 class TimelineError(PlannerError):
     """A timeline on disk that is missing, damaged, or used in the wrong order."""
 

@@ -111,9 +111,12 @@ def block_sums(inside: Array, side: int) -> Array:
 
 @njit(cache=True)
 def window_sums(parts: Array, size: int) -> Array:
-    """(X−s+1, Y−s+1, Z−s+1) int16 sum of the parts in each cube of s³ of them."""
+    """Return (X−s+1, Y−s+1, Z−s+1) int32 sums of the parts in each cube of s³ of them.
+
+    A full cell of 32 samples a side holds 32768 of them, one more than int16 does.
+    """
     n_x, n_y, n_z = parts.shape
-    along_z = np.zeros((n_x, n_y, n_z - size + 1), dtype=np.int16)
+    along_z = np.zeros((n_x, n_y, n_z - size + 1), dtype=np.int32)
     for i in range(n_x):
         for j in range(n_y):
             total = 0
@@ -123,13 +126,13 @@ def window_sums(parts: Array, size: int) -> Array:
                     total -= parts[i, j, k - size]
                 if k >= size - 1:
                     along_z[i, j, k - size + 1] = total
-    along_y = np.zeros((n_x, n_y - size + 1, along_z.shape[2]), dtype=np.int16)
+    along_y = np.zeros((n_x, n_y - size + 1, along_z.shape[2]), dtype=np.int32)
     for i in range(n_x):
         for j in range(along_y.shape[1]):
             for s in range(size):
                 for k in range(along_y.shape[2]):
                     along_y[i, j, k] += along_z[i, j + s, k]
-    sums = np.zeros((n_x - size + 1, along_y.shape[1], along_y.shape[2]), dtype=np.int16)
+    sums = np.zeros((n_x - size + 1, along_y.shape[1], along_y.shape[2]), dtype=np.int32)
     for i in range(sums.shape[0]):
         for s in range(size):
             for j in range(sums.shape[1]):

@@ -77,7 +77,7 @@ def graph(cells: Ints) -> csr_array:
 
     pairs = contacts(cells)
     both = np.concatenate([pairs, pairs[:, ::-1]])
-    ones = np.ones(len(both), dtype=np.int8)
+    ones = np.ones(len(both), dtype=np.bool_)
     return csr_array((ones, (both[:, 0], both[:, 1])), shape=(len(cells), len(cells)))
 
 

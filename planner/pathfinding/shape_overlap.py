@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from planner.chain.honeycomb import tetrahedra_at
+from planner.errors import checked_fraction
 from planner.pathfinding.filling import Filled
 from planner.shapes.sampling import sample
 from planner.shapes.solid import Solid
@@ -49,4 +50,5 @@ def intersection_over_union(solid: Solid, voxels: Voxels, filled: Filled) -> flo
     _, inverse = np.unique(keys, axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
     in_chain = np.isin(inverse[len(centres) :], inverse[: len(centres)])
-    return float((in_solid & in_chain).sum() / (in_solid | in_chain).sum())
+    shared, union = (int(np.count_nonzero(a)) for a in (in_solid & in_chain, in_solid | in_chain))
+    return checked_fraction(shared / max(1, union), "intersection over union")

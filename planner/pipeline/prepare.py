@@ -295,7 +295,14 @@ def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparatio
 
 def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Preparation:
     if isinstance(found, Shape):
-        return Preparation(kind="voxels", name=found.name, options=options, chains=(), shape=found)
+        return Preparation(
+            kind="voxels",
+            name=found.name,
+            options=options,
+            chains=(),
+            shape=found,
+            notes=found.notes,
+        )
     from planner.shapes.voxelise import voxelise
 
     voxels = voxelise(found, cells=filling_of(options).cells_for(options), seed=seed)
@@ -316,7 +323,7 @@ def _from_shape(
     filled = filling_of(options).fill(
         shape, options, of_solid=False, seed=seed, time_limit_s=time_limit_s
     )
-    return _made(kind, shape.name, options, filled, filled.notes)
+    return _made(kind, shape.name, options, filled, (*shape.notes, *filled.notes))
 
 
 def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:

@@ -12,12 +12,12 @@ from typing import Final
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.readers.angle_strings import is_angle_string, read_angle_string
+from planner.readers.angle_strings import is_angle_string, read_angle_string, refuse_digits
 from planner.readers.binvox import is_binvox, read_binvox
 from planner.readers.csv_cells import is_csv, read_csv
 from planner.readers.gltf import is_glb, read_glb
 from planner.readers.json_files import is_json, read_json
-from planner.readers.kinds import refuse_other_kinds
+from planner.readers.kinds import refuse_other_kinds, unknown_kind
 from planner.readers.limits import (
     MOST_BYTES,
     MOST_CELLS,
@@ -30,11 +30,11 @@ from planner.readers.npy import is_npy, read_npy
 from planner.readers.obj import is_obj, read_obj
 from planner.readers.off import is_off, read_off
 from planner.readers.ply import is_ply, read_ply
-from planner.readers.stl import is_stl, read_stl
-from planner.readers.text import decode, refuse_binary, refuse_prose
+from planner.readers.stl import is_binary, is_stl, read_stl
+from planner.readers.text import decode, refuse_binary, refuse_prose, to_utf8
 from planner.readers.threemf import is_zip, read_threemf
 from planner.readers.vox import is_vox, read_vox
-from planner.readers.xyz import read_xyz
+from planner.readers.xyz import is_xyz, read_xyz
 from planner.shapes.shape import Shape
 from planner.shapes.solid import MOST_TRIANGLES, Solid
 
@@ -89,6 +89,8 @@ def read(
         as_voxels=as_voxels,
     )
     check_bytes(data, most_bytes)
+    if not is_binary(data, hinted=False):
+        data = to_utf8(data)
     for belongs, reader in BINARY_KINDS:
         if belongs(data):
             return reader(data, source)
@@ -110,14 +112,17 @@ def read(
         return read_json(text, source)
     if is_angle_string(text):
         return read_angle_string(text, name=source.name or "chain", most_modules=most_cells)
+    refuse_digits(text)
     refuse_prose(text, FORMATS)
     if is_csv(text):
         return read_csv(text, source)
-    return read_xyz(text, source)
+    if is_xyz(text):
+        return read_xyz(text, source)
+    raise unknown_kind(text, FORMATS)
 
 
 def _looks_like_gltf(data: bytes) -> bool:
-    return data[:64].lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"{" and b'"accessors"' in data
+    return data[:64].lstrip()[:1] == b"{" and b'"accessors"' in data
 
 
 def _stem(filename: str | None) -> str:

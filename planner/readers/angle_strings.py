@@ -19,6 +19,12 @@ from planner.readers.limits import MOST_CELLS, quote, too_many
 HEADING: Final = "foldback-angles/1"
 TURNS: Final = {"0": 0.0, "+": 90.0, "-": -90.0, "\u2212": -90.0, "\u2013": -90.0}
 FEWEST_ANGLES: Final = 2
+DIGITS_CHECKED: Final = 4096
+"""Characters at the beginning of a text that are checked for digits. Chosen."""
+MAX_COLUMNS: Final = 4
+"""Columns that a table of cells may have; a line of more digits is a puzzle's. Chosen."""
+_TURN_DIGITS: Final = frozenset("01234")
+_NO_SEPARATORS: Final = {ord(c): " " for c in ",;"}
 _BETWEEN: Final = " \t\r\n,;"
 _ALL: Final = re.compile(rf"[{re.escape(''.join(TURNS) + _BETWEEN)}]*")
 _LONE_SIGN: Final = re.compile(r"(?<![^\s,;])[+\-\u2212\u2013](?![^\s,;])|[+\-\u2212\u2013]{2}")
@@ -31,6 +37,28 @@ def is_angle_string(text: str) -> bool:
         and _LONE_SIGN.search(text) is not None
         and sum(character in TURNS for character in text) >= FEWEST_ANGLES
     )
+
+
+def refuse_digits(text: str) -> None:
+    """Refuse lines of many digits, which puzzles are also written in.
+
+    Raises:
+        InputError: ``digits``.
+    """
+    words = text[:DIGITS_CHECKED].translate(_NO_SEPARATORS).split()
+    first = next((line for line in text.splitlines() if line.strip()), "")
+    if sum(separator in first for separator in ",;\t") > 1:
+        return
+    many = len(first.translate(_NO_SEPARATORS).split()) > MAX_COLUMNS
+    run = len(words) == 1 and len(words[0]) > MAX_COLUMNS
+    lines = [line.split() for line in text[:DIGITS_CHECKED].splitlines() if line.strip()]
+    many |= len(lines) > MAX_COLUMNS and all(line == [line[0][:1]] for line in lines)
+    if (many or run) and all(set(word) <= _TURN_DIGITS for word in words):
+        raise InputError(
+            "digits",
+            f"got {quote(first.strip())!r}: digits are not read as angles; use 0, + or - for each "
+            "hinge.",
+        )
 
 
 def read_angle_string(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,11 @@ from planner.chain.path import DEFAULT_PITCH_M, LARGEST_COORDINATE
 from planner.errors import InputError
 from planner.readers.json_text import number_field, text_field
 from planner.readers.limits import Source, quote, too_many
+
+LARGEST_RADIANS: Final = 6.3
+"""Largest angle that may be a quarter turn, or several, in radians: a whole turn."""
+RADIANS_TOLERANCE: Final = 0.01
+"""Quarter turns by which rounded radians may be off. Chosen: 1.57 counts as π/2."""
 
 
 def read_chain(document: dict[str, Any], source: Source) -> Chain:
@@ -26,6 +31,7 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
         raise InputError("wrong-type", f"got {quote(kind)}, expected a text.", where="module")
     module = module_named(quote(kind))
     angles_deg = _angles(document, module, source)
+    _refuse_radians(angles_deg)
     return Chain.from_angles(
         module,
         np.deg2rad(angles_deg),
@@ -79,6 +85,27 @@ def _angles(document: dict[str, Any], module: Module, source: Source) -> list[fl
                 )
             angles.append(float(value))
     return angles
+
+
+def _refuse_radians(angles: list[float]) -> None:
+    """Refuse angles that are all quarter turns in radians, where degrees are expected.
+
+    Raises:
+        InputError: ``radians``.
+    """
+    turned = np.array([angle for angle in angles if angle], dtype=np.float64)
+    if not len(turned) or np.abs(turned).max() > LARGEST_RADIANS:
+        return
+    quarters = turned / (np.pi / 2)
+    if (np.abs(quarters - np.round(quarters)) < RADIANS_TOLERANCE).all() and np.round(
+        quarters
+    ).all():
+        raise InputError(
+            "radians",
+            f"got {turned[0]:g}, and no angle is a multiple of 90 degrees: these look like "
+            "radians, expected degrees; multiply them by 180/π.",
+            where="joint_angles_deg",
+        )
 
 
 def _joint_words(module: Module) -> str:

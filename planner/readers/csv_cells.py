@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from typing import Final
 
 from planner.chain.path import Path
@@ -11,8 +12,10 @@ from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import COMMENT, cells_array, coordinate, is_number, path_or_shape
 from planner.shapes.shape import Shape
 
-DELIMITERS: Final = (";", ",", "\t")
+DELIMITERS: Final = (";", "\t", ",")
 AXES: Final = ("x", "y", "z")
+INDEX_AXES: Final = {"i": "x", "j": "y", "k": "z"}
+HEADER_WORD: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
 
 def is_csv(text: str) -> bool:
@@ -46,14 +49,17 @@ def read_csv(text: str, source: Source) -> Path | Shape:
                 _check_width(fields, line)
             else:
                 _check_reach(fields, columns, line)
-            rows.append(
-                [coordinate(fields[c], a, line) for c, a in zip(columns, AXES, strict=True)]
-            )
+            words = [fields[column] for column in columns]
+            if delimiter != ",":
+                words = [word.replace(",", ".") for word in words]
+            rows.append([coordinate(w, a, line) for w, a in zip(words, AXES, strict=True)])
             if len(rows) > source.most_cells:
                 raise too_many(len(rows), source.most_cells)
     except csv.Error as error:
         raise InputError(
-            "bad-csv", f"{error}; expected three whole numbers.", where=f"line {reader.line_num}"
+            "bad-csv",
+            f"{error}; expected three whole numbers in each line.",
+            where=f"line {reader.line_num}",
         ) from error
     return path_or_shape(cells_array(rows), source)
 
@@ -73,15 +79,43 @@ def _delimiter(line: str) -> str | None:
 
 
 def _header(fields: list[str]) -> tuple[int, ...] | None:
-    """Columns of x, y, z when the fields are words; None when they are data."""
-    if any(is_number(f) for f in fields):
+    """Return the columns of x, y and z when the fields are words; None when they are data.
+
+    Raises:
+        InputError: ``bad-header`` when they name some of the axes only, or one of them twice.
+    """
+    if any(is_number(field.replace(",", ".")) for field in fields):
         return None
-    words = [f.strip().strip('"').casefold() for f in fields]
-    if all(a in words for a in AXES):
-        return tuple(words.index(a) for a in AXES)
-    if len(words) == 3 and all(words):
+    words = [f.strip().strip('"') for f in fields]
+    axes = [_axis_of(word, {}) for word in words]
+    if not any(axes):
+        axes = [_axis_of(word, INDEX_AXES) for word in words]
+    if all(axes.count(axis) == 1 for axis in AXES):
+        return tuple(axes.index(axis) for axis in AXES)
+    for at in (0, -1):
+        letters = [word[at : len(word) + at + 1 if at else 1].casefold() for word in words if word]
+        if len(words) == 3 and sorted(letters) == list(AXES):
+            return tuple(letters.index(axis) for axis in AXES)
+    if len(words) == 3 and all(words) and not any(axes):
         return (0, 1, 2)
-    return None
+    raise InputError(
+        "bad-header",
+        f"got the columns {quote(', '.join(words))!r}, expected one named x, one y and one z.",
+        where="the header",
+    )
+
+
+def _axis_of(header: str, names: dict[str, str]) -> str:
+    """Return the axis that a column's header names, beside a unit or another word; empty if none.
+
+    Args:
+        header: Words in a column's first line.
+        names: Other names of the axes.
+    """
+    parts = [part.casefold() for part in HEADER_WORD.findall(header)]
+    axes = [names.get(part, part) for part in parts]
+    named = [axis for axis in axes if axis in AXES]
+    return named[0] if len(named) == 1 else ""
 
 
 def _without_empty_tail(fields: list[str]) -> list[str]:

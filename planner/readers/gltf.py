@@ -1,4 +1,7 @@
-"""GLB and glTF: a scene of meshes in one file. Nothing outside the file is ever looked for."""
+"""GLB and glTF: a scene of meshes in one file. Nothing outside the file is ever looked for.
+
+A scene has y up and a solid has z up, so scenes are turned by a quarter about x.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +28,23 @@ MOST_NODES: Final = 100_000
 MOST_POINTS: Final = 20_000_000
 """Each primitive gets points of its own, though many may name the same."""
 KINDS: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS: Final = {"SCALAR": 1, "VEC3": 3}
-PACKED: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
+WIDTHS: Final = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+PACKED: Final = (
+    "KHR_draco_mesh_compression",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
+)
+INSTANCING: Final = "EXT_mesh_gpu_instancing"
+VISIBILITY: Final = "KHR_node_visibility"
+READ: Final = (INSTANCING, VISIBILITY, "KHR_mesh_quantization")
+"""Extensions of the form that are read."""
+FORMLESS: Final = (
+    *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"),
+    *("EXT_lights_", "KHR_xmp", "KHR_animation_pointer", "KHR_audio", "EXT_structural_metadata"),
+    *("EXT_mesh_features", "EXT_instance_features", "KHR_techniques_webgl"),
+)
+"""Beginnings of the names of extensions that say nothing of the form."""
+Y_TO_Z: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 TRIANGLES, STRIP, FAN = 4, 5, 6
 
 Floats = NDArray[np.float64]
@@ -71,6 +89,7 @@ def read_gltf(document: Document, source: Source, binary: bytes | None = None) -
     try:
         scene = _Scene(document, binary, source)
         points, faces = triangles_in(scene.glb(), "glb")
+        points = points @ Y_TO_Z.T
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise _damaged(f"its scene is broken ({type(error).__name__}: {quote(str(error))})") from (
             error
@@ -125,7 +144,9 @@ def _decoded(entry: Document, binary: bytes | None) -> bytes:
     """What a buffer holds."""
     uri = entry.get("uri")
     if uri is None:
-        return binary or b""
+        if binary is None:
+            raise _damaged("a buffer has no data")
+        return binary
     head, comma, body = str(uri).partition(",")
     if not comma or not head.endswith(";base64"):
         raise _damaged("a buffer is no base64 data")
@@ -145,12 +166,8 @@ class _Scene:
     def __init__(self, document: Document, binary: bytes | None, source: Source) -> None:
         self._document = document
         self._most = source.most_triangles
-        for name in document.get("extensionsRequired", []):
-            if name in PACKED:
-                raise InputError(
-                    "unsupported",
-                    f"the mesh is compressed with {name}; export it without compression.",
-                )
+        self._notes: dict[str, None] = {}
+        _check_extensions(document, self._notes)
         for key in ("buffers", "images"):
             for index, entry in enumerate(document.get(key, [])):
                 uri = entry.get("uri")
@@ -161,12 +178,19 @@ class _Scene:
                         "fetched; export the scene as one file (GLB).",
                         where=f"{key}[{index}]",
                     )
-        self._buffers = [_decoded(b, binary) for b in document.get("buffers", [])]
+        self._buffers = [
+            _decoded(entry, None if index else binary)
+            for index, entry in enumerate(document.get("buffers", []))
+        ]
         self._binary = bytearray()
         self._views: list[Document] = []
         self._accessors: list[Document] = []
         self._places: dict[int, int] = {}
-        self.notes: tuple[str, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Parts of the scene that were left out, in plain words."""
+        return tuple(self._notes)
 
     def glb(self) -> bytes:
         """The file; how many triangles it comes to is counted before anything is made of them."""
@@ -207,6 +231,8 @@ class _Scene:
         if len(nodes) > MOST_NODES:
             raise InputError("too-large", f"got {len(nodes)} nodes, expected {MOST_NODES} at most.")
         scenes = self._document.get("scenes", [])
+        if len(scenes) > 1 and "scene" not in self._document:
+            self._notes[f"got {len(scenes)} scenes; the first one is the shape."] = None
         if scenes:
             roots = scenes[self._document.get("scene", 0)].get("nodes", [])
         else:
@@ -225,10 +251,48 @@ class _Scene:
                 transform = above @ _transform(node)
             if not np.isfinite(transform).all():
                 raise _damaged(f"node {index} is moved by numbers that are not finite")
+            extensions = node.get("extensions", {})
+            if not extensions.get(VISIBILITY, {}).get("visible", True):
+                self._notes["hidden nodes were left out."] = None
+                continue
             if "mesh" in node:
-                found.append((int(node["mesh"]), transform))
+                places = [transform]
+                if INSTANCING in extensions:
+                    places = self._instances(extensions[INSTANCING]["attributes"], transform)
+                found += [(int(node["mesh"]), place) for place in places]
+                self._note_deformation(node)
+            if len(found) > MOST_NODES:
+                raise InputError(
+                    "too-large", f"got {len(found)} parts, expected {MOST_NODES} at most."
+                )
             waiting += [(int(child), transform) for child in node.get("children", [])]
         return found
+
+    def _instances(self, attributes: Document, node: Floats) -> list[Floats]:
+        """Return the places of a mesh that a node repeats, (4, 4) each."""
+        shapes = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
+        columns = {
+            name: self._values(attributes[name], kind).astype(np.float64)
+            for name, kind in shapes.items()
+            if name in attributes
+        }
+        count = min((len(values) for values in columns.values()), default=0)
+        if count > MOST_NODES:
+            raise InputError("too-large", f"got {count} instances, expected {MOST_NODES} at most.")
+        rows = [{n.lower(): v[k].tolist() for n, v in columns.items()} for k in range(count)]
+        with np.errstate(all="ignore"):
+            places = [node @ _transform(row) for row in rows]
+        if not np.isfinite(places).all():
+            raise _damaged("instances are moved by numbers that are not finite")
+        return places
+
+    def _note_deformation(self, node: Document) -> None:
+        """Notes that a mesh is read as it was made, where the scene bends it."""
+        mesh = self._document["meshes"][int(node["mesh"])]
+        if "skin" in node:
+            self._notes["a skeleton was left alone: the mesh is as it was made."] = None
+        if any(node.get("weights", mesh.get("weights", []))):
+            self._notes["morph targets were left alone: the mesh is as it was made."] = None
 
     def _primitives(self, mesh: int) -> list[Document]:
         if mesh < 0:
@@ -236,7 +300,7 @@ class _Scene:
         every = self._document["meshes"][mesh]["primitives"]
         kept = [p for p in every if p.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)]
         if len(kept) < len(every):
-            self.notes = ("points and lines were left out.",)
+            self._notes["points and lines were left out."] = None
         return [p for p in kept if self._triangles(p) and self._points(p)]
 
     def _points(self, primitive: Document) -> int:
@@ -322,6 +386,26 @@ class _Scene:
             }
         )
         return len(self._accessors) - 1
+
+
+def _check_extensions(document: Document, notes: dict[str, None]) -> None:
+    """Refuses extensions of the form that are not read; optional ones are noted."""
+    required = document.get("extensionsRequired", [])
+    for name in dict.fromkeys([*required, *document.get("extensionsUsed", [])]):
+        if name in READ or str(name).startswith(FORMLESS):
+            continue
+        if name in PACKED and name in required:
+            raise InputError(
+                "unsupported",
+                f"the mesh is compressed with {name}; export it without compression.",
+            )
+        if name in required:
+            raise InputError(
+                "unsupported",
+                f"the scene requires the extension {quote(str(name))!r}, which is not read; export "
+                "it without.",
+            )
+        notes[f"the extension {quote(str(name))!r} was left alone."] = None
 
 
 def _count(accessor: Document) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from planner.errors import InputError
+from planner.readers.limits import quote
 
 SIGNATURES: Final = (
     (b"\x89PNG", "a PNG picture"),
@@ -39,6 +40,12 @@ def refuse_other_kinds(data: bytes, expected: str) -> None:
 def wrong_kind(found: str, expected: str) -> InputError:
     """The refusal of a file of another kind."""
     return InputError("wrong-kind", f"{found}, expected {expected}.")
+
+
+def unknown_kind(text: str, expected: str) -> InputError:
+    """Return the refusal of text that no reader recognises."""
+    start = text.strip()[:200]
+    return wrong_kind(f"got text of no known format, which begins with {quote(start)!r}", expected)
 
 
 def looks_like(data: bytes) -> str | None:

@@ -40,7 +40,7 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
         raise InputError(
             "wrong-type", "got an array of Python objects, expected whole numbers (N, 3)."
         )
-    is_grid = len(shape) == 3 and dtype.kind in "iub"
+    is_grid = len(shape) == 3 and dtype.kind in "iubf"
     if not is_grid and (dtype.kind not in "iuf" or dtype.itemsize > 8):
         raise InputError(
             "wrong-type",
@@ -75,6 +75,13 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
 
 
 def _voxels(grid: NDArray[Any], source: Source) -> Shape:
+    other = grid[(grid != 0) & (grid != 1)]
+    if len(other):
+        raise InputError(
+            "not-voxels",
+            f"got a grid with the value {other[0]:g}, expected 0 and 1 alone; threshold it, e.g. "
+            "grid > 0.5.",
+        )
     filled = int(np.count_nonzero(grid))
     if filled > source.most_cells:
         raise too_many(filled, source.most_cells)

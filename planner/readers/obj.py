@@ -1,4 +1,4 @@
-"""OBJ: lines of vertices and polygons; materials, normals and curves are left alone."""
+"""OBJ: lines of vertices and polygons; materials and normals are left alone."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from planner.readers.limits import Source, quote
 from planner.readers.trimesh_meshes import triangles_in
 from planner.shapes.solid import Solid, check_triangles
 
-VERTEX_LINE: Final = re.compile(rb"(?m)^\s*v[ \t]+[-+.\dnNiI]")
+VERTEX_LINE: Final = re.compile(rb"(?m)^[ \t]*v[ \t]+[-+.\dnNiI]")
+LEADING_COMMENTS: Final = re.compile(rb"(?:[ \t]*(?:#[^\r\n]*)?[\r\n])*+")
+COMMENT: Final = re.compile(rb"#[^\n]*")
+NEWLINE: Final = b"\n"
 CONTINUED: Final = re.compile(rb"\\\r?\n")
-BLANKS: Final = bytes.maketrans(b"\t\r\f\v", b"    ")
+BLANKS: Final = bytes.maketrans(b"\t\f\v", b"   ")
+FREE_FORM: Final = re.compile(rb"(?m)^[ \t]*(surf|curv2?|call|csh|fo|bzp|bsp|cdc|cdp|res)[ \t]")
+POINTS_OR_LINES: Final = re.compile(rb"(?m)^[ \t]*[pl][ \t]+[-\d]")
 OTHER_LINE: Final = re.compile(rb"(?m)^(?! *[vf] ).*\n?")
 SPARE_SPACE: Final = re.compile(rb"(?m)^ +| +$| +(?= )")
 BEYOND: Final = re.compile(rb"(\nv(?: [^ \n]+){3}) .*")
 NO_VERTEX: Final = re.compile(rb"\nv(?!(?: [-+.0-9a-zA-Z]+){3}\n)")
-NO_POLYGON: Final = re.compile(rb"\nf(?!(?: \+?0*[1-9][0-9]*)*\n)")
+NO_POLYGON: Final = re.compile(rb"\nf(?!(?: \+?0*[1-9][0-9]*){3,}\n)")
 TEXTURE: Final = re.compile(rb"/[^ \n]*")
 COUNTED_BACK: Final = re.compile(rb"\nf[^-\n]*-")
 LOOKED_AT: Final = 65_536
@@ -25,7 +30,9 @@ LOOKED_AT: Final = 65_536
 
 def is_obj(data: bytes) -> bool:
     """Whether a line near the beginning is a vertex as OBJ files have it."""
-    start = data[:LOOKED_AT]
+    head = LEADING_COMMENTS.match(data)
+    begin = head.end() if head else 0
+    start = data[begin : begin + LOOKED_AT]
     return start.lstrip()[:1] not in (b"{", b"[") and VERTEX_LINE.search(start) is not None
 
 
@@ -35,10 +42,22 @@ def read_obj(data: bytes, source: Source) -> Solid:
     Raises:
         InputError: Naming the line.
     """
+    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
+    other = FREE_FORM.search(data)
+    if other is not None:
+        raise InputError(
+            "unsupported",
+            f"the statement {other[1].decode()!r} is not read; export the model as polygons.",
+            where=f"line {data.count(NEWLINE, 0, other.start(1)) + 1}",
+        )
+    lines = POINTS_OR_LINES.search(data) is not None
     text = BEYOND.sub(rb"\1", _plain(data))
     polygons, vertices = text.count(b"\nf "), text.count(b"\nv ")
     # A line of three coordinates has three spaces, one of n corners n.
     triangles = text.count(b" ") - 3 * vertices - 2 * polygons
+    if polygons == 0:
+        found = "points and lines" if lines else "points"
+        raise InputError("no-triangles", f"got an OBJ file of {found} alone, expected polygons.")
     check_triangles(max(triangles, min(polygons, 1)), source.most_triangles)
     try:
         # trimesh skips bytes of no text, joins the numbers of all lines, leaves out polygons of
@@ -48,7 +67,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
         text = TEXTURE.sub(b"", text) if b"/" in text else text
         text = _counted_from_the_first(text) if COUNTED_BACK.search(text) else text
         if NO_POLYGON.search(text):
-            raise _damaged("a polygon of what are no vertices")
+            raise _damaged("a polygon of fewer than three corners, or of what are no vertices")
         points, faces = triangles_in(text, "obj")
     except InputError as refusal:
         raise (_first_fault(data, vertices) or refusal) from refusal
@@ -56,6 +75,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
         points,
         faces,
         name=source.name or "solid",
+        notes=("points and lines were left out.",) if lines else (),
         most_triangles=source.most_triangles,
     )
 
@@ -75,6 +95,7 @@ def _plain(data: bytes) -> bytes:
     """
     text = CONTINUED.sub(b" ", data) if b"\\" in data else data
     text = b"\n%b\n" % OTHER_LINE.sub(b"", text.translate(BLANKS))
+    text = COMMENT.sub(b"", text) if b"#" in text else text
     spare = any(found in text for found in (b"  ", b"\n ", b" \n"))
     return SPARE_SPACE.sub(b"", text) if spare else text
 
@@ -103,7 +124,7 @@ def _counted_from_the_first(text: bytes) -> bytes:
 def _first_fault(data: bytes, vertices: int) -> InputError | None:
     """What is wrong in the first line that can't be read; None when each can be."""
     known = 0
-    lines = CONTINUED.sub(b" ", data).decode("latin-1").split("\n")
+    lines = COMMENT.sub(b"", CONTINUED.sub(b" ", data)).decode("latin-1").split("\n")
     for number, line in enumerate(lines, 1):
         kind, *words = line.split() or [""]
         try:

@@ -14,7 +14,7 @@ from planner.readers.polygons import fans
 from planner.readers.tables import Table, chunks, table, whole
 from planner.shapes.solid import Solid, check_triangles
 
-KIND: Final = re.compile(r"(?:ST)?C?N?OFF(?=[\s#]|$)")
+KIND: Final = re.compile(r"(?:ST)?C?N?4?n?OFF(?=[\s#]|$)")
 COMMENT: Final = re.compile(rb"#[^\n]*")
 MOST_CORNERS: Final = 10_000
 
@@ -24,7 +24,7 @@ Mesh: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int6
 
 def is_off(data: bytes) -> bool:
     """Whether the first word is that of OFF files."""
-    start = data[:64].lstrip(b"\xef\xbb\xbf \t\r\n")
+    start = data[:64].lstrip()
     return KIND.match(start.decode("latin-1")) is not None
 
 
@@ -34,10 +34,13 @@ def read_off(data: bytes, source: Source) -> Solid:
     Raises:
         InputError: Naming the line, or what kind of mesh this is.
     """
-    data = data.lstrip(b"\xef\xbb\xbf")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"#" in data:
         data = COMMENT.sub(b"", data)
     (kind, *first), at, number = _words(data, 0, 0)
+    if "4" in kind or "n" in kind:
+        raise InputError("unsupported", f"{kind} meshes are not read; save the mesh as plain OFF.")
     if first[:1] == ["BINARY"]:
         raise InputError("unsupported", "this is a binary OFF mesh; save it as text.")
     if not first:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any, Final
@@ -15,6 +16,7 @@ from planner.readers.polygons import fans
 from planner.shapes.solid import Solid, check_triangles
 
 LONGEST_HEADER: Final = 65_536
+END_HEADER: Final = re.compile(rb"(?<=[\r\n])end_header[ \t]*(?:\r\n|\n|\r)")
 TYPES: Final = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
     **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4"},
@@ -62,7 +64,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
     order, elements, start = _header(data)
     body = _Text(data[start:], elements) if order == "" else _Binary(data[start:], order)
     points: NDArray[np.float64] | None = None
-    triangles: Ints | None = None
+    parts: list[Ints] = []
     for element in elements:
         if not element.properties:
             raise _damaged(f"the element {quote(element.name)!r} has no properties")
@@ -75,19 +77,23 @@ def read_ply(data: bytes, source: Source) -> Solid:
                 raise _damaged("the vertices have no x, y and z")
             with np.errstate(invalid="ignore"):
                 points = np.column_stack([columns[p][0].astype(np.float64) for p in places])
-        elif element.name == "face":
+        elif element.name in ("face", "tristrips"):
             place = element.column(CORNERS)
             if place == -1 or not element.properties[place].length:
                 raise _damaged("the faces have no list of vertices")
             corners, counts = columns[place]
             with np.errstate(invalid="ignore"):
-                triangles = fans(corners.astype(np.int64), counts)
-        if points is not None and triangles is not None:
-            break
-    if points is None or triangles is None:
+                rows = corners.astype(np.int64)
+            parts.append(fans(rows, counts) if element.name == "face" else _strips(rows, counts))
+    others = [e.name for e in elements if e.count and any(p.length for p in e.properties)]
+    if points is None or not sum(map(len, parts)):
+        lists = [name for name in others if name not in ("face", "tristrips")]
+        found = f"the element {quote(lists[0])!r} is not read" if lists else "points alone"
         raise InputError(
-            "no-triangles", "got a PLY file without faces: points alone bound no solid."
+            "no-triangles",
+            f"got a PLY file without faces ({found}), expected a closed surface of polygons.",
         )
+    triangles = np.concatenate(parts)
     return Solid.from_triangles(
         points,
         triangles,
@@ -96,18 +102,33 @@ def read_ply(data: bytes, source: Source) -> Solid:
     )
 
 
+def _strips(corners: Ints, counts: Ints) -> Ints:
+    """Return (T, 3) triangles of strips; −1 ends a strip, every other triangle is turned."""
+    ends = np.cumsum(counts)
+    place = np.arange(len(corners))
+    breaks = np.zeros(len(corners) + 1, dtype=np.bool_)
+    breaks[ends] = True
+    breaks[1:] |= corners < 0
+    breaks[:-1] |= corners < 0
+    begins = np.maximum.accumulate(np.where(breaks[:-1], place, 0))
+    number = place - begins
+    third = np.flatnonzero((number >= 2) & (corners >= 0))
+    rows = np.column_stack([corners[third - 2], corners[third - 1], corners[third]])
+    odd = number[third] % 2 == 1
+    return np.where(odd[:, None], rows[:, [1, 0, 2]], rows)
+
+
 def _damaged(found: str) -> InputError:
     return InputError("damaged", f"{found}; save the mesh again as PLY.")
 
 
 def _header(data: bytes) -> tuple[str, list[_Element], int]:
-    end = data.find(b"end_header", 0, LONGEST_HEADER)
-    line_end = data.find(b"\n", end)
-    if end < 0 or line_end < 0:
+    last = END_HEADER.search(data, 0, LONGEST_HEADER)
+    if last is None:
         raise InputError("truncated", "the file ends within its header; save or send it again.")
     order: str | None = None
     elements: list[_Element] = []
-    for number, line in enumerate(data[:end].decode("latin-1").splitlines(), 1):
+    for number, line in enumerate(data[: last.start()].decode("latin-1").splitlines(), 1):
         words = line.split()
         match words:
             case ["format", name, _] if name in FORMATS:
@@ -130,7 +151,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
                 raise _damaged(f"line {number} of the header is {quote(line.strip())!r}")
     if order is None:
         raise _damaged("the header names no format")
-    return order, elements, line_end + 1
+    return order, elements, last.end()
 
 
 Columns = list[tuple[NDArray[Any], Ints]]

@@ -17,6 +17,8 @@ from planner.shapes.solid import MOST_TRIANGLES, Solid, check_triangles
 HEADER_BYTES: Final = 84
 TRIANGLE_BYTES: Final = 50
 LOOKED_AT: Final = 2048
+LONGEST_NAME: Final = 1 << 20
+"""Bytes of the first line of a text, at most: longer ones are no name. Chosen."""
 LONGEST_TAIL: Final = 4096
 ROW: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 LENGTHS: Final = (1e-9, 1e9)
@@ -24,7 +26,7 @@ LENGTHS: Final = (1e-9, 1e9)
 MOST_LENGTHS: Final = 0.6
 PART_BYTES: Final = 4 << 20
 FACET_END: Final = b"endfacet"
-NAME: Final = re.compile(rb"(?m)^\s*(?:end)?solid\b(?:(?!\bfacet\b).)*")
+NAME: Final = re.compile(rb"(?m)^[ \t]*(?:end)?solid\b(?:(?!\bfacet\b).)*")
 VERTEX: Final = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 NO_NUMBER: Final = re.compile(
     rb" (?![-+]?(?:[\d.]+(?:e[-+]?\d+)?|nan|inf(?:inity)?)[ \n])([^ \n]*)"
@@ -68,8 +70,14 @@ def _holds_lengths(data: bytes) -> bool:
 
 def is_text(data: bytes) -> bool:
     """Whether this is an STL written as text."""
-    start = data[:LOOKED_AT].lstrip(b"\xef\xbb\xbf \t\r\n").lower()
-    return start.startswith(b"solid") and (b"facet" in start or b"endsolid" in start)
+    start = data[:LOOKED_AT].lstrip()
+    if start[:5].lower() != b"solid":
+        return False
+    # The name may be of any length.
+    ends = (data.find(mark, 0, LONGEST_NAME) for mark in (b"\n", b"\r"))
+    end = min((at for at in ends if at > 0), default=0)
+    after = data[end : end + LOOKED_AT] if end > 0 else b""
+    return any(word in part.lower() for part in (start, after) for word in (b"facet", b"endsolid"))
 
 
 def read_stl(data: bytes, source: Source, hinted: bool) -> Solid:
@@ -85,8 +93,9 @@ def read_stl(data: bytes, source: Source, hinted: bool) -> Solid:
 
 def _binary(data: bytes, source: Source) -> Solid:
     count = announced(data)
-    check_triangles(count, source.most_triangles)
     expected = HEADER_BYTES + TRIANGLE_BYTES * count
+    if count or len(data) < HEADER_BYTES + TRIANGLE_BYTES:
+        check_triangles(count, source.most_triangles)
     if len(data) < expected:
         held = (len(data) - HEADER_BYTES) // TRIANGLE_BYTES
         raise InputError(
@@ -94,7 +103,7 @@ def _binary(data: bytes, source: Source) -> Solid:
             f"the header announces {count} triangles and the file holds {held}; save or send it "
             "again.",
         )
-    if len(data) > expected + LONGEST_TAIL:
+    if len(data) > expected + (LONGEST_TAIL if count else 0):
         raise InputError(
             "damaged",
             f"the header announces {count} triangles and {len(data) - expected} bytes follow them; "
@@ -127,8 +136,8 @@ def _text(data: bytes, source: Source) -> Solid:
 
 def _facets(text: bytes) -> Iterator[bytes]:
     """Whole facets, some megabytes at a time: trimesh takes seven times the memory of text."""
-    at = 0
-    while (end := text.find(FACET_END, min(at + PART_BYTES, text.rfind(FACET_END)))) >= at:
+    at, last = 0, text.rfind(FACET_END)
+    while (end := text.find(FACET_END, min(at + PART_BYTES, last))) >= at:
         part, at = text[at : end + len(FACET_END)], end + len(FACET_END)
         # A name may hold any words, and one file several solids.
         yield NAME.sub(b"", part) if b"solid" in part else part

@@ -21,18 +21,47 @@ NOT_FINITE: Final = re.compile(r"[+-]?(?:nan|inf|infinity)\Z", re.IGNORECASE)
 SEPARATOR: Final = re.compile(r'[\s,;"]+')
 COMMENT: Final = "#"
 LOOKED_AT: Final = 20_000
+LONGEST_PROBE: Final = 64
+"""Characters whose bytes must look like UTF-16 where a file has no byte order mark. Chosen."""
+BYTE_ORDER_MARKS: Final = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF32_LE, "utf-32-le"),
+    (codecs.BOM_UTF32_BE, "utf-32-be"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+"""Marks at the beginning of a text; those of UTF-32 begin like those of UTF-16."""
 REMEDY: Final = "if these are voxels in no order, read them as voxels"
 
 
+def to_utf8(data: bytes) -> bytes:
+    """Return the same file without a byte order mark, and text in UTF-16 or UTF-32 as UTF-8."""
+    for mark, encoding in BYTE_ORDER_MARKS:
+        if data.startswith(mark):
+            try:
+                return data[len(mark) :].decode(encoding).encode()
+            except UnicodeError:
+                return data
+    pairs = data[: 2 * LONGEST_PROBE]
+    for encoding, first in (("utf-16-le", 0), ("utf-16-be", 1)):
+        # Without a mark, every other byte of plain text is zero.
+        if len(pairs) >= 8 and not any(pairs[1 - first :: 2]) and all(pairs[first::2]):
+            try:
+                text = data.decode(encoding)
+            except UnicodeError:
+                return data
+            return data if "\0" in text else text.encode()
+    return data
+
+
 def decode(data: bytes, expected: str) -> str:
-    """Text of a file in UTF-8, or in UTF-16 where its first bytes say so.
+    """Return the text of a file in UTF-8.
 
     Raises:
         InputError: ``wrong-kind`` when it is not text.
     """
-    marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
-        text = data.decode("utf-16" if marked else "utf-8-sig")
+        text = data.decode()
     except UnicodeDecodeError as error:
         raise wrong_kind(f"byte {error.start} is not text: a binary file", expected) from error
     if "\0" in text:
@@ -48,10 +77,8 @@ def refuse_binary(data: bytes, expected: str) -> None:
         InputError: ``wrong-kind``.
     """
     start = data[:LOOKED_AT]
-    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return
     try:
-        text = codecs.getincrementaldecoder("utf-8-sig")().decode(start)
+        text = codecs.getincrementaldecoder("utf-8")().decode(start)
     except UnicodeDecodeError:
         text = "\0"
     if "\0" in text:

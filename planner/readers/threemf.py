@@ -6,6 +6,7 @@ import io
 import struct
 import zipfile
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 from xml.parsers import expat
@@ -25,6 +26,19 @@ LARGEST_RATIO: Final = 100
 MOST_INSTANCES: Final = 20_000
 DEEPEST: Final = 64
 PIECE: Final = 1 << 18
+UNPRINTED: Final = "parts that are not to be printed were left out."
+LEFT_OUT: Final = "cutters, modifiers and supports were left out: they are no material."
+SLICER_CONFIGS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
+"""Lists of the parts' roles, as PrusaSlicer and those that came from it write them."""
+READ_EXTENSIONS: Final = ("/production/", "/material/", "/trianglesets/")
+"""Words in the names of extensions that are read, or say nothing of the form."""
+OTHER_FORMS: Final = {
+    "beam": "beams",
+    "ball": "balls of a lattice",
+    "booleanshape": "differences of meshes",
+    "levelset": "functions of space",
+    "displacementmesh": "displaced meshes",
+}
 IDENTITY: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 Floats = NDArray[np.float64]
@@ -34,7 +48,14 @@ Key = tuple[str, str]
 
 @dataclass(slots=True, kw_only=True)
 class _Object:
-    """An object of a model: its own mesh, or parts that are objects too."""
+    """An object of a model: its own mesh, or parts that are objects too.
+
+    Attributes:
+        kind: Its type; other types than ``model`` and ``surface`` are no material.
+        points, corners: The mesh.
+        parts: Objects that it consists of, and where they are.
+        cutters: First and last triangles of the mesh that are no material.
+    """
 
     kind: str
     points: list[tuple[float, float, float]] = field(
@@ -42,6 +63,7 @@ class _Object:
     )
     corners: list[tuple[int, int, int]] = field(default_factory=list[tuple[int, int, int]])
     parts: list[tuple[Key, Floats]] = field(default_factory=list[tuple[Key, Floats]])
+    cutters: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
 
 
 def is_zip(data: bytes) -> bool:
@@ -61,6 +83,9 @@ def read_threemf(data: bytes, source: Source) -> Solid:
             models = _Models(source)
             for name in names:
                 models.read(archive, name)
+            for entry in archive.infolist():
+                if entry.filename in SLICER_CONFIGS:
+                    models.read_roles(archive, entry.filename, names[0])
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
         raise _damaged(f"the archive is broken ({quote(str(error))})") from error
     except (NotImplementedError, RuntimeError) as error:
@@ -120,13 +145,32 @@ class _Models:
         self._now: _Object | None = None
         self._triangles = 0
         self._unpacked = 0
+        self._units: set[str] = set()
+        self._is_root = True
+        self._notes: dict[str, None] = {}
+        self._volume: tuple[int, int] | None = None
 
     def read(self, archive: zipfile.ZipFile, name: str) -> None:
         """Parses one model piece by piece."""
-        parser = expat.ParserCreate()
-        parser.StartElementHandler = self._start
-        parser.StartDoctypeDeclHandler = self._refuse_doctype
         self._name, self._now = name.strip("/").lower(), None
+        self._is_root = not self._units
+        self._parse(archive, name, self._start)
+
+    def read_roles(self, archive: zipfile.ZipFile, name: str, model: str) -> None:
+        """Parses a slicer's list of parts that cut, modify or support others."""
+        self._name, self._now = model.strip("/").lower(), None
+        self._volume = None
+        self._parse(archive, name, self._start_role)
+
+    def _parse(
+        self,
+        archive: zipfile.ZipFile,
+        name: str,
+        start: Callable[[str, dict[str, str]], None],
+    ) -> None:
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = start
+        parser.StartDoctypeDeclHandler = self._refuse_doctype
         packed = archive.getinfo(name).compress_size
         unpacked = 0
         try:
@@ -144,8 +188,54 @@ class _Models:
     def _refuse_doctype(self, *_: Any) -> None:
         raise InputError("damaged", "its XML declares a document type, which no 3MF model does.")
 
+    def _start_role(self, tag: str, fields: dict[str, str]) -> None:
+        match tag:
+            case "object":
+                self._now = self._objects.get((self._name, fields.get("id", "")))
+            case "volume":
+                self._volume = int(fields["firstid"]), int(fields["lastid"])
+            case "part":
+                self._volume = None
+                if fields.get("subtype", "normal_part") != "normal_part":
+                    self._leave_out(fields.get("id", ""))
+            case "metadata" if self._volume is not None and self._now is not None:
+                key, value = fields.get("key"), fields.get("value")
+                if (key == "volume_type" and value != "ModelPart") or (
+                    key == "modifier" and value == "1"
+                ):
+                    self._now.cutters.append(self._volume)
+            case _:
+                pass
+
+    def _leave_out(self, number: str) -> None:
+        """Leaves out the objects that an assembled object names so."""
+        wanted = {key for key, _ in self._now.parts if key[1] == number} if self._now else set()
+        for key in wanted or {key for key in self._objects if key[1] == number}:
+            if key in self._objects:
+                self._objects[key].kind = "other"
+
+    def _check_model(self, fields: dict[str, str]) -> None:
+        """Refuses extensions of the form that are required, and models of several units."""
+        self._units.add(fields.get("unit", "millimeter"))
+        if len(self._units) > 1:
+            units = " and ".join(sorted(map(quote, self._units)))
+            raise InputError(
+                "unsupported", f"got models in {units}, expected one unit; export them in one."
+            )
+        names = {k.partition(":")[2]: v for k, v in fields.items() if k.startswith("xmlns:")}
+        for prefix in fields.get("requiredextensions", "").split():
+            name = names.get(prefix, prefix)
+            if not any(word in name.lower() for word in READ_EXTENSIONS):
+                raise InputError(
+                    "unsupported",
+                    f"the model requires the extension {quote(name)!r}, which is not read; export "
+                    "it without.",
+                )
+
     def _start(self, tag: str, fields: dict[str, str]) -> None:
         match tag.rpartition(":")[2]:
+            case "model":
+                self._check_model(fields)
             case "vertex" if self._now is not None:
                 point = float(fields["x"]), float(fields["y"]), float(fields["z"])
                 self._now.points.append(point)
@@ -161,8 +251,17 @@ class _Models:
                 self._objects[self._name, fields["id"]] = self._now
             case "component" if self._now is not None:
                 self._now.parts.append(self._reference(fields))
-            case "item":
-                self._items.append(self._reference(fields))
+            case "item" if self._is_root:
+                printable = next((v for k, v in fields.items() if k.endswith("printable")), "1")
+                if printable.strip().lower() in ("0", "false"):
+                    self._notes[UNPRINTED] = None
+                else:
+                    self._items.append(self._reference(fields))
+            case "beam" | "ball" | "booleanshape" | "levelset" | "displacementmesh" as other:
+                name = OTHER_FORMS[other]
+                raise InputError(
+                    "unsupported", f"the model has {name}, which are not read; export it as a mesh."
+                )
             case _:
                 pass
 
@@ -177,7 +276,14 @@ class _Models:
 
     def solid(self) -> Solid:
         """Everything that is built, as one solid."""
-        items = self._items or [(key, np.array(IDENTITY).reshape(4, 3)) for key in self._objects]
+        if not self._items and UNPRINTED in self._notes:
+            raise InputError(
+                "empty", "no part of the model is to be printed; mark one as printable."
+            )
+        inner = {key for model in self._objects.values() for key, _ in model.parts}
+        items = self._items or [
+            (key, np.array(IDENTITY).reshape(4, 3)) for key in self._objects if key not in inner
+        ]
         known: dict[Key, tuple[int, int]] = {}
         triangles = instances = 0
         for key, _ in items:
@@ -195,6 +301,7 @@ class _Models:
             key, transform = waiting.pop()
             model = self._objects[key]
             if model.kind in ("support", "solidsupport", "other"):
+                self._notes[LEFT_OUT] = None
                 continue
             waiting += [(part, _after(own, transform)) for part, own in model.parts]
             if not model.corners:
@@ -202,9 +309,11 @@ class _Models:
             if key not in arrays:
                 arrays[key] = (
                     np.array(model.points, dtype=np.float64).reshape(-1, 3),
-                    np.array(model.corners, dtype=np.int64),
+                    self._material(model),
                 )
             own, corners = arrays[key]
+            if not len(corners):
+                continue
             if corners.min() < 0 or corners.max() >= len(own):
                 raise InputError(
                     "bad-index",
@@ -221,8 +330,19 @@ class _Models:
             np.concatenate(points),
             np.concatenate(faces),
             name=self._source.name or "solid",
+            notes=tuple(self._notes),
             most_triangles=self._source.most_triangles,
         )
+
+    def _material(self, model: _Object) -> Ints:
+        """Return the triangles of an object without those that cut, modify or support others."""
+        corners = np.array(model.corners, dtype=np.int64)
+        kept = np.ones(len(corners), dtype=np.bool_)
+        for first, last in model.cutters:
+            kept[max(first, 0) : max(last + 1, 0)] = False
+        if not kept.all():
+            self._notes[LEFT_OUT] = None
+        return corners[kept]
 
     def _amount(self, key: Key, known: dict[Key, tuple[int, int]], depth: int) -> tuple[int, int]:
         """Triangles and parts that an object comes to, counted without making them."""

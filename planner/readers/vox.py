@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -16,6 +16,7 @@ MAGIC: Final = b"VOX "
 MOST_CHUNKS: Final = 100_000
 MOST_PLACED: Final = 10_000
 HEAD_BYTES: Final = 8
+HIDDEN: Final = "hidden objects were left out."
 CHUNK_BYTES: Final = 12
 
 Ints = NDArray[np.int64]
@@ -31,13 +32,17 @@ class _Placed:
 
 @dataclass(slots=True, kw_only=True)
 class _File:
-    """What the chunks hold: models as (size, voxels), and the scene's nodes."""
+    """What the chunks hold: models as (size, voxels), and the scene's nodes, some hidden."""
 
     sizes: list[Ints] = field(default_factory=list[Ints])
     models: list[Ints] = field(default_factory=list[Ints])
     moves: dict[int, tuple[int, _Placed]] = field(default_factory=dict[int, tuple[int, _Placed]])
     groups: dict[int, list[int]] = field(default_factory=dict[int, list[int]])
     shapes: dict[int, list[int]] = field(default_factory=dict[int, list[int]])
+    layers: dict[int, int] = field(default_factory=dict[int, int])
+    hidden: set[int] = field(default_factory=set[int])
+    hidden_layers: set[int] = field(default_factory=set[int])
+    notes: list[str] = field(default_factory=list[str])
 
 
 def is_vox(data: bytes) -> bool:
@@ -46,7 +51,7 @@ def is_vox(data: bytes) -> bool:
 
 
 def read_vox(data: bytes, source: Source) -> Shape:
-    """A shape from all models of a .vox file, placed as its scene has them.
+    """Return a shape from the models in sight of a .vox file, as its scene places them; z is up.
 
     Raises:
         InputError: When chunks and their headers disagree.
@@ -58,7 +63,8 @@ def read_vox(data: bytes, source: Source) -> Shape:
         raise InputError("empty", "got a .vox file without voxels.")
     cells: list[Ints] = []
     total = 0
-    for model, placed in _placements(found):
+    placements = _placements(found)
+    for model, placed in placements:
         if not 0 <= model < len(found.models):
             raise _damaged(f"its scene names model {model} of {len(found.models)}")
         total += len(found.models[model])
@@ -68,9 +74,11 @@ def read_vox(data: bytes, source: Source) -> Shape:
         doubled = 2 * found.models[model] + 1 - 2 * (found.sizes[model] // 2)
         cells.append((doubled @ placed.turn.T - 1) // 2 + placed.shift)
     if total == 0:
-        raise InputError("empty", "got a .vox file without voxels.")
+        hidden = " in sight: show its objects and save it again" if HIDDEN in found.notes else ""
+        raise InputError("empty", f"got a .vox file without voxels{hidden}.")
     joined = np.concatenate(cells)
-    return Shape.from_cells(joined - joined.min(axis=0), name=source.name or "shape")
+    shape = Shape.from_cells(joined - joined.min(axis=0), name=source.name or "shape")
+    return replace(shape, notes=tuple(found.notes))
 
 
 def _damaged(found: str) -> InputError:
@@ -120,24 +128,42 @@ def _take(kind: bytes, reader: _Reader, found: _File) -> None:
                 raise _damaged("a voxel lies outside of its model")
         case b"nTRN":
             node = reader.number()
-            reader.words()
+            _hide(node, reader.words(), found.hidden)
             child = reader.number()
-            reader.skip(12)
+            reader.skip(4)
+            found.layers[node] = reader.number()
+            frames = reader.number()
             found.moves[node] = child, _placed(reader.words())
+            if frames > 1:
+                _note(found, "objects move in this file; they are read as in the first frame.")
         case b"nGRP":
             node = reader.number()
-            reader.words()
+            _hide(node, reader.words(), found.hidden)
             found.groups[node] = reader.numbers()
         case b"nSHP":
             node = reader.number()
-            reader.words()
+            _hide(node, reader.words(), found.hidden)
             models: list[int] = []
             for _ in range(reader.counted(8)):
                 models.append(reader.number())
                 reader.words()
             found.shapes[node] = models[:1]
+            if len(models) > 1:
+                _note(found, "an object has several frames; the first one is the shape.")
+        case b"LAYR":
+            _hide(reader.number(), reader.words(), found.hidden_layers)
         case _:
             pass
+
+
+def _hide(number: int, words: dict[bytes, bytes], hidden: set[int]) -> None:
+    if words.get(b"_hidden", b"0") == b"1":
+        hidden.add(number)
+
+
+def _note(found: _File, note: str) -> None:
+    if note not in found.notes:
+        found.notes.append(note)
 
 
 class _Reader:
@@ -205,10 +231,12 @@ def _placed(words: dict[bytes, bytes]) -> _Placed:
 
 
 def _placements(found: _File) -> list[tuple[int, _Placed]]:
-    """Models and where they go; without a scene, all of them where they are."""
+    """Return the models in sight and where they go; without a scene, the first one."""
     nodes = len(found.moves) + len(found.groups) + len(found.shapes)
     if not nodes or not found.moves:
-        return [(i, _Placed()) for i in range(len(found.models))]
+        if len(found.models) > 1:
+            _note(found, f"got {len(found.models)} frames; the first one is the shape.")
+        return [(0, _Placed())]
     placements: list[tuple[int, _Placed]] = []
     waiting = [(0, _Placed())]
     seen: set[int] = set()
@@ -217,6 +245,9 @@ def _placements(found: _File) -> list[tuple[int, _Placed]]:
         if node in seen or len(seen) > MOST_PLACED:
             raise _damaged(f"its scene reaches node {node} twice, or too many")
         seen.add(node)
+        if node in found.hidden or found.layers.get(node) in found.hidden_layers:
+            _note(found, HIDDEN)
+            continue
         if node in found.moves:
             child, own = found.moves[node]
             shift = above.turn @ own.shift + above.shift

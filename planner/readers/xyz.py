@@ -11,11 +11,20 @@ from typing import Final
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.readers.limits import Source, quote, too_many
-from planner.readers.text import COMMENT, cells_array, coordinate, path_or_shape
+from planner.readers.text import COMMENT, cells_array, coordinate, is_number, path_or_shape
 from planner.shapes.shape import Shape
 
 AXES: Final = ("x", "y", "z")
 DIGITS_OF_A_COUNT: Final = 9
+
+
+def is_xyz(text: str) -> bool:
+    """Return True if the first line of data is a count, or words of which two are numbers."""
+    for line in text.splitlines():
+        words = line.split()
+        if words and not _is_comment(words):
+            return _count(words) is not None or sum(map(is_number, words)) >= 2
+    return False
 
 
 def read_xyz(text: str, source: Source) -> Path | Shape:

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError
+from planner.errors import InputError, checked_fraction
 from planner.kernels.crossings import block_sums, window_histograms, window_sums
 from planner.shapes.bridges import Bridged, bridged, parts_of
 from planner.shapes.sampling import Sampling, grid_of, sample
@@ -113,8 +113,8 @@ class Grid:
         """Samples inside."""
         return int(self.parts.sum(dtype=np.int64))
 
-    def fill(self, offset_threshold: OffsetThreshold) -> NDArray[np.int16]:
-        """(X, Y, Z) samples in each cell with an offset."""
+    def fill(self, offset_threshold: OffsetThreshold) -> NDArray[np.int32]:
+        """Return (X, Y, Z) samples in each cell with an offset."""
         sums = window_sums(self.parts, self.split)
         return sums[tuple(slice(at, None, self.split) for at in offset_threshold[:3])]
 
@@ -159,7 +159,7 @@ class Ladder:
             self.bodies = max(1, int((sizes >= LEAST_BODY * sizes.sum()).sum()))
         if self.bodies == 1:
             return
-        self.share = float(sizes.max() / sizes.sum())
+        self.share = checked_fraction(float(sizes.max() / sizes.sum()), "share of the largest body")
         self.volume *= self.share
         body = _around(self.solid, sampling, numbers == int(np.argmax(sizes)) + 1)
         self._apart = len(body) == len(self.solid)
@@ -297,9 +297,10 @@ class Ladder:
 
 
 def overlap(grid: Grid, offset_threshold: OffsetThreshold, cells: Bools) -> float:
-    """Intersection over union of cells with samples."""
+    """Return the intersection over union of cells with samples."""
     shared = int(grid.fill(offset_threshold)[cells].sum(dtype=np.int64))
-    return shared / max(1, grid.count + int(cells.sum()) * grid.size**3 - shared)
+    union = grid.count + int(cells.sum()) * grid.size**3 - shared
+    return checked_fraction(shared / max(1, union), "intersection over union")
 
 
 def _judged(grid: Grid, turn: int, pitch: float) -> LatticeFit:
@@ -313,11 +314,14 @@ def _judged(grid: Grid, turn: int, pitch: float) -> LatticeFit:
     counts = np.cumsum(windows[..., ::-1], axis=-1)[..., ::-1][..., chosen]
     shared = np.cumsum(samples[..., ::-1], axis=-1)[..., ::-1][..., chosen]
     union = grid.count + counts * full - shared
+    ious = shared / np.maximum(union, 1)
+    checked_fraction(float(ious.min()), "intersection over union")
+    checked_fraction(float(ious.max()), "intersection over union")
     return LatticeFit(
         turn=turn,
         pitch=pitch,
         counts=counts,
-        ious=shared / np.maximum(union, 1),
+        ious=ious,
         thresholds=-(-chosen * full // levels),
     )
 
@@ -335,7 +339,7 @@ def _around(solid: Solid, sampling: Sampling, body: Bools) -> Solid:
 
     a, b, c = solid.faces.T
     links: Any = sparse.coo_matrix(
-        (np.ones(2 * len(a), dtype=np.int8), (np.concatenate([a, b]), np.concatenate([b, c]))),
+        (np.ones(2 * len(a), dtype=np.bool_), (np.concatenate([a, b]), np.concatenate([b, c]))),
         shape=(len(solid.vertices), len(solid.vertices)),
     )
     connected: Any = sparse.csgraph.connected_components

@@ -26,13 +26,11 @@ class Edges:
     Attributes:
         open: How many edges an odd number of triangles share.
         scattered: Whether most edges belong to one triangle alone.
-        oriented: Whether each edge is run through as often one way as the other.
         loose: (E, 2) open edges as the triangle runs that has them; only where one has.
     """
 
     open: int
     scattered: bool
-    oriented: bool
     loose: Ints
 
 
@@ -64,13 +62,11 @@ def edges_of(faces: Ints) -> Edges:
     runs = np.asarray(geometry.faces_to_edges(faces))
     first, kind = grouping.unique_rows(np.sort(runs, axis=1))
     counts = np.bincount(kind)
-    balance = np.bincount(kind, weights=np.where(runs[:, 0] < runs[:, 1], 1.0, -1.0))
     open_ = int((counts % 2).sum())
     loose = runs[first[counts == 1]]
     return Edges(
         open=open_,
         scattered=2 * open_ > len(runs),
-        oriented=not balance.any(),
         loose=loose[np.lexsort((loose.max(axis=1), loose.min(axis=1)))],
     )
 

@@ -19,11 +19,13 @@ class Shape:
         name: What people call it.
         cells: (n, 3) int64, read-only, unique, in lexicographic order (x first).
         pitch_m: Distance of neighbouring cells in metres.
+        notes: Parts of the file that were left out, in plain words.
     """
 
     name: str
     cells: NDArray[np.int64]
     pitch_m: float = DEFAULT_PITCH_M
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def from_cells(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.chain.path import check_coordinates
 from planner.errors import InputError
+from planner.shapes.bodies import orient_bodies
 from planner.shapes.seams import closed_holes, edges_of, is_surface, welded
 
 MOST_TRIANGLES: Final = 2_000_000
@@ -221,7 +222,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         vertices=points,
         faces=corners,
         closed=edges.open == 0,
-        oriented=edges.open == 0 and edges.oriented,
+        oriented=False,
     )
 
 
@@ -234,19 +235,18 @@ def _no_surface(triangles: int) -> InputError:
 
 
 def _outside_out(solid: Solid, said: list[str]) -> Solid:
+    """Return the solid with each of its bodies turned outside out, cavities inside out."""
     if not solid.closed:
         return solid
-    if not solid.oriented:
+    oriented = orient_bodies(solid.vertices, solid.faces)
+    if oriented is None:
         said.append("its triangles do not agree about what is outside; crossings were counted.")
-        return solid
-    volume = signed_volume(solid.vertices, solid.faces)
-    if abs(volume) <= LEAST_FILLED * float(np.prod(solid.extents)):
+        return replace(solid, oriented=False)
+    if oriented.volume <= LEAST_FILLED * float(np.prod(solid.extents)):
         raise InputError(
             "no-volume",
             "got a closed mesh that encloses nothing, expected a solid: its walls lie on each "
             "other or cancel out.",
         )
-    if volume > 0:
-        return solid
-    said.append("the mesh was inside out and was turned.")
-    return replace(solid, faces=np.ascontiguousarray(solid.faces[:, ::-1]))
+    said += oriented.notes
+    return replace(solid, faces=oriented.faces, oriented=True)

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError
+from planner.errors import InputError, checked_fraction
 from planner.shapes.lattice_fits import MANY_SAMPLES, FittedCells, Grid, Ladder, overlap
 from planner.shapes.orientations import candidates
 from planner.shapes.shape import Shape
@@ -114,8 +114,9 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
         word = "cell" if joined.dropped == 1 else "cells"
         notes.append(f"{joined.dropped} loose {word} at thin parts left out.")
     filled = fine.fill(made.offset_threshold).astype(np.float64)
-    kept = float(filled[joined.cells].sum() / max(filled.sum(), np.finfo(float).tiny))
-    lost = _lost(joined.cells, filled)
+    total = max(float(filled.sum()), np.finfo(float).tiny)
+    kept = checked_fraction(float(filled[joined.cells].sum()) / total, "share of the volume")
+    lost = checked_fraction(_volume_apart(joined.cells, filled) / total, "share that is lost")
     if lost > 0.005:
         notes.append(
             f"{100 * lost:.1f} % of the volume is thinner than a cell and is lost; "
@@ -133,10 +134,9 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     return notes
 
 
-def _lost(cells: NDArray[np.bool_], filled: Floats) -> float:
-    """Share of the volume in cells that are left out and touch none that is kept."""
+def _volume_apart(cells: NDArray[np.bool_], filled: Floats) -> float:
+    """Return the samples in cells that are left out and touch none that is kept."""
     near = np.pad(cells, 1)
     for axis in range(3):
         near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)
-    far = filled * ~near[1:-1, 1:-1, 1:-1]
-    return float(far.sum() / max(filled.sum(), np.finfo(float).tiny))
+    return float(filled[~near[1:-1, 1:-1, 1:-1]].sum())

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from planner.errors import InputError
+from planner.shapes.sampling import sample
 from planner.shapes.solid import LARGEST_LENGTH, Solid, signed_volume
 from tests.planner.solids_made import box, solid_of, torus
 
@@ -68,12 +69,43 @@ def test_a_box_without_a_side_is_closed_with_a_flat_one() -> None:
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(24)
 
 
-def test_triangles_that_disagree_are_counted_through() -> None:
+def test_a_triangle_that_disagrees_is_turned_to_agree() -> None:
     faces = FACES.copy()
     faces[2] = faces[2, ::-1]
     solid = Solid.from_triangles(TETRAHEDRON, faces)
-    assert (solid.closed, solid.oriented) == (True, False)
-    assert any("do not agree" in note for note in solid.notes)
+    assert (solid.closed, solid.oriented) == (True, True)
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(1 / 6)
+    assert solid.notes == ("1 triangle was turned to agree with the neighbours.",)
+
+
+CUBES = {
+    "in a cavity": ([(6, 0), (4, 0), (2, 0)], 160.0, 160.0),
+    "touching along an edge": ([(2, 0), (2, (2, 2, 0))], 16.0, 16.0),
+    "touching at a corner": ([(2, 0), (2, (2, 2, 2))], 16.0, 16.0),
+    "with a common wall": ([(2, 0), (2, (2, 0, 0))], 16.0, 16.0),
+    "overlapping": ([(2, 0), (2, (1, 1, 1))], 16.0, 15.0),
+    "apart": ([(2, 0), (2, (5, 0, 0)), (2, (0, 5, 0))], 24.0, 24.0),
+    "a cavity at the wall": ([(6, 0), (2, (2, 0, 0))], 208.0, 208.0),
+}
+"""Cubes, each with its side and its middle; the signed and the sampled volume."""
+
+
+@pytest.mark.parametrize("kind", CUBES)
+def test_solid_of_several_bodies_orients_each_by_itself(kind: str) -> None:
+    cubes, volume, sampled = CUBES[kind]
+    for inverted in range(2 ** len(cubes)):
+        meshes = []
+        for k, (side, middle) in enumerate(cubes):
+            meshes.append(box(side, side, side))
+            meshes[-1].apply_translation(np.zeros(3) + middle)
+            if inverted >> k & 1:
+                meshes[-1].invert()
+        mesh = trimesh.util.concatenate(meshes)
+        solid = Solid.from_triangles(mesh.vertices, mesh.faces)
+        assert signed_volume(solid.vertices, solid.faces) == pytest.approx(volume)
+        inside = sample(solid, pitch=0.5, size=2, rotation=np.eye(3))
+        assert inside.volume == pytest.approx(sampled)
+        assert inverted == 0 or solid.notes or kind in ("in a cavity", "a cavity at the wall")
 
 
 def test_triangles_without_area_are_left_out_and_said() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from planner.errors import InputError
+from planner.errors import InputError, checked_fraction
 from planner.shapes.bridges import bridged
 from planner.shapes.layers import has_whole_layers
 from planner.shapes.sampling import sample
@@ -383,3 +383,21 @@ def test_the_largest_body_is_laid_as_if_it_were_alone() -> None:
     assert (alone.bodies, beside.bodies) == (1, 2)
     assert beside.iou == pytest.approx(alone.iou)
     assert beside.pitch == pytest.approx(alone.pitch)
+
+
+@pytest.mark.parametrize("cells", [18, 240])
+@pytest.mark.parametrize("fins", [8, 24])
+def test_voxelise_thin_fins_reports_figures_in_range(fins: int, cells: int) -> None:
+    # A full cell of 32 samples a side does not fit into int16.
+    middles = (np.arange(fins) + 0.5) * 4.0 / fins
+    fin = [((0.02, 4.0, 2.0), (x, 2.0, 3.0)) for x in middles]
+    sink = [((4.0, 4.0, 2.0), (2.0, 2.0, 1.0)), *fin]
+    voxels = voxelise(solid_of(joined(*sink)), cells=cells)
+    assert 0.3 < voxels.iou <= 1.0
+    assert not any("inf" in note or "-" in note for note in voxels.notes)
+
+
+@pytest.mark.parametrize("value", [-0.12, 1.01, float("nan")])
+def test_checked_fraction_out_of_range_is_an_error(value: float) -> None:
+    with pytest.raises(ArithmeticError, match="expected 0 to 1"):
+        checked_fraction(value, "share")

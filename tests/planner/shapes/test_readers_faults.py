@@ -1,0 +1,245 @@
+"""Small files of which each stands for a kind that was read wrongly."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import time
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+from planner.chain.path import Path
+from planner.errors import InputError
+from planner.readers import read
+from planner.shapes.shape import Shape
+from planner.shapes.solid import Solid, signed_volume
+from tests.planner.solids_made import box, exported
+
+DATA = FilePath(__file__).parent / "data"
+L_OBJ = (DATA / "b01_bom.obj").read_bytes().removeprefix(b"\xef\xbb\xbf")
+STAIRS = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 1, 1], [2, 1, 2]]
+
+
+def file_in(name: str) -> object:
+    return read((DATA / name).read_bytes(), filename=name)
+
+
+@pytest.mark.parametrize(
+    ("name", "volume", "extents", "note"),
+    [
+        ("a04_long_name.stl", 5, (4, 1, 2), ""),
+        ("a12_two_one_inside_out.stl", 10, (5, 1, 3), "1 of 2 bodies was inside out"),
+        ("a17_two_apart_one_inside_out.stl", 128, (10, 4, 4), "1 of 2 bodies was inside out"),
+        ("b01_bom.obj", 5, (4, 1, 2), ""),
+        ("b03_face_comment.obj", 5, (4, 1, 2), ""),
+        ("c04_tristrips.ply", 5, (4, 1, 2), ""),
+        ("d02_same.stl", 17, (4, 3, 6), ""),
+        ("d02_y_up.glb", 17, (4, 3, 6), ""),
+        ("d03_instancing_required.glb", 5, (4, 2, 1), ""),
+        ("e02_negative_volume.3mf", 27000, (30, 30, 30), "cutters"),
+        ("e06_not_printable.3mf", 5, (4, 1, 2), "not to be printed"),
+    ],
+)
+def test_read_mesh_gives_the_right_solid(
+    name: str, volume: float, extents: tuple[float, ...], note: str
+) -> None:
+    solid = file_in(name)
+    assert isinstance(solid, Solid)
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(volume)
+    assert solid.extents == pytest.approx(extents)
+    assert bool(solid.notes) == bool(note)
+    assert note in "".join(solid.notes)
+
+
+def test_read_glb_stands_as_the_same_stl() -> None:
+    standing, same = file_in("d02_y_up.glb"), file_in("d02_same.stl")
+    assert isinstance(standing, Solid)
+    assert isinstance(same, Solid)
+    for corner in ("min", "max"):
+        ours, theirs = (getattr(s.vertices, corner)(axis=0) for s in (standing, same))
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)
+    assert standing.vertices[np.argmax(standing.vertices[:, 2]), 0] <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "cells", "note"),
+    [
+        ("f01_pack_frames.vox", 9, "2 frames"),
+        ("f02_hidden_node.vox", 16, "hidden"),
+        ("h01_float_grid.npy", 7, ""),
+    ],
+)
+def test_read_voxels_gives_the_cells_in_sight(name: str, cells: int, note: str) -> None:
+    shape = file_in(name)
+    assert isinstance(shape, Shape)
+    assert len(shape) == cells
+    assert note in "".join(shape.notes)
+    assert bool(shape.notes) == bool(note)
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "words"),
+    [
+        ("d09_unknown_required.glb", "unsupported", "XYZ_some_geometry"),
+        ("h06_prob_uint8.npy", "not-voxels", "grid > 0.5"),
+        ("k10_angles_rad.json", "radians", "no angle is a multiple of 90 degrees"),
+        ("k11_snake_digits.txt", "digits", "digits are not read as angles"),
+    ],
+)
+def test_read_what_is_not_read_is_refused_by_name(name: str, code: str, words: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        file_in(name)
+    assert refusal.value.code == code
+    assert words in refusal.value.detail
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["z [mm],y [mm],x [mm]", "Z_mm;Y_mm;X_mm", "pos z\tpos y\tpos x", "zmm,ymm,xmm", "k,j,i"],
+)
+def test_read_csv_takes_columns_by_the_axis_they_name(header: str) -> None:
+    comma = next(c for c in ";\t," if c in header)
+    rows = [comma.join(map(str, row[::-1])) for row in STAIRS]
+    path = read("\n".join([header, *rows]).encode())
+    assert isinstance(path, Path)
+    assert path.cells.tolist() == STAIRS
+
+
+def test_read_csv_with_a_header_that_names_some_axes_is_refused() -> None:
+    with pytest.raises(InputError) as refusal:
+        read(b"x,y,height\n0,0,0\n1,0,0\n1,1,0\n")
+    assert refusal.value.code == "bad-header"
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_read_csv_with_decimal_commas(delimiter: str) -> None:
+    rows = [delimiter.join(f"{value},0" for value in row) for row in STAIRS]
+    path = read("\n".join(rows).encode())
+    assert isinstance(path, Path)
+    assert path.cells.tolist() == STAIRS
+
+
+ENCODINGS = ["utf-8-sig", "utf-16", "utf-32", "utf-16-le", "utf-16-be"]
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("kind", ["obj", "stl_ascii", "off", "ply_ascii", "gltf"])
+def test_read_text_mesh_in_every_encoding(encoding: str, kind: str) -> None:
+    data = exported(kind, box(2, 3, 4)).decode().encode(encoding)
+    solid = read(data)
+    assert isinstance(solid, Solid)
+    assert abs(signed_volume(solid.vertices, solid.faces)) == pytest.approx(24)
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_read_cells_in_every_encoding(encoding: str) -> None:
+    for text in (json.dumps(STAIRS), "\n".join(",".join(map(str, row)) for row in STAIRS)):
+        path = read(text.encode(encoding))
+        assert isinstance(path, Path)
+        assert path.cells.tolist() == STAIRS
+
+
+@pytest.mark.parametrize("text", ["a1 b2 c3", "hello 5 world", "left 1\nright 2"])
+def test_read_unknown_text_gets_a_message_of_its_own(text: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(text.encode())
+    assert refusal.value.code == "wrong-kind"
+    assert "three whole numbers" not in refusal.value.detail
+
+
+@pytest.mark.parametrize("mesh", [b"4OFF\n4 4 6\n", b"nOFF\n3\n4 4 6\n"])
+def test_read_off_of_other_dimensions_is_refused(mesh: bytes) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(mesh)
+    assert refusal.value.code == "unsupported"
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [(b"surf 0 1 0 1 1 2 3 4\n", "unsupported"), (b"curv 0 1 1 2\n", "unsupported")],
+)
+def test_read_obj_of_free_form_is_refused_by_name(line: bytes, code: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(L_OBJ + line)
+    assert refusal.value.code == code
+    assert line.split()[0].decode() in refusal.value.detail
+
+
+def test_read_grid_of_other_values_is_refused() -> None:
+    for grid in (np.full((2, 2, 2), np.nan), np.array([[[0, 255]]]), np.array([[[-1.0, 1.0]]])):
+        stream = io.BytesIO()
+        np.save(stream, grid)
+        with pytest.raises(InputError) as refusal:
+            read(stream.getvalue())
+        assert refusal.value.code == "not-voxels"
+
+
+RUNS = (b" ", b"\t", b"\n", b"\r", b"\r\n", b",", b";", b"[", b'"', b"#", b"0", b"-", b"\\\n")
+BEFORE = {
+    "nothing": b"",
+    "obj": b"v 0 0 0\n",
+    "obj polygon": b"v 0 0 0\nf 1",
+    "stl": b"solid x\nfacet\nvertex 0",
+    "off": b"OFF\n",
+    "csv": b"0,0,0\n",
+    "json": b"[[0,0,0],",
+    "ply": b"ply\nformat ascii 1.0\n",
+}
+
+
+def seconds(data: bytes) -> float:
+    """Return the least processor time of two readings."""
+    spent: list[float] = []
+    for _ in range(2):
+        start = time.process_time()
+        with contextlib.suppress(InputError):
+            read(data, most_cells=100)
+        spent.append(time.process_time() - start)
+    return min(spent)
+
+
+@pytest.mark.parametrize("run", RUNS)
+@pytest.mark.parametrize("before", BEFORE)
+def test_read_long_runs_takes_time_in_proportion(before: str, run: bytes) -> None:
+    # Quadratic readers take 64 times as long for eight times the run, and seconds for it.
+    short, long = (BEFORE[before] + run * n + b"x" for n in (5_000, 40_000))
+    assert seconds(long) < 25 * seconds(short) + 0.1
+
+
+TETRAHEDRON = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+PLY = exported("ply_ascii", box(1, 2, 3))
+STL = exported("stl_ascii", box(1, 2, 3)).split(b"\n", 1)[1]
+
+
+@pytest.mark.parametrize(
+    ("data", "volume"),
+    [
+        (b"# a remark\n" * 30_000 + TETRAHEDRON, 1 / 6),
+        (TETRAHEDRON.replace(b"\n", b"\r"), 1 / 6),
+        (PLY.replace(b"element vertex", b"comment end_header\nelement vertex", 1), 6),
+        (PLY.replace(b"\n", b"\r"), 6),
+        ((b"SOLID " + b"n" * 50_000 + b"\n" + STL).replace(b"\n", b"\r"), 6),
+    ],
+)
+def test_read_mesh_with_other_line_ends_and_long_heads(data: bytes, volume: float) -> None:
+    solid = read(data)
+    assert isinstance(solid, Solid)
+    assert abs(signed_volume(solid.vertices, solid.faces)) == pytest.approx(volume)
+
+
+@pytest.mark.parametrize(
+    ("data", "code"),
+    [
+        (b"0123012301", "digits"),
+        (b"0\n1\n2\n3\n0\n1\n", "digits"),
+        (TETRAHEDRON + b"f 1 2\n", "damaged"),
+        (b"v 0 0 0\nv 1 0 0\nl 1 2\n", "no-triangles"),
+    ],
+)
+def test_read_what_says_too_little_is_refused(data: bytes, code: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(data)
+    assert refusal.value.code == code
