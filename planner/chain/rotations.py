@@ -23,8 +23,8 @@ def wxyz_from_matrix(matrix: Array) -> Array:
     """(..., 3, 3) rotation matrices to (..., 4) unit quaternions with w ≥ 0."""
     from planner.kernels.rotations import quaternions  # as above
 
-    rows = np.ascontiguousarray(matrix, dtype=np.float64).reshape(-1, 3, 3)
-    rows.setflags(write=False)
+    # A copy: a read-only array is another type, for which the kernel would be compiled once more.
+    rows = np.array(matrix, dtype=np.float64, order="C").reshape(-1, 3, 3)
     out = np.empty((len(rows), 4))
     quaternions(rows, out)
     return out.reshape(*np.shape(matrix)[:-2], 4)

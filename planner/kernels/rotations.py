@@ -7,10 +7,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
+
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**KERNEL, error_model="numpy")
 def matrices(wxyz: Array, out: Array) -> None:
     """Writes the (k, 3, 3) matrices of (k, 4) quaternions of any length; NaN for one of none."""
     for i in range(len(wxyz)):
@@ -31,7 +33,7 @@ def matrices(wxyz: Array, out: Array) -> None:
         out[i, 2, 2] = 1 - 2 * (x * x + y * y)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def quaternion(m: Array, out: Array) -> None:
     """Writes the (4,) unit quaternion of a (3, 3) matrix, w ≥ 0.
 
@@ -63,7 +65,7 @@ def quaternion(m: Array, out: Array) -> None:
     out[3] = z / length
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def quaternions(rotations: Array, out: Array) -> None:
     """Writes the (k, 4) unit quaternions of (k, 3, 3) matrices, w ≥ 0."""
     for i in range(len(rotations)):
