@@ -54,7 +54,12 @@ def spoiled(place: Path, code: str, *, warm: bool = False) -> ForkServer:
     """One that runs code before anything else."""
     place.mkdir()
     (place / "sitecustomize.py").write_text(code)
-    return ForkServer(["stages"], warm=warm, environment={"PYTHONPATH": str(place)})
+    return ForkServer(["stages"], warm=warm, environment={"PYTHONPATH": before_others(place)})
+
+
+def before_others(place: Path) -> str:
+    """Return a search path for modules that begins with a directory."""
+    return os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
 
 
 def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> None:
@@ -209,7 +214,7 @@ time.sleep(600)
 def test_fork_server_that_compiles_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(COMPILES)
     parent = subprocess.Popen(
-        [sys.executable, "-c", STARTS, str(tmp_path)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", STARTS, before_others(tmp_path)], stdout=subprocess.PIPE, text=True
     )
     with parent:
         assert parent.stdout is not None
