@@ -202,7 +202,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     )
     awaited = ChildLimits.of(settings, awaited=True)
     fork_server = shared or ForkServer.where_possible(
-        ["reader", "preparer", "retimer"], warm=settings.prewarm
+        ["reader", "preparer", "retimer"], warm=settings.prewarm, directory=settings.root
     )
     motions = Scratch(settings.motions_dir)
     motions.sweep()

@@ -56,8 +56,8 @@ def forward_kinematics(
     lead = angles_rad.shape[:-1]
     hinges = angles_rad.shape[-1]
     n = hinges // module.hinges_per_joint + 1 + module.rigid_links
-    angles = np.ascontiguousarray(angles_rad, dtype=np.float64).reshape(-1, hinges)
-    angles.setflags(write=False)
+    # A copy: a read-only array is another type, for which all would be compiled once more.
+    angles = np.array(angles_rad, dtype=np.float64, order="C").reshape(-1, hinges)
     frames = len(angles)
     roots = np.zeros((frames, 3))
     turns = np.broadcast_to(np.eye(3), (frames, 3, 3)).copy()

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import KERNEL
 from planner.kernels.bodies import (
     ACCELERATION,
     MOST_JERK,
@@ -33,7 +34,7 @@ WIDTH = 10
 how far any point of j gets besides these."""
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def approach(
     a: Array, b: Array, half: float, radius: float, arm: float, found: Array
 ) -> tuple[float, float]:
@@ -99,7 +100,7 @@ def approach(
     return half * (slide + 0.5 * half * pull + radius * roll) + found[REST], distance
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def loss_along(found: Array, axis: Array, half: float, radius: float) -> float:
     """How far any point of b may get along a unit axis (3,) that is fixed in a."""
     x, y, z = axis[0], axis[1], axis[2]

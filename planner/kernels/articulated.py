@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL, ZERO
 from planner.kernels.dynamics import joint_axes
 from planner.kernels.module import Joint
 from planner.kernels.velocities import cross
@@ -99,7 +100,7 @@ def articulated(modules: int, hinges: int) -> Articulated:
     )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _alone(rotation: Array, inertia: Array, spin: Array, force: Array, a: Array, b: Array) -> None:
     """Writes A and b of a module of mass 1 that nothing hangs on."""
     a[:] = 0.0
@@ -118,7 +119,7 @@ def _alone(rotation: Array, inertia: Array, spin: Array, force: Array, a: Array,
         b[3 + r] = -force[r]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _add_rod(rotation: Array, rod: Array, spin: Array, torque: Array, a: Array, b: Array) -> None:
     """Adds to A and b of the last module those of a rod fixed to it, and of a torque on it."""
     for r in range(3):
@@ -165,7 +166,7 @@ def _add_rod(rotation: Array, rod: Array, spin: Array, torque: Array, a: Array, 
     a[4, 2] += x
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _centripetal(spin: Array, arm: Array, out: Array) -> None:
     """Adds ω × (ω × arm) to ``out``."""
     along = spin[0] * arm[0] + spin[1] * arm[1] + spin[2] * arm[2]
@@ -174,7 +175,7 @@ def _centripetal(spin: Array, arm: Array, out: Array) -> None:
         out[r] += spin[r] * along - arm[r] * square
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _add_shifted(work: Array, b: Array, r: Array, a_out: Array, b_out: Array) -> None:
     """Adds Tᵀ A T and Tᵀ b for a module whose parent's centre is −r from its own.
 
@@ -200,7 +201,7 @@ def _add_shifted(work: Array, b: Array, r: Array, a_out: Array, b_out: Array) ->
         b_out[k] += b[k]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _solved(d: Array, u: Array) -> tuple[float, float]:
     """D⁻¹ u for one or two hinges."""
     if u.shape[0] == 1:
@@ -212,7 +213,7 @@ def _solved(d: Array, u: Array) -> tuple[float, float]:
     )
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def free_accelerations(
     angles: Array,
     rates: Array,
@@ -360,7 +361,7 @@ def free_accelerations(
             root_out[:] = moved
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _carry(acceleration: Array, arm: Array, work: Array) -> None:
     """Takes an acceleration (angular first) from a place to another one ``arm`` away, at rest."""
     cross(acceleration[:3], arm, work)
@@ -368,7 +369,7 @@ def _carry(acceleration: Array, arm: Array, work: Array) -> None:
         acceleration[3 + r] += work[r]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _respond(
     wrenches: Array,
     last: int,
@@ -442,7 +443,7 @@ def _respond(
         out[i] = moved
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _closing(
     first: int, second: int, normal: Array, point: Array, positions: Array, moved: Array
 ) -> float:
@@ -459,7 +460,7 @@ def _closing(
     return found
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _push(
     first: int, second: int, normal: Array, point: Array, positions: Array, by: float, out: Array
 ) -> None:
@@ -475,7 +476,7 @@ def _push(
             out[module, 3 + r] += sign * normal[r]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _complementary(a: Array, lack: Array, forces: Array) -> bool:
     """Writes the f ≥ 0 with A f + lack ≥ 0 of which one is zero everywhere; whether it was found.
 
@@ -512,7 +513,7 @@ def _complementary(a: Array, lack: Array, forces: Array) -> bool:
     return False
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _mobilities(
     found: Articulated, inverse: Array, rigid_links: int, positions: Array, out: Array
 ) -> None:
@@ -555,7 +556,7 @@ def _mobilities(
                         out[i, r, k] += s[i, 1, r] * y
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _pushed(forces: Array, contacts: Contacts, positions: Array) -> Array:
     """(n, 6) wrenches on the modules that (m,) forces in the contacts add up to."""
     wrenches = np.zeros((positions.shape[0], 6))
@@ -566,7 +567,7 @@ def _pushed(forces: Array, contacts: Contacts, positions: Array) -> Array:
     return wrenches
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _answers(
     x: Array, unit: Array, softness: Array, contacts: Contacts, response: Response
 ) -> Array:
@@ -591,7 +592,7 @@ def _answers(
     return unit * out
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _many_contacts(
     lack: Array, softness: Array, contacts: Contacts, response: Response, forces: Array
 ) -> None:
@@ -638,7 +639,7 @@ def _many_contacts(
     forces[:] = x * unit
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def add_contacts(
     pairs: Ints,
     normals: Array,
@@ -680,7 +681,7 @@ def add_contacts(
     rigid_links = joint.rigid_links
     hinges = found.motions.shape[1]
     inverse: Array = np.linalg.inv(found.base)  # pyright: ignore[reportAssignmentType]
-    top = 0
+    top = ZERO
     for k in range(m):
         top = max(top, pairs[k, 0], pairs[k, 1])
     moved = np.zeros((n, 6))

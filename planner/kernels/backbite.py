@@ -11,13 +11,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import ZERO
+from planner.kernels import INNER, KERNEL, ZERO
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _turn(path: Ints, place: Ints, low: int, high: int) -> None:
     """Turns path[low … high] round."""
     while low < high:
@@ -33,7 +33,7 @@ def _turn(path: Ints, place: Ints, low: int, high: int) -> None:
         place[path[low]] = low
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _free(cell: int, near: Ints, place: Ints) -> int:
     """How many neighbours of a cell are not on the path."""
     count = 0
@@ -44,7 +44,7 @@ def _free(cell: int, near: Ints, place: Ints) -> int:
     return count
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def grow(near: Ints, ends: Flags, start: int, moves: int, seed: int) -> tuple[int, Ints]:
     """Grows a path by extending and turning its ends until it visits every cell.
 
@@ -119,7 +119,7 @@ def grow(near: Ints, ends: Flags, start: int, moves: int, seed: int) -> tuple[in
     return best, path
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _stuck(path: Ints, length: int, near: Ints, place: Ints) -> bool:
     """Whether neither end of a path has a neighbour besides its own next cell."""
     for tail, inner in ((path[0], path[min(1, length - 1)]), (path[length - 1], path[length - 2])):
@@ -130,7 +130,7 @@ def _stuck(path: Ints, length: int, near: Ints, place: Ints) -> bool:
     return True
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _total(path: Ints, place: Ints, near: Ints) -> int:
     total = 0
     for cell in range(path.shape[0]):
@@ -140,7 +140,7 @@ def _total(path: Ints, place: Ints, near: Ints) -> int:
     return total
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def ease(path: Ints, near: Ints, ends: Flags, start: int, moves: int, seed: int) -> Ints:
     """Brings cells that touch closer along a path, by turning its ends while that cools down.
 

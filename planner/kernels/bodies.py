@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL, ZERO
 from planner.kernels.kinematics import axis_rotation, multiply
 from planner.kernels.module import Joint
 
@@ -34,13 +35,13 @@ WIDTH = 30
 |p'''| and of the way its centre goes from s = 0, and Σ |rate| of all hinges before it."""
 
 
-@njit(cache=True)
+@njit(**INNER)
 def length(x: float, y: float, z: float) -> float:
     """Of a vector."""
     return np.sqrt(x * x + y * y + z * z)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _carry(body: Array, rx: float, ry: float, rz: float, point: Array, at: int) -> None:
     """Adds velocity and acceleration of a vector fixed in a body to ``point``: (v, a) at ``at``."""
     wx, wy, wz = body[SPIN], body[SPIN + 1], body[SPIN + 2]
@@ -56,14 +57,14 @@ def _carry(body: Array, rx: float, ry: float, rz: float, point: Array, at: int) 
     point[at + 5] += ux * ry - uy * rx + wx * vy - wy * vx
 
 
-@njit(cache=True)
+@njit(**INNER)
 def spatial_jerk(body: Array) -> float:
     """Bound of |R'''| of a body: what a vector fixed in it and 1 long has at most."""
     w = body[MOST_SPIN]
     return body[MOST_TWIST] + 3.0 * w * body[MOST_TURNING] + w * w * w
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def rod_body(
     last: Array, place: Array, rotation: Array, half: float, turned: Array, body: Array
 ) -> None:
@@ -92,7 +93,7 @@ def rod_body(
     body[DRIFT] += away * min(2.0, half * last[MOST_SPIN])
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _outwards(
     angles: Array,
     rates: Array,
@@ -214,7 +215,7 @@ def _outwards(
         here = there
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def move_bodies(
     angles: Array,
     rates: Array,
@@ -233,5 +234,5 @@ def move_bodies(
         bodies: (m, WIDTH) written.
     """
     bodies[root, VELOCITY:] = 0.0
-    _outwards(angles, rates, half, joint, root, 1, bodies)
-    _outwards(angles, rates, half, joint, root, -1, bodies)
+    _outwards(angles, rates, half, joint, root, ZERO + 1, bodies)
+    _outwards(angles, rates, half, joint, root, ZERO - 1, bodies)

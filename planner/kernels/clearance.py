@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
 from planner.kernels.module import Hull
 from planner.kernels.pairs import near_pairs
 
@@ -22,7 +23,7 @@ ROUNDING = 1e-9
 """Pitches that bounds are widened by, so that rounding skips no pair that may be the closest."""
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _interval(vertices: Array, axis: Array) -> tuple[float, float]:
     low = np.inf
     high = -np.inf
@@ -33,7 +34,7 @@ def _interval(vertices: Array, axis: Array) -> tuple[float, float]:
     return low, high
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _rotate_transposed(rotation: Array, vector: Array, out: Array) -> None:
     for c in range(3):
         out[c] = (
@@ -41,7 +42,7 @@ def _rotate_transposed(rotation: Array, vector: Array, out: Array) -> None:
         )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _box_separation(
     gap: Array, rotation_a: Array, rotation_b: Array, half: Array, enough: float, best_axis: Array
 ) -> float:
@@ -114,7 +115,7 @@ def _box_separation(
     return best
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _is_box(hull: Hull) -> bool:
     """Whether the hull is a box along its own axes, about its centre."""
     vertices, normals, edges = hull.vertices, hull.normals, hull.edges
@@ -125,7 +126,7 @@ def _is_box(hull: Hull) -> bool:
     return upright and off == 0.0
 
 
-@njit(cache=True)
+@njit(**INNER)
 def separation_along(
     gap: Array,
     rotation_a: Array,
@@ -193,7 +194,7 @@ def separation_along(
     return best
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def pair_separation(
     gap: Array,
     rotation_a: Array,
@@ -214,7 +215,7 @@ def pair_separation(
     return separation_along(gap, rotation_a, rotation_b, hull, size, enough, np.empty(3))
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def least_separation(
     positions: Array,
     rotations: Array,
@@ -250,7 +251,7 @@ def least_separation(
     return best, first, second
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def module_clearances(
     positions: Array,
     rotations: Array,

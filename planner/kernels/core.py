@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
+
 Array = NDArray[np.float64]
 Grid = NDArray[np.int32]
 Ints = NDArray[np.int64]
@@ -21,7 +23,7 @@ FIXED = 2
 """Modules at the start of a window that belong to the core."""
 
 
-@njit(cache=True)
+@njit(**INNER)
 def rod_span(end: Array, along: Array, rod: int, low: Array, high: Array) -> tuple[int, int]:
     """The modules a … b − 1 of a rod (from 1 on) whose centres lie in a box."""
     a = 1.0
@@ -40,7 +42,7 @@ def rod_span(end: Array, along: Array, rod: int, low: Array, high: Array) -> tup
     return int(np.ceil(a)), int(np.floor(b)) + 1
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _uncovered(
     grid: Grid, done: Covered, last: int, x: int, y: int, y_end: int, z: int, z_end: int
 ) -> bool:
@@ -52,7 +54,7 @@ def _uncovered(
     return True
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def box_cover(grid: Grid, last: int, out: Ints) -> int:
     """Covers the cells with numbers 0 to ``last`` with boxes, greedily; how many there are.
 
@@ -89,7 +91,7 @@ def box_cover(grid: Grid, last: int, out: Ints) -> int:
     return count
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def distances_at(field: Array, low: Array, points: Array, out: Array) -> None:
     """Writes the (k,) distances of (k, 3) points to what a field is of, roughly.
 

@@ -9,6 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
+
 Array = NDArray[Any]
 
 # Samples stand a little off the middles, so that no edge of a box goes through one.
@@ -16,7 +18,7 @@ ASIDE_U = 1.3e-6
 ASIDE_V = 2.9e-6
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _side(u: float, v: float, a: int, b: int, us: Array, vs: Array) -> float:
     """On which side of an edge a sample lies; both triangles of the edge get the same answer."""
     if a < b:
@@ -26,7 +28,7 @@ def _side(u: float, v: float, a: int, b: int, us: Array, vs: Array) -> float:
     return -side if side != 0.0 else -1e-300
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def mark_crossings(us: Array, vs: Array, ws: Array, faces: Array, marks: Array) -> None:
     """Marks where rays along w, one for each sample (u, v), go into and out of a mesh.
 
@@ -62,7 +64,7 @@ def mark_crossings(us: Array, vs: Array, ws: Array, faces: Array, marks: Array) 
                     marks[i, j, k] += -1 if ab > 0.0 else 1
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def fill_by_winding(marks: Array, inside: Array) -> int:
     """Sets the samples that the mesh goes around, and counts those with more than one turn."""
     twice = 0
@@ -76,7 +78,7 @@ def fill_by_winding(marks: Array, inside: Array) -> int:
     return twice
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def vote_by_parity(marks: Array, votes: Array) -> None:
     """Adds a vote where the crossings passed are odd; a ray with an odd total has no vote."""
     for i in range(marks.shape[0]):
@@ -92,7 +94,7 @@ def vote_by_parity(marks: Array, votes: Array) -> None:
                 votes[i, j, k] += passed % 2
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def block_sums(inside: Array, side: int) -> Array:
     """(X/side, Y/side, Z/side) int16 number of samples in each block of side³ samples."""
     n_x, n_y, n_z = inside.shape
@@ -109,7 +111,7 @@ def block_sums(inside: Array, side: int) -> Array:
     return sums
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def window_sums(parts: Array, size: int) -> Array:
     """Return (X−s+1, Y−s+1, Z−s+1) int32 sums of the parts in each cube of s³ of them.
 
@@ -141,7 +143,7 @@ def window_sums(parts: Array, size: int) -> Array:
     return sums
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def window_histograms(sums: Array, size: int, full: int, levels: int) -> tuple[Array, Array]:
     """Two (s, s, s, levels + 1): for each offset how many windows are how full, and their sums.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
 from planner.kernels.kinematics import Matrix, axis_rotation, multiply, product, rodrigues
 from planner.kernels.module import Joint
 
@@ -16,7 +17,7 @@ Array = NDArray[np.float64]
 Vector: TypeAlias = tuple[float, float, float]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def joint_axes(rotation: Array, axes: Array, angles: Array, out: Array) -> None:
     """Writes the (K, 3) hinge axes of one joint in the world, from the module before it."""
     frame = rotation.copy()
@@ -32,13 +33,13 @@ def joint_axes(rotation: Array, axes: Array, angles: Array, out: Array) -> None:
         frame[:, :] = work
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _cross(a: Vector, b: Vector) -> Vector:
     """A × b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _turned(rotation: Matrix, v: Array) -> Vector:
     """R v."""
     return (
@@ -48,7 +49,7 @@ def _turned(rotation: Matrix, v: Array) -> Vector:
     )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _inertia_of(
     rotation: Matrix, inertia: Array
 ) -> tuple[float, float, float, float, float, float]:
@@ -65,7 +66,7 @@ def _inertia_of(
     )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _symmetric(m: Array, v: Vector) -> Vector:
     """M v for the entries xx, yy, zz, xy, xz and yz of M."""
     return (
@@ -75,7 +76,7 @@ def _symmetric(m: Array, v: Vector) -> Vector:
     )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _solved(m: Array, v: Vector) -> Vector:
     """M⁻¹ v for the entries xx, yy, zz, xy, xz and yz of M; NaN where there is none."""
     a = m[1] * m[2] - m[5] * m[5]
@@ -93,7 +94,7 @@ def _solved(m: Array, v: Vector) -> Vector:
     )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _placed(
     angles: Array,
     rates: Array,
@@ -157,7 +158,7 @@ def _placed(
         x, y, z = x + arm[0], y + arm[1], z + arm[2]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _accelerated(
     rates: Array,
     accelerations: Array,
@@ -212,7 +213,7 @@ def _accelerated(
         move = _carried(move, turn, spin, arm)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _carried(move: Vector, turn: Vector, spin: Vector, arm: Vector) -> Vector:
     """The acceleration at the end of an arm: a + α × arm + ω × (ω × arm)."""
     a = _cross(turn, arm)
@@ -220,7 +221,7 @@ def _carried(move: Vector, turn: Vector, spin: Vector, arm: Vector) -> Vector:
     return move[0] + a[0] + b[0], move[1] + a[1] + b[1], move[2] + a[2] + b[2]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _balanced(arms: Array, linear: Array, angular: Array, moments: Array, whole: Array) -> None:
     """Adds the motion of one rigid body to all modules, so that no momentum is left of the chain.
 
@@ -256,7 +257,7 @@ def _balanced(arms: Array, linear: Array, angular: Array, moments: Array, whole:
         angular[i, 2] += turn[2]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _moments(inertias: Array, spins: Array, turning: Array, out: Array) -> None:
     """Writes (n, 3) the torques that modules need to turn about their centres: I α + ω × I ω."""
     for i in range(out.shape[0]):
@@ -268,7 +269,7 @@ def _moments(inertias: Array, spins: Array, turning: Array, out: Array) -> None:
         out[i, 2] = own[2] + round_[2]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def many_floating_torques(
     angles: Array,
     rates: Array,

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
 from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
@@ -16,7 +17,7 @@ Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float
 """Rows of a (3, 3) matrix one after the other: needs no memory of its own."""
 
 
-@njit(cache=True)
+@njit(**INNER)
 def rodrigues(axis: Array, angle: float) -> Matrix:
     """The rotation about a unit axis, row by row: Rodrigues' formula."""
     c = np.cos(angle)
@@ -36,7 +37,7 @@ def rodrigues(axis: Array, angle: float) -> Matrix:
     )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def product(a: Matrix, b: Matrix) -> Matrix:
     """The product of two matrices, row by row."""
     return (
@@ -52,7 +53,7 @@ def product(a: Matrix, b: Matrix) -> Matrix:
     )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def axis_rotation(axis: Array, angle: float, out: Array) -> None:
     """Writes the rotation about a unit axis into ``out`` (3, 3)."""
     h = rodrigues(axis, angle)
@@ -61,7 +62,7 @@ def axis_rotation(axis: Array, angle: float, out: Array) -> None:
             out[i, j] = h[3 * i + j]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def multiply(a: Array, b: Array, out: Array) -> None:
     """Writes the product of two (3, 3) matrices into ``out``, which is neither of them."""
     for i in range(3):
@@ -69,7 +70,7 @@ def multiply(a: Array, b: Array, out: Array) -> None:
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _multiply_by(out: Array, b: Matrix) -> None:
     """Multiplies ``out`` (3, 3) from the right, in place."""
     for i in range(3):
@@ -79,7 +80,7 @@ def _multiply_by(out: Array, b: Matrix) -> None:
         out[i, 2] = x * b[2] + y * b[5] + z * b[8]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def step_rotation(axes: Array, turn: Array, angles: Array, jointed: bool, out: Array) -> None:
     """Writes the rotation from one module's frame to the next one's into ``out`` (3, 3)."""
     for i in range(3):
@@ -104,7 +105,7 @@ def step_rotation(axes: Array, turn: Array, angles: Array, jointed: bool, out: A
     )
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def chain_poses(
     angles: Array,
     joint: Joint,
@@ -151,7 +152,7 @@ def chain_poses(
             positions[i, r] = total
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def many_chain_poses(
     angles: Array,
     joint: Joint,
@@ -174,7 +175,7 @@ def many_chain_poses(
         )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def poses_from_rest(
     angles: Array, joint: Joint, root: int, positions: Array, rotations: Array
 ) -> None:

@@ -12,6 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
+
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
@@ -21,7 +23,7 @@ ROUNDING = 1e-13
 """Volumes below this many cubes of the extent may be of either sign."""
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _volume(a: Array, b: Array, c: Array, d: Array) -> float:
     """Six times the signed volume of a tetrahedron."""
     ax, ay, az = a[0] - d[0], a[1] - d[1], a[2] - d[2]
@@ -30,7 +32,7 @@ def _volume(a: Array, b: Array, c: Array, d: Array) -> float:
     return ax * (by * cz - bz * cy) - ay * (bx * cz - bz * cx) + az * (bx * cy - by * cx)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _meets(p: Array, q: Array, a: Array, b: Array, c: Array) -> bool:
     """Whether an edge meets a triangle; true as well where rounding hides it."""
     extent = 0.0
@@ -51,7 +53,7 @@ def _meets(p: Array, q: Array, a: Array, b: Array, c: Array) -> bool:
     )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _boxes(points: Array) -> Array:
     """Bounding boxes (chunks, 2, 3) of runs of edges of a closed polygon."""
     n = points.shape[0]
@@ -71,7 +73,7 @@ def _boxes(points: Array) -> Array:
     return boxes
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _is_free(
     points: Array,
     following: Whole,
@@ -114,7 +116,7 @@ def _is_free(
     return True
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _without(points: Array, following: Whole) -> Array:
     """The vertices that are left, in order."""
     left = np.empty_like(points)
@@ -126,7 +128,7 @@ def _without(points: Array, following: Whole) -> Array:
     return left[:count].copy()
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _pass(points: Array) -> Array:
     """Goes around a closed polygon once and leaves out the vertices that may go."""
     n = points.shape[0]
@@ -159,7 +161,7 @@ def _pass(points: Array) -> Array:
     return _without(points, following)
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def reduced(polygon: Array) -> Array:
     """Leaves out vertices of a closed polygon (n, 3) until none may go; its knot stays."""
     points = polygon.copy()
@@ -172,7 +174,7 @@ def reduced(polygon: Array) -> Array:
     return points
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def tightened(polygon: Array, pull: float) -> Array:
     """Pulls each vertex towards the middle of its neighbours where nothing is in the way.
 
@@ -210,7 +212,7 @@ def tightened(polygon: Array, pull: float) -> Array:
     return points
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def crossings(points: Array) -> tuple[Array, Whole]:
     """Crossings of a closed polygon (n, 3) seen along z.
 
@@ -255,7 +257,7 @@ def crossings(points: Array) -> tuple[Array, Whole]:
     return places[:count].copy(), signs[:count].copy()
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def determinant(matrix: Whole, prime: int) -> int:
     """Determinant of a square matrix of whole numbers modulo a prime below 2^31."""
     rows = matrix % prime

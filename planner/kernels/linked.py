@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
 from planner.kernels.clearance import pair_separation
 from planner.kernels.module import Hull, Joint
 
@@ -53,7 +54,7 @@ class Overlap(NamedTuple):
     bound: float
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _turned(axis: Array, angle: float, vector: Array, out: Array) -> None:
     """Writes a vector turned about an axis of length 1."""
     c, s = np.cos(angle), np.sin(angle)
@@ -68,7 +69,7 @@ def _turned(axis: Array, angle: float, vector: Array, out: Array) -> None:
     )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _reach(link: Link, angles: Array, towards: Array) -> float:
     """How far the module reaches through the next one's near face."""
     for r in range(3):
@@ -86,7 +87,7 @@ def _reach(link: Link, angles: Array, towards: Array) -> float:
     return most - link.distance
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _depth(link: Link, angles: Array) -> float:
     """How deep the two modules overlap, by separating axes; below 0 when they are apart."""
     rotation = link.joint.turn.copy()
@@ -110,7 +111,7 @@ def _depth(link: Link, angles: Array) -> float:
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def deepest_overlap(
     link: Link, folded: Array, first: Ints, offsets: Ints, values: Array
 ) -> Overlap:

@@ -7,6 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
+
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]
 
@@ -16,12 +18,12 @@ FARTHEST_SQUARE = 1e18
 """Squared distance in pitches² above which positions count as diverged."""
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _hash(x: int, y: int, z: int, mask: int) -> int:
     return (x * 73856093 ^ y * 19349663 ^ z * 83492791) & mask
 
 
-@njit(cache=True, inline="always")  # called, it doubles the time of near_pairs
+@njit(**INNER, inline="always")  # called, it doubles the time of near_pairs
 def append_pair(pairs: Pairs, count: int, i: int, j: int) -> Pairs:
     """Writes one pair behind ``count`` others, in a larger array when it is full."""
     if count == pairs.shape[0]:
@@ -33,7 +35,7 @@ def append_pair(pairs: Pairs, count: int, i: int, j: int) -> Pairs:
     return pairs
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
     """Pairs (i, j), i < j, closer than ``cutoff`` and at least ``apart`` apart along the chain.
 
@@ -111,7 +113,7 @@ def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
     return found[:count].copy()
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def repulsion(points: Array, pairs: Pairs, gain: float, out: Array) -> None:
     """Adds eq. 3 of the paper to ``out`` (n, 3): gain / distance², away from each other."""
     for k in range(pairs.shape[0]):
@@ -130,7 +132,7 @@ def repulsion(points: Array, pairs: Pairs, gain: float, out: Array) -> None:
         out[j, 2] -= scale * dz
 
 
-@njit(cache=True)
+@njit(**INNER)
 def haste(
     gap: Array, velocity: Array, turning: float, cap: float, slide: float, reach: float
 ) -> float:
@@ -156,7 +158,7 @@ def haste(
     return max(closing / (cap + 0.5 * room), (np.sqrt(square) + turning) / (slide + 0.5 * room))
 
 
-@njit(cache=True)
+@njit(**INNER)
 def haste_of_pair(
     i: int,
     j: int,
@@ -187,7 +189,7 @@ def haste_of_pair(
     return haste(gap, velocity, radius * np.sqrt(turning), cap, slide, 2.0 * radius)
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def largest_haste(
     points: Array,
     velocities: Array,

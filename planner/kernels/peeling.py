@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
 from planner.kernels.core import FIXED, rod_span
 from planner.kernels.pairs import haste, haste_of_pair
 
@@ -30,7 +31,7 @@ class Caps(NamedTuple):
     turn_rad: float
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def window_forces(
     positions: Array,
     weights: Array,
@@ -99,14 +100,14 @@ def window_forces(
     return out
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _cells(place: float, reach: int, core_box: Ints, axis: int) -> tuple[int, int]:
     """Along an axis, the cells of the core within reach of a place: the first, and one past."""
     at = int(np.round(place))
     return max(at - reach, core_box[0, axis]), min(at + reach, core_box[1, axis]) + 1
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _core_repulsion(
     points: Array,
     first: int,
@@ -144,7 +145,7 @@ def _core_repulsion(
                     out[k, 2] += scale * dz
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _rod_speed(
     end: Array,
     along: Array,
@@ -169,7 +170,7 @@ def _rod_speed(
     return worst
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _haste_of_modules(
     points: Array,
     velocities: Array,
@@ -231,7 +232,7 @@ def _haste_of_modules(
     return worst
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def window_haste(
     rates: Array,
     positions: Array,

@@ -14,6 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MOST_CUTS = 100
@@ -24,7 +26,7 @@ STEEP = 1e-7
 """A row with |b| below this share of |a| bounds x alone; its line is too steep to intersect."""
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _slopes(slopes: Array, left: int, right: int, part: Array, start: Array, end: Array) -> None:
     """Writes q' at both knots of a cell."""
     for j in range(start.size):
@@ -33,7 +35,7 @@ def _slopes(slopes: Array, left: int, right: int, part: Array, start: Array, end
         end[j] = slopes[left, j] + part[1] * turn
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def fastest_profile(
     slopes: Array,
     left: Indices,
@@ -79,7 +81,7 @@ def fastest_profile(
     return x
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _reach(
     start: Array, end: Array, length: float, acceleration: float, x: float
 ) -> tuple[float, float, float, float, float]:
@@ -107,7 +109,7 @@ def _reach(
     return low, low_slope, high, high_slope, alone
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _controllable(
     start: Array, end: Array, length: float, acceleration: float, x: float, following: float
 ) -> float:
@@ -129,7 +131,7 @@ def _controllable(
     return x
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def torque_passes(a: Array, b: Array, ceiling: Array, step: float) -> Array:
     """(U,) z = u̇² at even places of a path along which the torques are τ = a ü + b u̇².
 

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
 from planner.kernels.kinematics import chain_poses, multiply
 from planner.kernels.module import Joint
 from planner.kernels.velocities import chain_velocities, cross, momentum_velocity
@@ -20,7 +21,7 @@ SLOW_RAD_S = 2e-3
 """Rate at which dry friction has three quarters of its strength: a hinge at rest is not stuck."""
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def servo_torques(
     angles: Array,
     rates: Array,
@@ -67,7 +68,7 @@ def servo_torques(
         )
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def advance(
     angles: Array,
     rates: Array,
@@ -120,7 +121,7 @@ def advance(
     return sound
 
 
-@njit(cache=True)
+@njit(**INNER)
 def turn_by(spin: Array, seconds: float, out: Array) -> None:
     """Writes the (3, 3) rotation of a body that has spun for some time: Rodrigues' formula."""
     rate = np.sqrt(spin[0] ** 2 + spin[1] ** 2 + spin[2] ** 2)
@@ -140,7 +141,7 @@ def turn_by(spin: Array, seconds: float, out: Array) -> None:
     out[2, 2] = 1.0 - twice * (x * x + y * y)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def stop_drifting(
     masses: Array,
     inertia: Array,

@@ -7,20 +7,21 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import KERNEL
 from planner.kernels.rotations import quaternion
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def wxyzs_of(rotations: Array, chosen: Ints, out: Array) -> None:
     """Writes unit quaternions of the chosen of (n, 3, 3) rotations into (k, 4), with w ≥ 0."""
     for k in range(chosen.shape[0]):
         quaternion(rotations[chosen[k]], out[k])
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def write_state(
     angles: Array,
     rates: Array,
@@ -59,7 +60,7 @@ def write_state(
     write_root_velocities(rotations, velocities, spins, starts, root_dofs, qvel)
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def write_root_velocities(
     rotations: Array, velocities: Array, spins: Array, starts: Ints, root_dofs: Ints, out: Array
 ) -> None:

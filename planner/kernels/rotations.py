@@ -7,12 +7,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER
+
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def quaternion(m: Array, out: Array) -> None:
-    """Writes the (4,) unit quaternion of a (3, 3) matrix, w ≥ 0.
+    """Write the (4,) unit quaternion of a (3, 3) matrix, w ≥ 0.
 
     It is a row of the outer product of the quaternion with itself, times four: that with the
     largest square, which loses the least.

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import KERNEL
 from planner.kernels.clearance import pair_separation
 from planner.kernels.kinematics import poses_from_rest
 from planner.kernels.module import Hull, Joint
@@ -15,7 +16,7 @@ from planner.kernels.pairs import near_pairs
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def blamed_hinges(
     angles: Array,
     joint: Joint,
@@ -70,7 +71,7 @@ def blamed_hinges(
     return found
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def displacements(
     angles: Array,
     joint: Joint,

@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
 from planner.kernels.pairs import near_pairs
 
 Array = NDArray[np.float64]
@@ -93,12 +94,12 @@ class Hinges(NamedTuple):
     before: Ints
 
 
-@njit(cache=True, inline="always")
+@njit(**INNER, inline="always")
 def _dot(a: Array, b: Array) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _best_face(corners: Array, normals: Array, solid: Solid, other: Array) -> tuple[float, int]:
     """The face that separates best from other corners: distance and which one."""
     best, which = -np.inf, 0
@@ -113,7 +114,7 @@ def _best_face(corners: Array, normals: Array, solid: Solid, other: Array) -> tu
     return best, which
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _best_edges(
     corners_a: Array,
     corners_b: Array,
@@ -148,7 +149,7 @@ def _best_edges(
     return best
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _supporting(corners: Array, edges: Ints, axis: Array, sign: float) -> tuple[int, int]:
     """The edge that reaches farthest along plus or minus an axis."""
     best, which = -np.inf, 0
@@ -159,7 +160,7 @@ def _supporting(corners: Array, edges: Ints, axis: Array, sign: float) -> tuple[
     return int(edges[which, 0]), int(edges[which, 1])
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _between_edges(a0: Array, a1: Array, b0: Array, b1: Array, point: Array) -> bool:
     """Writes the point between two edges; whether they really cross there."""
     u, v, w = a1 - a0, b1 - b0, a0 - b0
@@ -176,7 +177,7 @@ def _between_edges(a0: Array, a1: Array, b0: Array, b1: Array, point: Array) -> 
     return True
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _clipped(loop: Array, count: int, at: Array, inward: Array, out: Array) -> int:
     """Cuts a polygon (count, 3) off behind a plane; how many corners ``out`` has then."""
     kept = 0
@@ -198,7 +199,7 @@ def _clipped(loop: Array, count: int, at: Array, inward: Array, out: Array) -> i
     return kept
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _common_corners(
     face: Ints,
     normal: Array,
@@ -263,7 +264,7 @@ def _common_corners(
     return kept
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def contact_points(
     positions: Array,
     rotations: Array,
@@ -375,7 +376,7 @@ def contact_points(
     )
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _turning(axis: Array, anchor: Array, point: Array, force: Array) -> float:
     """The moment of a force about an axis."""
     x, y, z = point[0] - anchor[0], point[1] - anchor[1], point[2] - anchor[2]
@@ -386,7 +387,7 @@ def _turning(axis: Array, anchor: Array, point: Array, force: Array) -> float:
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def columns(
     hinges: Hinges,
     root: int,

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import ZERO
+from planner.kernels import INNER, KERNEL, ZERO
 from planner.kernels.approach import approach, loss_along
 from planner.kernels.bodies import (
     DRIFT,
@@ -107,7 +107,7 @@ class Found(NamedTuple):
     in_betweens: int
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _stretch(shape: Shape, first: int, last: int, count: int) -> tuple[int, int]:
     """First and last module of the stretch of a window: everything before and behind is rigid."""
     if shape.root >= 0:
@@ -120,7 +120,7 @@ def _stretch(shape: Shape, first: int, last: int, count: int) -> tuple[int, int]
     return low, high
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _fill(shape: Shape, angles: Angles, frame: int, start: int, out: Array) -> None:
     """Writes the angles of a frame for the hinges from ``start`` on, as many as ``out`` holds."""
     first = angles.first[frame]
@@ -136,7 +136,7 @@ def _fill(shape: Shape, angles: Angles, frame: int, start: int, out: Array) -> N
             out[k] = 0.0
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _near_core(
     shape: Shape, body: Array, module: int, low: int, most: float, pairs: Ints, count: int
 ) -> tuple[Ints, int]:
@@ -172,7 +172,7 @@ def _near_core(
     return pairs, count
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _near_along(
     bodies: Array,
     drift: float,
@@ -217,7 +217,7 @@ def _near_along(
     return pairs, count, False
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _near(
     shape: Shape,
     bodies: Array,
@@ -309,7 +309,7 @@ def _near(
     return pairs, count, False
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _look(
     shape: Shape,
     bodies: Array,
@@ -382,7 +382,7 @@ def _look(
     return best, first, second, bound, left, count
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def rigid_clearances(
     positions: Array,
     rotations: Array,
@@ -415,13 +415,13 @@ def rigid_clearances(
     return least, who
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _with_rigid_links(joint: Joint, rigid_links: int) -> Joint:
     """The same joint in a chain, or a stretch of one, with so many links at its start."""
     return Joint(rigid_links, joint.anchor, joint.axes, joint.turn, joint.offset)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _between(
     shape: Shape,
     origin: Array,
@@ -530,7 +530,7 @@ def _between(
     return found, where, first, second, bound, unbounded, moments
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, nogil=True)
 def sweep_frames(
     shape: Shape,
     angles: Angles,

@@ -6,10 +6,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
+
 Ints = NDArray[np.int64]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _root(parents: Ints, k: int) -> int:
     while parents[k] != k:
         parents[k] = parents[parents[k]]
@@ -17,7 +19,7 @@ def _root(parents: Ints, k: int) -> int:
     return k
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def one_circuit(ends_at: Ints, counts: Ints, partner: Ints) -> int:
     """Joins edges at all nodes so that they make as few circuits as can be.
 
@@ -60,7 +62,7 @@ def one_circuit(ends_at: Ints, counts: Ints, partner: Ints) -> int:
     return left
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _union(parents: Ints, a: int, b: int) -> bool:
     a = _root(parents, a)
     b = _root(parents, b)
@@ -70,7 +72,7 @@ def _union(parents: Ints, a: int, b: int) -> bool:
     return True
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def circuit_order(partner: Ints, first: int, order: Ints) -> int:
     """Follows a circuit from the edge end ``first`` on; fills in the ends by which edges are left.
 

@@ -7,13 +7,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
 from planner.kernels.kinematics import product, rodrigues
 from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def cross(a: Array, b: Array, out: Array) -> None:
     """Writes the cross product of two (3,) vectors into ``out``."""
     out[0] = a[1] * b[2] - a[2] * b[1]
@@ -21,7 +22,7 @@ def cross(a: Array, b: Array, out: Array) -> None:
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def relative_spin(rotation: Array, axes: Array, angles: Array, rates: Array, out: Array) -> None:
     """Writes the angular velocity that one joint's hinges give the next module, in the world."""
     f = (
@@ -46,7 +47,7 @@ def relative_spin(rotation: Array, axes: Array, angles: Array, rates: Array, out
         f = product(f, rodrigues(axes[k], angles[k]))
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def chain_velocities(
     angles: Array,
     rates: Array,
@@ -98,7 +99,7 @@ def chain_velocities(
             velocities[new, r] += turn[r]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def momentum_velocity(
     masses: Array,
     inertia: Array,

@@ -7,11 +7,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import INNER, KERNEL
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def angle_in(
     hinge: int, begin: int, offset: int, end: int, angles: NDArray[np.float32], folded: Array
 ) -> float:
@@ -22,7 +24,7 @@ def angle_in(
     return float(angles[place]) if place < end else 0.0
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def window_steps(
     first: Ints,
     offsets: Ints,

@@ -1,32 +1,42 @@
-"""Compiling: when kernels are compiled, by whom, and that somebody is told."""
+"""Compiling: when kernels are compiled, in which processes, and how far that is."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 from numba.core.event import Event, Listener, install_listener
 
+from planner.pipeline.compiling_lock import POLL_S, CompilingLock, fraction_of
 from planner.progress import COMPILING, Progress, Report, silent
 
-if sys.platform != "win32":
-    from fcntl import LOCK_EX, flock
+KERNELS: Final = "planner.kernels."
 
 
 class Compiling(Listener):
-    """Tells, once, that something is compiled while its context lasts.
+    """Report how far the compilation is while its context lasts.
 
     Args:
-        progress: Told ``COMPILING`` when it begins.
+        progress: Called with ``COMPILING`` and a fraction when it begins and after each kernel.
+        lock: Taken when the first kernel is compiled, so that nothing waits where all are.
+        joined: The lock belongs to another process, which this one compiles for.
     """
 
-    def __init__(self, progress: Report = silent) -> None:
+    def __init__(
+        self, progress: Report = silent, *, lock: CompilingLock | None = None, joined: bool = False
+    ) -> None:
         self._progress = progress
+        self._lock = lock
+        self._joined = joined
         self._listening = install_listener("numba:compile", self)
+        self._compiled_bytes = 0
         self.told = False
 
     def __enter__(self) -> Compiling:
@@ -35,37 +45,73 @@ class Compiling(Listener):
 
     def __exit__(self, *error: object) -> None:
         self._listening.__exit__(None, None, None)
+        if self._lock is not None:
+            self._lock.release()
 
     def on_start(self, event: Event) -> None:
         """The compiler begins with a kernel."""
-        if not self.told:
-            self.told = True
-            self._progress(Progress(stage="read", fraction=0.0, message=COMPILING))
+        if self.told:
+            return
+        self.told = True
+        self._report(0.0)
+        if self._lock is not None and not self._joined:
+            self._lock.acquire(self._report)
 
     def on_end(self, event: Event) -> None:
-        """It has ended."""
+        """The compiler has ended with a kernel."""
+        assert event.data is not None
+        function = event.data["dispatcher"].py_func
+        if not function.__module__.startswith(KERNELS):
+            return  # one of the compiler's own
+        compiled_bytes = len(function.__code__.co_code)
+        self._compiled_bytes += compiled_bytes
+        if self._lock is not None:
+            self._lock.add(compiled_bytes)
+        self.report()
+
+    def report(self) -> None:
+        """Report how far all processes that compile together are."""
+        own = fraction_of(self._compiled_bytes)
+        self._report(own if self._lock is None else max(own, self._lock.fraction()))
+
+    def _report(self, fraction: float) -> None:
+        self._progress(Progress(stage="read", fraction=fraction, message=COMPILING))
 
 
-def beside(part: str) -> subprocess.Popen[bytes]:
-    """Warms up in another process: ``motions``, or ``all``, for which it steps back.
+def beside(part: str, directory: Path | None) -> subprocess.Popen[bytes]:
+    """Warm up in another process, which ends as soon as this one has, however it ends.
 
-    It runs on by itself; who waits for it uses it as a context.
+    Args:
+        part: ``motions``, or ``all``, for which it steps back.
+        directory: Where the locks are; beside the compiled kernels when None.
     """
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "planner.pipeline.warm_up", part],
-        stdin=subprocess.DEVNULL,  # ours is for requests
+    place = [] if directory is None else [str(directory)]
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "planner.pipeline.warm_up", part, *place],
+        stdin=subprocess.PIPE,
     )
+    assert process.stdin is not None
+    # A fork of this process shall not keep the pipe open.
+    os.register_at_fork(after_in_child=process.stdin.close)
+    return process
 
 
 @contextmanager
-def alone() -> Generator[None]:
-    """Holds back others on this machine that warm up; on Windows they compile the same twice."""
-    if sys.platform == "win32":
-        yield
-        return
-    kernels = os.open(Path(__file__).parents[1] / "kernels", os.O_RDONLY)
-    try:
-        flock(kernels, LOCK_EX)
-        yield
-    finally:
-        os.close(kernels)
+def motions_beside(directory: Path, compiling: Compiling) -> Generator[None]:
+    """Compile what looks at motions in a process beside, and wait for it."""
+    process = beside("motions", directory)
+    yield
+    while process.poll() is None:
+        compiling.report()
+        time.sleep(POLL_S)
+
+
+def end_with_parent() -> None:
+    """End this process at the end of its standard input: then its parent is gone."""
+
+    def watch() -> None:
+        while os.read(0, 1):
+            pass
+        os._exit(1)
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()

@@ -20,8 +20,10 @@ from planner.chain.path import Path
 from planner.clearance.linked import exempt_pairs
 from planner.cores import cores
 from planner.explosion.paper import explode_as_published
+from planner.kernels.trails import one_circuit
 from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.compiling import Compiling, alone, beside
+from planner.pipeline.compiling import Compiling, beside, end_with_parent, motions_beside
+from planner.pipeline.compiling_lock import FIRST, REST, CompilingLock
 from planner.pipeline.fold import fold
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
@@ -29,7 +31,7 @@ from planner.pipeline.smooth import smooth_plan
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
 from planner.plan.formats import write_path
-from planner.progress import Report, silent
+from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
 from planner.simulation.parameters import PaperExplosionParameters
 
@@ -39,30 +41,33 @@ SMALL_BOX: Final = (2, 4, 5)
 """More than one unit, so that some are let go and others are the last."""
 
 
-def warm_up(progress: Report = silent, *, soon: bool = False) -> None:
-    """Folds, retimes, smooths, balances, peels, explodes as published, finds a path.
+def warm_up(
+    progress: Report = silent, *, soon: bool = False, directory: FilePath | None = None
+) -> None:
+    """Fold, retime, smooth, balance, peel, explode as published and find a path, each once.
 
-    That takes a moment once it is compiled.
-
-    Where nothing is compiled yet another process compiles a part of it at the same time. Of
-    several processes that warm up one does at a time, so that the others find it compiled.
+    That takes a moment once the kernels are compiled. Where they are not, another process compiles
+    a part of them at the same time; of several processes that warm up, one compiles at a time.
 
     Args:
-        progress: Told ``COMPILING`` as soon as something has to be compiled.
-        soon: Where something had to be compiled, come back once a path can be folded: the rest is
-            compiled beside.
+        progress: Called with ``COMPILING`` and a fraction whenever a kernel was compiled.
+        soon: Where something had to be compiled, return once a path can be folded; another process
+            compiles the rest.
+        directory: Where the locks are; beside the compiled kernels when None.
     """
-    with alone(), Compiling(progress) as compiling:
+    place = _locks_in(directory)
+    with Compiling(progress, lock=CompilingLock(place / FIRST)) as compiling:
         warm_up_chains()
-        with beside("motions") if compiling.told and cores() > 1 else nullcontext():
+        with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
             plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
-        if soon and compiling.told:
-            beside("all")
-            return
+        warm_up_motions()
+    if soon and compiling.told:
+        beside("all", place)
+        return
+    with Compiling(progress, lock=CompilingLock(place / REST)):
         retime(plan, 1.0, 1.0)
         smooth_plan(plan)
         table_certificate(plan.chain, plan.motion)
-        warm_up_motions()
         _explode_as_published()
         _peel()
         warm_up_paths()
@@ -92,12 +97,29 @@ def _peel() -> None:
 
 
 def main() -> None:
-    """Compiles what another process leaves to this one."""
-    if sys.argv[1:] == ["motions"]:
-        warm_up_motions()
+    """Compile all kernels, or what another process leaves to this one."""
+    if len(sys.argv) == 1:
+        warm_up(_show)
+        return
+    part, directory = sys.argv[1], FilePath(sys.argv[2]) if sys.argv[2:] else None
+    end_with_parent()
+    if part == "motions":
+        with Compiling(lock=CompilingLock(_locks_in(directory) / FIRST), joined=True):
+            warm_up_motions()
     else:
         os.nice(STEPPING_BACK)
-        warm_up()
+        warm_up(directory=directory)
+
+
+def _locks_in(directory: FilePath | None) -> FilePath:
+    """Return the directory of the locks: by default that of the compiled kernels."""
+    return directory or FilePath(str(one_circuit.stats.cache_path))
+
+
+def _show(progress: Progress) -> None:
+    """Print how far the compilation is, where somebody looks."""
+    if sys.stderr.isatty():
+        print(f"\r{progress.message} {progress.fraction:.0%} ", end="", file=sys.stderr)
 
 
 if __name__ == "__main__":

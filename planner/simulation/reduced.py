@@ -161,7 +161,7 @@ class Found:
         return cls(
             pairs=module_of_geom[contact.geom],
             normals=np.ascontiguousarray(contact.frame[:, :3]),
-            points=contact.pos,
+            points=np.ascontiguousarray(contact.pos),
             depths=-contact.dist,
             solref=(max(float(solref[0]), 2.0 * model.opt.timestep), float(solref[1])),
             solimp=contact.solimp[0],

@@ -111,7 +111,7 @@ class Runner:
         self._store = store
         self._shared = fork_server is not None
         self._fork_server = fork_server or ForkServer.where_possible(
-            ["stages"], warm=settings.prewarm
+            ["stages"], warm=settings.prewarm, directory=settings.root
         )
         self._children = Children("stages", ChildLimits.of(settings), self._fork_server)
         self._taken: dict[str, Child] = {}

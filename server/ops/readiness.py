@@ -14,6 +14,7 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
+from planner.pipeline.compiling_lock import compiling_fraction
 from server.settings import Settings
 from server.store.object_store import StorageError
 from server.store.stats import Stats
@@ -69,6 +70,7 @@ class Readiness:
         except SQLAlchemyError as error:
             database = f"does not answer: {type(error).__name__}"
         disk, storage = self._places()
+        compiled = compiling_fraction(self._settings.root)
         reasons = [
             f"the {name} {found}" if found.startswith(("does", "can")) else f"{name}: {found}"
             for name, found in (("database", database), ("disk", disk), ("storage", storage))
@@ -76,6 +78,8 @@ class Readiness:
         ]
         if database == OK and not workers and self._settings.workers:
             reasons.append("no worker lives")
+        if compiled is not None:
+            reasons.append(f"kernels are being compiled ({compiled:.0%})")
         if self._ending.is_set():
             reasons.append("the service is ending")
         return State(

@@ -132,13 +132,13 @@ def _step_back(niceness: int) -> None:
         Path("/proc/self/autogroup").write_text(str(niceness))
 
 
-def _stages(progress: Report, *, warm: bool) -> Task:
+def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
     from planner.pipeline.stages import run_stage
     from planner.pipeline.warm_up import warm_up
 
     _load(*COMPUTING, MESHES, "zarr.codecs")
     if warm:
-        warm_up(progress, soon=True)
+        warm_up(progress, soon=True, directory=directory)
 
     def run(
         stage: str,
@@ -289,10 +289,17 @@ def _work(kind: str, directory: Path, folders: Sequence[str]) -> Allowed:
     return Allowed(writable=tuple(map(Path, folders)) or (directory,))
 
 
-def task_of(kind: str, *, warm: bool, progress: Report) -> Task:
-    """What a kind of child does; loads all that it needs for it."""
+def task_of(kind: str, *, warm: bool, progress: Report, directory: Path | None = None) -> Task:
+    """Return the task of a kind of child, and load all that it needs for it.
+
+    Args:
+        kind: Kind of child.
+        warm: Run each kernel that it needs once.
+        progress: Called while kernels are compiled.
+        directory: Where the locks of the compilation are; beside the compiled kernels when None.
+    """
     kinds = {
-        "stages": partial(_stages, progress),
+        "stages": partial(_stages, progress, directory),
         "reader": _reader,
         "preparer": _preparer,
         "movies": _movies,

@@ -229,8 +229,9 @@ class Child:
         told = None
         while not self._ready:
             event = self._next(2 * POLL_S)
-            if told is None and (told := self._process.told) and on_progress is not None:
-                on_progress(told)
+            if (now := self._process.told) and now != told and on_progress is not None:
+                on_progress(now)
+            told = now
             if event is not None and event["event"] == "ready":
                 self._ready = True
             elif event is not None and event["event"] == "progress":

@@ -18,6 +18,7 @@ import sys
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal
 
 from server.processes.limits import ChildLimits, environment_of_child
@@ -219,22 +220,31 @@ class ForkServer:
     Args:
         kinds: Of the children that it forks.
         warm: Whether it runs every compiled loop once, so that no child has to load it.
+        directory: Where the locks of the compilation are; beside the compiled kernels when None.
         environment: Variables besides those of every child.
     """
 
     def __init__(
-        self, kinds: Sequence[Kind], *, warm: bool, environment: Mapping[str, str] | None = None
+        self,
+        kinds: Sequence[Kind],
+        *,
+        warm: bool,
+        directory: Path | None = None,
+        environment: Mapping[str, str] | None = None,
     ) -> None:
-        self._asked = {"kinds": kinds, "warm": warm}
+        self._asked = {"kinds": kinds, "warm": warm, "directory": directory and str(directory)}
         self._environment = dict(environment or {})
         self._lock = threading.Lock()
         self._running: _Running | None = None
         self._closed = False
 
     @classmethod
-    def where_possible(cls, kinds: Sequence[Kind], *, warm: bool) -> ForkServer | None:
-        """One, or None on systems whose libraries don't outlast a fork."""
-        return cls(kinds, warm=warm) if sys.platform == "linux" else None
+    def where_possible(
+        cls, kinds: Sequence[Kind], *, warm: bool, directory: Path
+    ) -> ForkServer | None:
+        """Return one, or None on systems whose libraries don't outlast a fork."""
+        linux = sys.platform == "linux"
+        return cls(kinds, warm=warm, directory=directory) if linux else None
 
     @property
     def pid(self) -> int | None:

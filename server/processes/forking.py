@@ -13,11 +13,13 @@ import select
 import signal
 import socket
 import sys
+import threading
 import traceback
 from collections import deque
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
+from pathlib import Path
 from types import FrameType
 from typing import Any, Final, NoReturn
 
@@ -159,8 +161,36 @@ class _Forks:
                 self._requests.answer(ended=pid, code=os.waitstatus_to_exitcode(status))
 
 
-def _tasks(kinds: Sequence[str], requests: _Requests, *, warm: bool) -> dict[str, Task]:
-    """What children of each kind do; with all that it takes compiled and loaded where it is warm.
+@contextmanager
+def _ending_with(parent: socket.socket) -> Generator[None]:
+    """End this process, while the context lasts, as soon as its parent has let go of a connection.
+
+    A thread watches it, since the compiler and the imports keep the main one busy for a minute. It
+    has ended when the context has: no thread outlasts a fork.
+    """
+    stopped, stop = os.pipe()
+
+    def watch() -> None:
+        hung_up = select.poll()
+        for file in (parent.fileno(), stopped):
+            hung_up.register(file, 0)
+        if any(file == parent.fileno() for file, _ in hung_up.poll()):
+            os._exit(1)
+
+    watching = threading.Thread(target=watch, name="parent", daemon=True)
+    watching.start()
+    try:
+        yield
+    finally:
+        os.close(stop)
+        watching.join()
+        os.close(stopped)
+
+
+def _tasks(
+    kinds: Sequence[str], requests: _Requests, *, warm: bool, directory: Path | None
+) -> dict[str, Task]:
+    """Return the task of each kind; with all that it takes compiled and loaded where it is warm.
 
     Where the first of them has to compile something, nobody shall wait for what the others need: it
     is compiled beside, and a child loads it from the cache.
@@ -169,10 +199,13 @@ def _tasks(kinds: Sequence[str], requests: _Requests, *, warm: bool) -> dict[str
     with Compiling() as compiling:
         for kind in kinds:
             tasks[kind] = task_of(
-                kind, warm=warm and not compiling.told, progress=requests.progress
+                kind,
+                warm=warm and not compiling.told,
+                progress=requests.progress,
+                directory=directory,
             )
     if warm and len(tasks) > 1 and compiling.told:
-        beside("all")
+        beside("all", directory)
     return tasks
 
 
@@ -182,8 +215,10 @@ def main() -> None:
     asked = json.loads(sys.argv[2])
     requests = _Requests(control)
     try:
-        tasks = _tasks(asked["kinds"], requests, warm=asked["warm"])
-        load_kernels()
+        with _ending_with(control):
+            directory = asked["directory"] and Path(asked["directory"])
+            tasks = _tasks(asked["kinds"], requests, warm=asked["warm"], directory=directory)
+            load_kernels()
         end_threads()
     except Exception as error:
         traceback.print_exc()

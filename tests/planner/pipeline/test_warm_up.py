@@ -3,16 +3,20 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
+from functools import partial
 from pathlib import Path as FilePath
 
+import psutil
 import pytest
 from numba import njit
 
 from planner.pipeline import warm_up as module
+from planner.pipeline.compiling_lock import FIRST, FIRST_BYTES
 from planner.pipeline.warm_up import warm_up
 from planner.progress import COMPILING
 from tests.compiled_later import compiled_later
+from tests.server.service import PATIENCE_S
 
 pytestmark = pytest.mark.slow
 
@@ -78,12 +82,12 @@ def test_that_it_compiles_is_told_when_it_begins(tmp_path: FilePath) -> None:
 
 
 def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
 ) -> None:
     beside: list[str] = []
     here: list[str] = []
 
-    def start(part: str) -> nullcontext[None]:
+    def start(part: str, directory: FilePath, *more: object) -> nullcontext[None]:
         beside.append(part)
         return nullcontext()
 
@@ -100,13 +104,56 @@ def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
     for name in rest:
         noted(name)
     monkeypatch.setattr(module, "beside", start)
+    monkeypatch.setattr(module, "motions_beside", partial(start, "motions"))
     monkeypatch.setattr(module, "cores", lambda: 2)
-    warm_up(soon=True)
-    assert (beside, here) == ([], rest)
+    warm_up(soon=True, directory=tmp_path)
+    assert (beside, here, list(tmp_path.iterdir())) == ([], rest, [])  # and no lock was taken
     here.clear()
     monkeypatch.setattr(module, "warm_up_chains", njit(lambda: 0))  # compiled at its first call
-    warm_up(soon=True)
+    warm_up(soon=True, directory=tmp_path)
     assert (beside, here) == (["motions", "all"], [])
+
+
+ORPHAN = """
+import os, signal, sys
+from pathlib import Path
+from planner.pipeline.compiling import beside
+print(beside("all", Path(sys.argv[1])).pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
+def test_process_beside_ends_when_its_parent_is_killed(tmp_path: FilePath) -> None:
+    parent = subprocess.run(
+        [sys.executable, "-c", ORPHAN, str(tmp_path)],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")},  # minutes of work
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    with suppress(psutil.NoSuchProcess):
+        orphan = psutil.Process(int(parent.stdout))
+        try:
+            orphan.wait(PATIENCE_S)
+        finally:
+            orphan.kill()
+
+
+FIRST_ONLY = """
+import sys
+from pathlib import Path
+from planner.pipeline.warm_up import warm_up
+
+warm_up(soon=True, directory=Path(sys.argv[1]))
+"""
+
+
+@pytest.mark.long
+def test_first_kernels_have_the_bytecode_that_fractions_are_shown_of(tmp_path: FilePath) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    subprocess.run([sys.executable, "-c", FIRST_ONLY, str(tmp_path)], env=environment, check=True)
+    assert (tmp_path / FIRST).stat().st_size == pytest.approx(FIRST_BYTES, rel=0.2)
 
 
 @pytest.mark.long

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import httpx
 
+from planner.pipeline.compiling_lock import FIRST, FIRST_BYTES, CompilingLock
 from server.ops.readiness import Readiness
 from server.settings import Settings
 from server.store.folds import Store
@@ -84,3 +85,18 @@ def test_it_says_so_while_it_ends(here_with: Callable[..., ServiceHere]) -> None
         assert answer.json()["reasons"] == ["the service is ending"]
         assert other.get("/health").status_code == 200
     assert service.stop() == 0
+
+
+def test_readiness_while_kernels_are_compiled_says_how_far_that_is(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path, workers=0)
+    store = Store(settings)
+    stats = Stats(settings, Leases.of(settings, store))
+    lock = CompilingLock(settings.root / FIRST)
+    lock.acquire(lambda _: None)
+    lock.add(FIRST_BYTES // 4)
+    reasons = Readiness(settings, stats).state().reasons
+    lock.release()
+    assert reasons == ("kernels are being compiled (25%)",)
+    assert Readiness(settings, stats).state().ready
+    stats.close()
+    store.close()

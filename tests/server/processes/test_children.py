@@ -141,7 +141,7 @@ def test_what_a_child_says_while_it_starts_is_told(directory: Path, tmp_path: Pa
         f"{WITHOUT_LIBRARIES}"
         "it = stand_in('planner.pipeline.warm_up')\n"
         "told = Progress(stage='read', fraction=0.0, message=COMPILING)\n"
-        "it.warm_up = lambda tell, soon: tell(told)\n"
+        "it.warm_up = lambda tell, soon, directory: tell(told)\n"
     )
     limits = replace(LIMITS, warm=True)
     child = Child("stages", limits, environment={"PYTHONPATH": str(tmp_path)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -10,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -52,7 +54,12 @@ def spoiled(place: Path, code: str, *, warm: bool = False) -> ForkServer:
     """One that runs code before anything else."""
     place.mkdir()
     (place / "sitecustomize.py").write_text(code)
-    return ForkServer(["stages"], warm=warm, environment={"PYTHONPATH": str(place)})
+    return ForkServer(["stages"], warm=warm, environment={"PYTHONPATH": before_others(place)})
+
+
+def before_others(place: Path) -> str:
+    """Return a search path for modules that begins with a directory."""
+    return os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
 
 
 def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> None:
@@ -129,23 +136,27 @@ def test_what_keeps_it_from_starting_is_told(tmp_path: Path, directory: Path) ->
     server.close()
 
 
-def test_that_it_compiles_is_told_to_whoever_waits(tmp_path: Path, directory: Path) -> None:
+def test_fork_server_while_it_compiles_passes_each_fraction_on(
+    tmp_path: Path, directory: Path
+) -> None:
     server = spoiled(
         tmp_path / "code",
         f"{WITHOUT_LIBRARIES}import time\n"
         "from pathlib import Path\n"
         "it = stand_in('planner.pipeline.warm_up')\n"
-        "def warm_up(tell, soon):\n"
-        "    tell(Progress(stage='read', fraction=0.0, message=COMPILING))\n"
-        f"    while not Path({str(tmp_path / 'told')!r}).exists(): time.sleep(0.01)\n"
+        "def warm_up(tell, soon, directory):\n"
+        "    tell(Progress(stage='read', fraction=0.25, message=COMPILING))\n"
+        f"    while not Path({str(tmp_path / '0.25')!r}).exists(): time.sleep(0.01)\n"
+        "    tell(Progress(stage='read', fraction=0.5, message=COMPILING))\n"
+        f"    while not Path({str(tmp_path / '0.5')!r}).exists(): time.sleep(0.01)\n"
         "it.warm_up = warm_up\n",
         warm=True,
     )
-    told: list[str] = []
+    told: list[tuple[str, float]] = []
 
-    def tell(event: dict[str, str]) -> None:
-        told.append(event["message"])
-        (tmp_path / "told").touch()
+    def tell(event: dict[str, Any]) -> None:
+        told.append((event["message"], event["fraction"]))
+        (tmp_path / str(event["fraction"])).touch()
 
     child = Child("stages", LIMITS, fork_server=server)
     try:
@@ -153,7 +164,7 @@ def test_that_it_compiles_is_told_to_whoever_waits(tmp_path: Path, directory: Pa
     finally:
         child.close()
         server.close()
-    assert told[0] == COMPILING
+    assert told[:2] == [(COMPILING, 0.25), (COMPILING, 0.5)]
 
 
 PARENT = """
@@ -181,3 +192,36 @@ def test_it_ends_with_its_parent_and_so_do_its_children(directory: Path) -> None
         assert len(theirs) == 2
         parent.kill()
     assert not psutil.wait_procs(theirs, timeout=PATIENCE_S)[1]
+
+
+COMPILES = f"""{WITHOUT_LIBRARIES}
+it = stand_in('planner.pipeline.warm_up')
+def warm_up(tell, soon, directory):
+    while True:
+        pass
+it.warm_up = warm_up
+"""
+STARTS = """
+import os, signal, sys, time
+from server.processes.fork_server import ForkServer
+server = ForkServer(["stages"], warm=True, environment={"PYTHONPATH": sys.argv[1]})
+server.start()
+print(server.pid, flush=True)
+time.sleep(600)
+"""
+
+
+def test_fork_server_that_compiles_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(COMPILES)
+    parent = subprocess.Popen(
+        [sys.executable, "-c", STARTS, before_others(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    with parent:
+        assert parent.stdout is not None
+        server = psutil.Process(int(parent.stdout.readline()))
+        parent.kill()
+    try:
+        assert not psutil.wait_procs([server], timeout=PATIENCE_S)[1]
+    finally:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            server.kill()

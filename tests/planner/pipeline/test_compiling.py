@@ -1,0 +1,63 @@
+"""The lock of the compilation, and the kernels that Python must not call."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from pathlib import Path
+
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+from planner.pipeline import compiling_lock
+from planner.pipeline.compiling_lock import FIRST, FIRST_BYTES, CompilingLock, compiling_fraction
+
+ROOT = Path(__file__).parents[3]
+KERNELS = "planner.kernels"
+
+
+def test_lock_held_by_another_shows_its_fraction_and_waits_no_longer_than_its_bound(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(compiling_lock, "POLL_S", 0.0)
+    monkeypatch.setattr(compiling_lock, "MAX_WAIT_S", 0.01)
+    holder, other = CompilingLock(tmp_path / FIRST), CompilingLock(tmp_path / FIRST)
+    holder.acquire(lambda _: pytest.fail("nobody holds it"))
+    holder.add(FIRST_BYTES // 2)
+    seen: list[float] = []
+    other.acquire(seen.append)
+    assert set(seen) == {0.5}
+    assert compiling_fraction(tmp_path) == 0.5
+    holder.release()
+    assert compiling_fraction(tmp_path) is None
+    other.release()
+
+
+def test_lock_file_is_for_its_user_alone_and_a_link_is_not_followed(tmp_path: Path) -> None:
+    lock = CompilingLock(tmp_path / FIRST)
+    lock.acquire(lambda _: None)
+    lock.release()
+    assert (tmp_path / FIRST).stat().st_mode & 0o777 == 0o600
+    (tmp_path / "elsewhere").write_text("whole")
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+    linked = CompilingLock(tmp_path / "link")
+    linked.acquire(lambda _: pytest.fail("nothing waits"))
+    assert (tmp_path / "elsewhere").read_text() == "whole"
+
+
+def test_kernels_without_a_way_in_from_python_are_imported_by_kernels_only() -> None:
+    called = [
+        f"{path.relative_to(ROOT)}: {node.module}.{name.name}"
+        for top in ("planner", "server", "web", "tests", "examples")
+        for path in (ROOT / top).rglob("*.py")
+        if path.parent != ROOT / "planner" / "kernels" and KERNELS in (text := path.read_text())
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(f"{KERNELS}.")
+        for name in node.names
+        if _is_inner(getattr(importlib.import_module(str(node.module)), name.name))
+    ]
+    assert not called
+
+
+def _is_inner(value: object) -> bool:
+    return isinstance(value, Dispatcher) and "no_cpython_wrapper" in value.targetoptions
