@@ -76,10 +76,8 @@ def rounded(frames: Frames, angles_rad: np.ndarray, errors_rad: np.ndarray) -> F
 
 def round_motion(directory: Path) -> None:
     """Round the record and the simulated playbacks, and certify them as they are then."""
-    record, playback = (
-        kind.load(directory / f"{kind.__name__.lower()}.npz") for kind in (Record, Playback)
-    )
-    assert isinstance(record, Record) and isinstance(playback, Playback)
+    record = Record.load(directory / "record.npz")
+    playback = Playback.load(directory / "playback.npz")
     exploded, played, reference = record.frames, playback.frames, playback.reference_rad
     assert isinstance(exploded, Frames) and isinstance(played, Frames) and reference is not None
     wanted = np.rint(reference / STEP_RAD)

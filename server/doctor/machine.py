@@ -168,7 +168,7 @@ def memory(settings: Settings) -> Finding:
         name="memory",
         verdict="warning",
         found=f"{found} and {_mib(besides)} besides, for pages and the {AWAITED_CHILDREN} "
-        "processes that read uploads, prepare previews and retime plans",
+        "processes that read uploads, prepare previews, retime plans and draw pictures",
         remedy="Lower FOLDBACK_CHILD_MEMORY_BYTES, FOLDBACK_WORKERS or FOLDBACK_FOLDS_PER_WORKER.",
     )
 

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
@@ -95,7 +95,7 @@ def _environment() -> dict[str, str]:
 
 
 @contextmanager
-def _serving(clone: Path, folder: Path) -> Iterator[tuple[_Watch, str]]:
+def _serving(clone: Path, folder: Path) -> Generator[tuple[_Watch, str]]:
     """Run the service of a clone on an empty data directory until the context ends."""
     settings = {"FOLDBACK_PORT": PORT, "FOLDBACK_DATA_DIR": str(folder / "data")}
     process = subprocess.Popen(

@@ -20,7 +20,7 @@ import httpx
 import psutil
 
 PATIENCE_S = 120.0
-KINDS = ("stages", "reader", "preparer", "movies", "retimer")
+KINDS = ("stages", "reader", "preparer", "movies", "retimer", "pictures")
 """Of processes that compute."""
 STAIRS = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [3, 2, 0], [3, 3, 0], [4, 3, 0]]
 """Eight modules, which explode in no time."""

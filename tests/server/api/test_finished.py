@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import sqlalchemy as sa
 
 from planner.pipeline import manifest
 from planner.plan.packed import unpack
@@ -15,6 +16,7 @@ from server.pages.cards import included_folds
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.gallery import Gallery
+from server.store.tables import CounterRow
 from tests.server.bucket import Bucket
 
 NAMES = sorted(path.stem for path in FOLDER.glob("*.fold"))
@@ -105,3 +107,16 @@ def test_finished_fold_is_verified_again(name: str, tmp_path: Path) -> None:
     unpack((FOLDER / f"{name}.fold").read_bytes(), tmp_path)
     found = verify(tmp_path)
     assert (found.problems, found.notes) == ((), ())
+
+
+@pytest.mark.usefixtures("small_folder")
+def test_import_of_finished_fold_that_was_folded_here_brings_no_second_one(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path / "data")
+    store = Store(settings)
+    import_finished(settings, store, Gallery())
+    with store.changing() as session:
+        session.execute(sa.delete(CounterRow).where(CounterRow.name == f"finished {SMALL}"))
+    assert import_finished(settings, store, Gallery()) == []
+    (row,) = store.list_public()
+    assert [path.name for path in settings.folds_dir.iterdir()] == [row.id]
+    store.close()

@@ -259,7 +259,7 @@ def test_memory_of_what_reads_and_retimes_beside_folds(
     monkeypatch.setattr(machine, "_allowed_bytes", lambda: [1500 * 2**20])
     found = machine.memory(settings(tmp_path, child_memory_bytes=2**28))
     assert found.verdict == "warning"
-    assert "the 5 processes that read uploads" in found.found
+    assert "the 6 processes that read uploads" in found.found
 
 
 def test_more_folds_than_memory(tmp_path: Path) -> None:

@@ -120,9 +120,16 @@ def error(found):
 
 web.movies.make_movie.make_movie = lambda line, movie, out, **_: error(attack(out.parent))
 """
+DRAWN = """
+import server.processes.picture_task
+server.processes.picture_task.warm_up = lambda: None
+server.processes.picture_task.draw = attack
+"""
 """Where each kind begins to read what is not its own."""
 AWAITED: tuple[Kind, ...] = ("reader", "preparer", "retimer")
-"""Kinds that do one thing after the other, for many visitors."""
+"""Kinds that do one thing after the other, for many visitors, and are forked."""
+UNFORKED: dict[Kind, str] = {"movies": SPAWNED, "pictures": DRAWN}
+"""Kinds that are started by themselves, and where each begins."""
 needs_landlock = pytest.mark.skipif(not landlock.version(), reason="a kernel without Landlock")
 
 
@@ -186,12 +193,14 @@ def attacked(
     kind: Kind, tmp_path: Path, aim: dict[str, Any], forks: ForkServer | None
 ) -> dict[str, Any]:
     """What the attack finds that runs in a child of a kind, forked or started by itself."""
-    environment = {} if forks else overrun(tmp_path / "code", "server.processes.child", SPAWNED)
+    begins = UNFORKED.get(kind, "")
+    environment = {} if forks else overrun(tmp_path / "code", "server.processes.child", begins)
     settings = Settings(data_dir=tmp_path / "data")
     place = {
         "stages": settings.folds_dir / "mine",
         "movies": settings.scratch_dir / "mine",
         "retimer": settings.motions_dir / "mine",
+        "pictures": settings.motions_dir / "mine",
     }.get(kind, settings.uploads_dir / "1" / "mine")
     place.mkdir(parents=True)
     (place.parent / "beside").mkdir()
@@ -200,8 +209,9 @@ def attacked(
     timeline = settings.folds_dir / "filmed" / "timeline.zarr"
     wishes = asdict(Movie())
     ask_for_movie(place, wishes, timeline, "movie", on_table=False)
-    limits = replace(ChildLimits.of(settings, awaited=kind in AWAITED), niceness=0)
-    if kind == "retimer":
+    many = kind in (*AWAITED, "pictures")
+    limits = replace(ChildLimits.of(settings, awaited=many), niceness=0)
+    if kind in ("retimer", "pictures"):
         limits = replace(limits, folders=(str(settings.motions_dir),))
     child = Child(kind, limits, fork_server=forks, environment=environment)
     try:
@@ -213,18 +223,18 @@ def attacked(
 
 @pytest.mark.processes
 @needs_landlock
-@pytest.mark.parametrize("kind", ["reader", "preparer", "retimer", "stages", "movies"])
+@pytest.mark.parametrize("kind", ["reader", "preparer", "retimer", "stages", *UNFORKED])
 def test_a_process_that_was_taken_over_reaches_nothing(
     kind: Kind, tmp_path: Path, aim: dict[str, Any], forks: ForkServer
 ) -> None:
-    found = attacked(kind, tmp_path, aim, None if kind == "movies" else forks)
+    found = attacked(kind, tmp_path, aim, None if kind in UNFORKED else forks)
     assert found["own"] == found["own limits"] == "done"
     refused = found["refused"]
     assert refused.pop("program") == "CalledProcessError"
     assert set(refused.values()) == {"PermissionError"}, refused
     # What listens to the parent and, in some kinds, what reads one upload or plan: no other one was
     # begun before the kernel was asked, for it would be free.
-    assert found["threads"] == (3 if kind in AWAITED else 2)
+    assert found["threads"] == (3 if kind in (*AWAITED, "pictures") else 2)
     assert "socket" not in found["files"]
 
 
