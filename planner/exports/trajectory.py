@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.chain import Chain
+from planner.clearance.sweep import Sweep, sweep
 from planner.errors import InputError
+from planner.progress import Cancelled, never
 from planner.robot.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -21,24 +25,98 @@ FORMAT: Final = "foldback-trajectory/1"
 DIGITS: Final = 9
 LINES: Final = 256
 LARGEST_RATE_HZ: Final = 1e5
+DOUBLINGS: Final = 10
+"""Maximum number of times that a rate is doubled in search of one that is high enough. Chosen."""
 
 
 def times(trajectory: Trajectory, rate_hz: float | None) -> Array:
-    """(T,) rising times of an export: those of the plan's frames, or evenly spaced and the end.
+    """Return (T,) strictly rising times of an export, in s: of the plan's frames, or even ones.
+
+    Even ones end with the duration, which is half a step to one and a half after the last but one.
 
     Raises:
         InputError: ``bad-rate``.
     """
     if rate_hz is None:
-        return np.unique(trajectory.time_s)
+        return np.unique(_short(trajectory.time_s))
     if not 0.0 < rate_hz <= LARGEST_RATE_HZ:
         raise InputError(
             "bad-rate",
             f"got a rate of {rate_hz:g} Hz, expected more than 0, at most {LARGEST_RATE_HZ:g}.",
             where="rate",
         )
-    count = int(np.ceil(trajectory.duration_s * rate_hz - 1e-9))
+    count = max(1, int(np.ceil(trajectory.duration_s * rate_hz - 0.5)))
     return np.append(np.arange(count) / rate_hz, trajectory.duration_s)
+
+
+def deviation(trajectory: Trajectory, rate_hz: float | None) -> float:
+    """Return the farthest that any hinge is from the plan, in rad, with rows joined by lines.
+
+    Lines between rows at the plan's frames are as far from it as the trajectory. Others cut off an
+    arc besides, of acceleration a and duration t: at most a t² / 8, and half the way.
+    """
+    if rate_hz is None:
+        return trajectory.deviation_rad
+    longest_s = float(np.diff(times(trajectory, rate_hz)).max())
+    return trajectory.deviation_rad + largest_chord_error(trajectory, longest_s)
+
+
+def largest_chord_error(trajectory: Trajectory, step_s: float) -> float:
+    """Return how far a line across so many seconds may be from the trajectory, in rad."""
+    return min(
+        trajectory.max_acceleration_rad_s2 * step_s**2 / 8.0,
+        trajectory.max_speed_rad_s * step_s / 2.0,
+    )
+
+
+def clearance(
+    trajectory: Trajectory,
+    chain: Chain,
+    *,
+    size: float,
+    rate_hz: float | None = None,
+    cancelled: Cancelled = never,
+) -> Sweep:
+    """Return the clearance of the rows of an export, joined by straight lines in joint space.
+
+    A controller that interpolates between rows moves like this. A cancelled sweep proves nothing:
+    its bound is 0 at most.
+
+    Args:
+        trajectory: Of this chain.
+        chain: The chain.
+        size: Module size as a fraction of the pitch.
+        rate_hz: As for ``export``.
+        cancelled: Polled now and then; a long chain's sweep takes a while.
+
+    Raises:
+        InputError: ``bad-rate``.
+    """
+    rows = _short(trajectory.at(times(trajectory, rate_hz))[0])
+    result = sweep(chain, rows, size=size, cancelled=cancelled)
+    return replace(result, bound=min(result.bound, 0.0)) if cancelled() else result
+
+
+def sufficient_rate(
+    trajectory: Trajectory,
+    chain: Chain,
+    *,
+    size: float,
+    rate_hz: float,
+    cancelled: Cancelled = never,
+) -> float | None:
+    """Return a rate above ``rate_hz``, by doubling it, at which rows are proved clear.
+
+    None where there is none within ``DOUBLINGS``, or the search was cancelled.
+    """
+    for _ in range(DOUBLINGS):
+        rate_hz *= 2.0
+        if cancelled() or rate_hz > LARGEST_RATE_HZ:
+            return None
+        found = clearance(trajectory, chain, size=size, rate_hz=rate_hz, cancelled=cancelled)
+        if found.bound > 0.0:
+            return rate_hz
+    return None
 
 
 def export(
@@ -47,7 +125,7 @@ def export(
     *,
     name: str,
     plan_verified: bool,
-    min_clearance: float | None = None,
+    clear: tuple[float, float] | None = None,
     rate_hz: float | None = None,
 ) -> Iterator[bytes]:
     """A trajectory in parts.
@@ -57,7 +135,7 @@ def export(
         form: ``csv``: a line of names, then time, angles and speeds of each moment; ``json``.
         name: Of the chain.
         plan_verified: Whether the plan is, whose corners the trajectory cuts.
-        min_clearance: Of the trajectory itself in pitches; None where nobody looked for it.
+        clear: ``clearance`` and ``bound`` of its rows in pitches; None if they were not computed.
         rate_hz: Moments in a second; None for those of the plan's frames.
 
     Raises:
@@ -66,7 +144,14 @@ def export(
     moments = times(trajectory, rate_hz)
     if form == "csv":
         return _csv(trajectory, moments)
-    head = {"name": name, "plan_verified": plan_verified, "min_clearance": min_clearance}
+    seen, proved = clear or (None, None)
+    head = {
+        "name": name,
+        "plan_verified": plan_verified,
+        "min_clearance": seen,
+        "clearance_bound": proved if proved and proved > 0.0 else None,
+        "deviation_rad": deviation(trajectory, rate_hz),
+    }
     return _json(trajectory, moments, head)
 
 
@@ -88,7 +173,6 @@ def _json(trajectory: Trajectory, moments: Array, what: dict[str, Any]) -> Itera
         "max_speed_rad_s": trajectory.max_speed_rad_s,
         "max_acceleration_rad_s2": trajectory.max_acceleration_rad_s2,
         "duration_s": trajectory.duration_s,
-        "deviation_rad": trajectory.deviation_rad,
         "joint_names": trajectory.joint_names,
         "time_s": _short(moments).tolist(),
     }

@@ -13,8 +13,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.clearance.sweep import Sweep, sweep
 from planner.errors import InputError
 from planner.kernels.retiming import fastest_profile
 from planner.plan.plan import Plan
@@ -98,21 +96,6 @@ def retimed(
         knot_rates=rates,
         frame_numbers=np.stack([kept, last], axis=1).ravel().astype(np.float64),
     )
-
-
-def clearance(trajectory: Trajectory, chain: Chain, *, size: float) -> Sweep:
-    """The closest place along a trajectory, and what clearance is proved by a sweep.
-
-    It is looked at at each frame and where its corners begin and end. Straight lines between those
-    places are within a quarter of ``deviation_rad`` of the path.
-
-    Args:
-        trajectory: Of this chain.
-        chain: The chain.
-        size: Module size as a fraction of the pitch.
-    """
-    path = trajectory.path
-    return sweep(chain, path.at_knots()[:: path.cells], size=size)
 
 
 def _moving(frames: Array) -> Indices:

@@ -16,7 +16,7 @@ from server.api.artifacts import not_there
 from server.api.context import Context
 from server.api.finding import FOLD_ID
 from server.api.folds import Here, problems
-from server.api.robot_clock import Reason, RobotClock
+from server.api.robot_clock import LONGEST_STEP_S, Reason, RobotClock
 from server.api.robot_messages import (
     DECODER,
     ENCODER,
@@ -108,10 +108,15 @@ async def get_trajectory(
         Query(gt=0, le=1e4, description="Moments in a second; else those of the plan's frames."),
     ] = None,
 ) -> StreamingResponse:
-    """The fastest motion along the plan within the bounds, at rest at both ends."""
+    """Return the fastest motion along the plan within the bounds, at rest at both ends.
+
+    Rows of a verified plan are refused where modules overlap between them.
+    """
     from planner.exports.trajectory import export
 
-    found = await _retimed(context, fold_id, max_speed, max_acceleration, address_of(request))
+    visitor = address_of(request)
+    _, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
+    found = await _retimed(context, fold_id, max_speed, max_acceleration, visitor)
     trajectory = found.trajectory
     moments = len(trajectory.time_s) if rate is None else rate * trajectory.duration_s + 2
     numbers = 2.0 * moments * len(trajectory.joint_names)
@@ -123,14 +128,22 @@ async def get_trajectory(
             where="query.rate",
         )
     try:
+        clear = None
+        if found.verified:
+            clear = await context.trajectories.clearance(wanted, rate, visitor)
         parts = export(
-            trajectory, form, name=found.name, plan_verified=found.verified, rate_hz=rate
+            trajectory,
+            form,
+            name=found.name,
+            plan_verified=found.verified,
+            clear=clear,
+            rate_hz=rate,
         )
     except InputError as error:
         raise Unusable.of(error) from error
     return Stream(
         parts,
-        context.trajectories.stream(address_of(request)),
+        context.trajectories.stream(visitor),
         media_type=MEDIA_TYPES[form],
         headers={"Content-Disposition": f'attachment; filename="trajectory.{form}"'},
         longest_s=LONGEST_ANSWER_S,
@@ -295,7 +308,11 @@ class _Hand:
 
     async def play(self) -> None:
         """Until the end, a stop, or the robot's leaving."""
+        from planner.exports.trajectory import largest_chord_error
+
         ask, trajectory = self._ask, self._trajectory
+        # A robot joins targets by straight lines; the clock goes no farther between two of them.
+        between_s = ask.speed * max(1.0 / ask.rate_hz, LONGEST_STEP_S)
         await self._send(
             Begin(
                 schema=FORMAT,
@@ -303,7 +320,7 @@ class _Hand:
                 joint_names=trajectory.joint_names,
                 frames=len(trajectory.time_s),
                 duration_s=trajectory.duration_s,
-                deviation_rad=trajectory.deviation_rad,
+                deviation_rad=trajectory.deviation_rad + largest_chord_error(trajectory, between_s),
                 joint_angles_rad=trajectory.path.frames[0].round(6).tolist(),
                 **{name: getattr(ask, name) for name in _TOLD},
             )

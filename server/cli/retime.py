@@ -16,13 +16,10 @@ from planner.certificate.figures import CertificateFigures
 from planner.chain.statics import GRAVITY_M_S2
 from planner.clearance.sweep import Sweep
 from planner.errors import InputError
-from planner.exports.trajectory import export
+from planner.exports.trajectory import clearance, deviation, export, sufficient_rate
 from planner.files import write_whole
-from planner.plan.plan import Plan
 from planner.robot.motors import Build, MotorTable, motor_table
-from planner.robot.retiming import clearance
 from planner.robot.retiming import retime as retime_plan
-from planner.robot.trajectory import Trajectory
 from server.cli.inputs import read_plan, refuse
 from server.cli.options import AsJson, FoldDirectory
 from server.pages import certificate_words
@@ -67,13 +64,16 @@ def retime(
         plan = read_plan(directory)
         trajectory = retime_plan(plan, max_speed, max_acceleration)
         size = plan.certificate.module_size
-        clear = clearance(trajectory, plan.chain, size=size) if check else None
+        clear = clearance(trajectory, plan.chain, size=size, rate_hz=rate) if check else None
+        enough = None
+        if clear is not None and clear.bound <= 0.0 and rate is not None and plan.verified:
+            enough = sufficient_rate(trajectory, plan.chain, size=size, rate_hz=rate)
         parts = export(
             trajectory,
             form,
             name=plan.chain.name,
             plan_verified=plan.verified,
-            min_clearance=clear and clear.clearance,
+            clear=None if clear is None else (clear.clearance, clear.bound),
             rate_hz=rate,
         )
         motors = None
@@ -92,16 +92,24 @@ def retime(
         refuse(error, as_json)
     report: dict[str, Any] = {
         "duration_s": trajectory.duration_s,
-        "deviation_rad": trajectory.deviation_rad,
+        "deviation_rad": deviation(trajectory, rate),
         "min_clearance": clear and clear.clearance,
         "clearance_bound": clear and clear.bound,
+        "sufficient_rate_hz": enough,
         "plan_verified": plan.verified,
         "motors": None if motors is None else motors.as_dict(),
     }
     if as_json:
         print(json.dumps(report), flush=True)
     else:
-        _show(plan, trajectory, clear, motors, out)
+        facts = [
+            ("Plan", certificate_words.headline(plan.certificate.as_dict())),
+            ("Duration", f"{trajectory.duration_s:.3g} s"),
+            ("Off the plan by", f"{deviation(trajectory, rate):.2g} rad at most"),
+        ]
+        if clear is not None:
+            facts.append(("Between its lines", _clearance_words(clear, enough)))
+        _show(facts, motors, out)
     weak = motors is not None and motors.would_do is False
     # Nothing that cannot be proved clear would do, as of a plan.
     if weak or not plan.verified or (clear is not None and clear.bound <= 0.0):
@@ -126,28 +134,31 @@ def _write(path: Path, parts: Iterable[bytes]) -> None:
         ) from error
 
 
-def _show(
-    plan: Plan,
-    trajectory: Trajectory,
-    clear: Sweep | None,
-    motors: MotorTable | None,
-    out: Path,
-) -> None:
-    console = Console(highlight=False)
-    facts = Table(box=None, show_header=False, pad_edge=False)
-    facts.add_row("Plan", certificate_words.headline(plan.certificate.as_dict()))
-    facts.add_row("Duration", f"{trajectory.duration_s:.3g} s")
-    facts.add_row("Cuts corners by", f"{trajectory.deviation_rad:.2g} rad at most")
-    if clear is not None:
-        along: CertificateFigures = {
+def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
+    """Return what holds for the lines of the file, joined by straight motions of all joints."""
+    if clear.bound > 0.0:
+        figures: CertificateFigures = {
             "clearance_bound": clear.bound,
             "min_clearance": clear.clearance,
         }
-        facts.add_row("Along it", certificate_words.clearance(along))
+        return certificate_words.clearance(figures) or ""
+    words = (
+        f"modules overlap by {-clear.clearance:.2g} of a pitch"
+        if clear.clearance < 0.0
+        else f"not proved clear; least seen {clear.clearance:.2g} of a pitch"
+    )
+    return words if sufficient_hz is None else f"{words}; --rate {sufficient_hz:g} is enough"
+
+
+def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) -> None:
+    console = Console(highlight=False)
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for fact in facts:
+        table.add_row(*fact)
     if motors is not None:
-        facts.add_row("Motors", motors.verdict)
-    facts.add_row("Written to", str(out))
-    console.print(facts)
+        table.add_row("Motors", motors.verdict)
+    table.add_row("Written to", str(out))
+    console.print(table)
     if motors is None:
         return
     columns = Table(box=None, pad_edge=False)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 from zipfile import BadZipFile, ZipFile
 
 from planner.readers.limits import megabytes
-from server.errors import NoRoom, NotFound, ServiceError, TooLarge, Unavailable
+from server.errors import NoRoom, NotFound, ServiceError, TooLarge, Unavailable, Unusable
 from server.limits.quota import Permit, Quota
 from server.limits.single_flight import SingleFlight
 from server.processes.children import ChildError, Pool
@@ -29,6 +29,8 @@ KEPT_BYTES: Final = 128 * 2**20
 """Bytes of trajectories in the cache that nobody may be using."""
 USED_BYTES: Final = 2**30
 """Bytes of all trajectories, with those of robots that are being driven."""
+CLEARANCES: Final = 1024
+"""Maximum number of clearances of rows in the cache. Chosen."""
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
 """Trajectories that are being sent, which may take those who take them a while; in all and to one
 address."""
@@ -148,6 +150,7 @@ class Trajectories:
         self._flight = SingleFlight("motions", at_once=1, total=total, per_visitor=per_visitor)
         self._streams = Quota("motions", total=STREAMS, per_visitor=STREAMS_OF_ADDRESS)
         self._cache: Cache[Retimed] = Cache(kept_bytes, lambda kept: kept.trajectory.nbytes)
+        self._clearances: Cache[dict[str, Any]] = Cache(CLEARANCES, lambda _: 1)
         self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()
         self._used_bytes = used_bytes
 
@@ -206,6 +209,37 @@ class Trajectories:
                 return found
 
         return await self._flight.get_or_make((wanted, motors), made, visitor=visitor)
+
+    async def clearance(
+        self, wanted: Wanted, rate_hz: float | None, visitor: str
+    ) -> tuple[float, float]:
+        """Return least clearance and bound, in pitches, of rows joined by straight motions.
+
+        Raises:
+            ServiceError: As ``of``; ``rows-overlap`` when modules overlap between the rows.
+            InputError: When the plan cannot be retimed.
+        """
+
+        def made() -> dict[str, Any]:
+            with self._motions.directory() as place:
+                request = {**wanted.request(), "rate_hz": rate_hz}
+                return self._call("clearance", place, wanted, request)
+
+        key = (wanted, rate_hz)
+        told = self._clearances.get(key)
+        if told is None:
+            told = await self._flight.get_or_make(key, made, visitor=visitor)
+            self._clearances.keep(key, told)
+        if told["min_clearance"] < 0.0:
+            enough = told["sufficient_rate_hz"]
+            advice = f"ask for rate={enough:g}" if enough else "ask for a higher rate, or for none"
+            raise Unusable(
+                "rows-overlap",
+                f"got rows between which modules overlap by {-told['min_clearance']:.2g} of a "
+                f"pitch when joints move straight from one to the next; {advice}.",
+                where="query.rate",
+            )
+        return told["min_clearance"], told["clearance_bound"]
 
     def stream(self, address: str) -> Permit:
         """A permit to send a trajectory.

@@ -243,7 +243,7 @@ def _movies(*, warm: bool) -> Task:
 
 
 def _retimer(*, warm: bool) -> Task:
-    from server.processes.retime_task import motors, retime, warm_up
+    from server.processes.retime_task import clearance, motors, retime, warm_up
 
     _load(*COMPUTING)
     if warm:
@@ -257,7 +257,8 @@ def _retimer(*, warm: bool) -> Task:
     ) -> dict[str, Any]:
         with ThreadPoolExecutor(1) as thread:
             thread.submit(confine_thread, directory).result()
-            return thread.submit({"retime": retime, "motors": motors}[task], directory).result()
+            works = {"retime": retime, "clearance": clearance, "motors": motors}
+            return thread.submit(works[task], directory).result()
 
     return work_out
 

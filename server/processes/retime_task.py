@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
+from planner.exports.trajectory import clearance as clearance_of_rows
+from planner.exports.trajectory import sufficient_rate
 from planner.plan.plan import Plan
 from planner.robot.motors import Build, motor_table
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.retiming import retimed
 from planner.robot.trajectory import Trajectory
 from server.processes.scratch import MOTORS, PLAN
+
+CLEARANCE_CPU_S: Final = 5.0
+"""Processor seconds for the clearance of an export's rows. Beyond it the clearance counts as not
+proved: a chain of 160 modules takes less than one second, one of 1000 about fifteen. Chosen."""
 
 
 def warm_up() -> None:
@@ -25,6 +32,7 @@ def warm_up() -> None:
     chain = warm_up_chains()
     frames = np.linspace(0.0, 1.0, 3)[:, None] * chain.folded_rad
     trajectory = retimed(frames, chain.joint_names, 1.0, 1.0)
+    clearance_of_rows(trajectory, chain, size=0.95)
     for held in (True, False):
         gravity_m_s2 = 9.81 if held else 0.0
         build = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=gravity_m_s2, held=held)
@@ -40,6 +48,33 @@ def retime(directory: Path) -> dict[str, Any]:
     plan, trajectory = _retimed(directory, _request(directory))
     trajectory.save(directory)
     return {"name": plan.chain.name, "verified": plan.verified}
+
+
+def clearance(directory: Path) -> dict[str, Any]:
+    """Return the clearance of a trajectory's rows at the rate in ``request.json``.
+
+    ``sufficient_rate_hz`` is a rate at which the rows are proved clear, where they are not.
+
+    Raises:
+        InputError: When the plan cannot be retimed, or the rate is none.
+    """
+    request = _request(directory)
+    plan, trajectory = _retimed(directory, request)
+    size, rate_hz = plan.certificate.module_size, request["rate_hz"]
+    end = time.process_time() + CLEARANCE_CPU_S
+
+    def late() -> bool:
+        return time.process_time() > end
+
+    found = clearance_of_rows(trajectory, plan.chain, size=size, rate_hz=rate_hz, cancelled=late)
+    enough = None
+    if found.clearance < 0.0 and rate_hz is not None:
+        enough = sufficient_rate(trajectory, plan.chain, size=size, rate_hz=rate_hz, cancelled=late)
+    return {
+        "min_clearance": found.clearance,
+        "clearance_bound": found.bound,
+        "sufficient_rate_hz": enough,
+    }
 
 
 def motors(directory: Path) -> dict[str, Any]:

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.robot.retiming import clearance, retime, retimed
+from planner.exports.trajectory import clearance
+from planner.robot.retiming import retime, retimed
 from planner.robot.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -1,14 +1,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
+from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.exports.trajectory import Form, export
-from planner.robot.retiming import retimed
+from planner.exports.trajectory import Form, clearance, export, sufficient_rate, times
+from planner.robot.retiming import retime, retimed
 from planner.robot.trajectory import Trajectory
 
 NAMES = ("joint_1_z", "joint_1_y", "joint_2_z")
@@ -25,14 +27,14 @@ def text(
     trajectory: Trajectory,
     form: Form,
     rate_hz: float | None = None,
-    min_clearance: float | None = None,
+    clear: tuple[float, float] | None = None,
 ) -> str:
     parts = export(
         trajectory,
         form,
         name="three",
         plan_verified=True,
-        min_clearance=min_clearance,
+        clear=clear,
         rate_hz=rate_hz,
     )
     return b"".join(parts).decode()
@@ -60,10 +62,15 @@ def test_both_forms_hold_the_same_numbers(trajectory: Trajectory) -> None:
 
 
 def test_only_what_was_looked_for_is_claimed(trajectory: Trajectory) -> None:
-    unchecked, checked = (json.loads(text(trajectory, "json", None, c)) for c in (None, 0.05))
+    unchecked, checked = (
+        json.loads(text(trajectory, "json", None, c)) for c in (None, (0.05, 0.04))
+    )
     assert "verified" not in unchecked
     assert (unchecked["plan_verified"], unchecked["min_clearance"]) == (True, None)
-    assert checked == {**unchecked, "min_clearance": 0.05}
+    assert unchecked["clearance_bound"] is None
+    assert checked == {**unchecked, "min_clearance": 0.05, "clearance_bound": 0.04}
+    unproved = json.loads(text(trajectory, "json", None, (0.05, 0.0)))
+    assert unproved == {**checked, "clearance_bound": None}
 
 
 def test_every_line_has_a_later_time_and_the_angles_then(trajectory: Trajectory) -> None:
@@ -77,9 +84,50 @@ def test_every_line_has_a_later_time_and_the_angles_then(trajectory: Trajectory)
 def test_a_rate_gives_even_times_and_the_end(trajectory: Trajectory) -> None:
     rows = table(text(trajectory, "csv", 50.0))
     assert np.diff(rows[:-1, 0]) == pytest.approx(0.02)
-    assert 0.0 < rows[-1, 0] - rows[-2, 0] <= 0.02 + 1e-9
+    assert 0.01 <= rows[-1, 0] - rows[-2, 0] <= 0.03
     assert rows[-1, 0] == pytest.approx(trajectory.duration_s)
     assert np.abs(rows[[0, -1], 4:]).max() < 1e-6
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 100])
+@pytest.mark.parametrize("rounded", [-1e-6, 0.0, 1e-6])
+def test_times_of_n_rows_over_the_duration_end_half_a_step_apart(
+    trajectory: Trajectory, rows: int, rounded: float
+) -> None:
+    rate = rows / (trajectory.duration_s + rounded)
+    stamps = times(trajectory, rate)
+    assert stamps[-1] == trajectory.duration_s
+    assert np.diff(stamps).min() >= 0.5 / rate
+    assert len(stamps) == rows + 1
+
+
+@pytest.mark.parametrize("rate", [0.7, 3.0, 50.0])
+def test_deviation_of_rows_bounds_the_lines_between_them(
+    trajectory: Trajectory, rate: float
+) -> None:
+    stamps = times(trajectory, rate)
+    moments = np.linspace(0.0, trajectory.duration_s, 5001)
+    exact, rows = trajectory.at(moments)[0], trajectory.at(stamps)[0]
+    lines = np.stack([np.interp(moments, stamps, column) for column in rows.T], axis=1)
+    chord = np.abs(lines - exact).max()
+    told = json.loads(text(trajectory, "json", rate))["deviation_rad"]
+    assert 0.0 < chord <= told - trajectory.deviation_rad
+
+
+def test_clearance_is_of_the_rows_and_a_sufficient_rate_is_proved(
+    folded: Callable[..., Any],
+) -> None:
+    plan = folded("mallet-64").plan
+    size = plan.certificate.module_size
+    fast = retime(plan, 50.0, 500.0)
+    coarse = clearance(fast, plan.chain, size=size, rate_hz=1.0)
+    assert coarse.bound <= 0.0
+    rate = sufficient_rate(fast, plan.chain, size=size, rate_hz=1.0)
+    assert rate is not None
+    rows = np.round(fast.at(times(fast, rate))[0], 9)
+    assert sweep(plan.chain, rows, size=size).bound > 0.0
+    stopped = clearance(fast, plan.chain, size=size, rate_hz=rate, cancelled=lambda: True)
+    assert stopped.bound <= 0.0
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, 1e9])

@@ -95,8 +95,11 @@ def _read(name: str, data: bytes, plan: Plan) -> None:
         case "glb":
             scene: Any = trimesh.load_scene(io.BytesIO(data), file_type="glb")
             assert len(scene.graph.nodes_geometry) == len(plan.chain)
-        case "stl":
-            assert trimesh.load_mesh(io.BytesIO(data), file_type="stl").is_watertight
+        case "srdf":
+            pairs = data.count(b"<disable_collisions")
+            assert pairs == len(plan.chain.module.exempt_pairs(len(plan.chain)))
+        case "stl" | "obj":
+            assert trimesh.load_mesh(io.BytesIO(data), file_type=name).is_watertight
         case _:
             raise AssertionError(f"{name} is not read by this test")
 

@@ -31,7 +31,7 @@ from server.files.trajectories import (
     Wanted,
 )
 from server.processes.children import Pool
-from server.processes.retime_task import motors, retime
+from server.processes.retime_task import clearance, motors, retime
 from server.processes.scratch import Scratch
 from tests.compiled_later import compiled_later
 from tests.server.service import SNAKE
@@ -40,13 +40,14 @@ IMPORTS = """
 import shutil
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from server.processes.retime_task import motors, retime, warm_up
+from server.processes.retime_task import clearance, motors, retime, warm_up
 """
 WORK = """
 request = {"max_speed": 1.0, "max_acceleration": 2.0, "module_mass_kg": 0.1, "pitch_m": None,
            "motor_torque_nm": 0.01, "form": "json"}
 for task, more in (
     (retime, {}),
+    (clearance, {"rate_hz": 1.0}),
     (motors, {"held": True, "gravity_m_s2": 9.81}),
     (motors, {"held": False, "gravity_m_s2": 0.0}),
 ):
@@ -69,7 +70,7 @@ class Here:
     def call(self, task: str, place: Path) -> dict[str, Any]:
         self.calls.append(task)
         assert self.go_on.wait(30.0)
-        return {"retime": retime, "motors": motors}[task](place)
+        return {"retime": retime, "clearance": clearance, "motors": motors}[task](place)
 
     def close(self) -> None:
         pass
