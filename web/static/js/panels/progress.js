@@ -76,7 +76,7 @@ export class Progress {
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
     if (this.cancelling) text = "Cancelling…";
     else if (now.status === "queued") {
-      if (now.paused) text = now.message;
+      if (now.paused) text = now.message ?? "Paused";
       else text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
       if (now.wait_s != null) text += left;
       else if (queue > 0) text += " · no worker is running just now";
