@@ -22,6 +22,7 @@ from sqlalchemy.orm import Session
 from planner.pipeline.attempt_folders import TIMELINE, result
 from server.errors import Conflict, NoRoom, NoSuch, NotFound, TooMany, Unavailable
 from server.jobs.queue import Jobs
+from server.limits.fair_queue import network_of
 from server.settings import Settings
 from server.store.folds import Store, hash_of, new_id, new_token
 from server.store.object_store import StorageError
@@ -254,11 +255,20 @@ class Movies:
             sa.select(MovieRow.visitor).where(MovieRow.status.in_(MAKING))
         ).all()
         own, others = making.count(visitor) - 1, len(making) - 1
+        network = network_of(visitor)
+        near = sum(network_of(other) == network for other in making) - 1
         if own >= settings.movies_waiting_of_visitor:
             raise TooMany(
                 "too-many-movies",
                 f"{own} movies of yours are being made, which is the most there may be; wait for "
                 "one, or delete it.",
+                retry_after_s=RETRY_AFTER_S,
+            )
+        if near >= max(settings.movies_waiting_of_visitor, settings.movies_waiting // 2):
+            raise TooMany(
+                "too-many-movies",
+                f"{near} movies from your network are being made, which is the most there may be; "
+                f"try again in {RETRY_AFTER_S} s.",
                 retry_after_s=RETRY_AFTER_S,
             )
         if others >= settings.movies_waiting:

@@ -136,6 +136,17 @@ def test_the_bounds_hold_over_all_processes(processes: Callable[..., list[Proces
     assert there.movies.ask("a1", MOVIES[2], "somebody")[1]
 
 
+def test_one_network_has_half_of_the_movies_that_wait(
+    processes: Callable[..., list[Process]],
+) -> None:
+    here, there = processes(movies_waiting_of_visitor=1, movies_waiting=4)
+    for number, visitor in enumerate(("2001:db8::/48|1", "2001:db8::/48|2")):
+        here.movies.ask("a1", MOVIES[number], visitor)
+    with pytest.raises(TooMany, match="2 movies from your network"):
+        there.movies.ask("a1", MOVIES[2], "2001:db8::/48|3")
+    there.movies.ask("a1", MOVIES[2], "2001:db8:1::/48|3")
+
+
 def test_a_job_that_is_lost_fails_its_movie_and_may_be_asked_for_again(
     processes: Callable[..., list[Process]],
 ) -> None:
