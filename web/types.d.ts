@@ -309,6 +309,7 @@ interface ProgressTold {
   steps_per_second?: number;
   simulated_s?: number;
   queue_position?: number;
+  paused?: boolean;
   wait_s?: number | null;
   remaining_s?: number | null; // 0 when it takes longer than usual
 }

@@ -309,11 +309,11 @@ class Runner:
                 cancelled=lambda: progress.cancelled() or part.over(),
             )
         done.take_end()
-        if result.get("status") == "cancelled" and part.over():
-            self.patiently(progress.last)
-            if self.patiently(part.pause):
-                raise PausedError(fold_id)
-        if result.get("status") == "cancelled" or not self.patiently(progress.last):
+        wanted = self.patiently(progress.last)
+        # A stage that was told to stop may have a result all the same, of what there was by then.
+        if part.ended and wanted and self.patiently(part.pause):
+            raise PausedError(fold_id)
+        if part.ended or result.get("status") == "cancelled" or not wanted:
             return self._stopped(fold_id, epoch)
         if stage == "read":
             self.patiently(

@@ -41,23 +41,24 @@ class Slice:
         self._begun = clock()
         first_s, self._whole_s = store.slices_s(fold_id)
         self._look_at = self._begun + first_s
-        self._over = False
+        self.ended = False
+        """True once ``over`` has returned True."""
 
     def over(self) -> bool:
         """Return True once the fold has to make room for another one."""
         now = self._clock()
-        if not self._over and now >= self._look_at:
+        if not self.ended and now >= self._look_at:
             self._look_at = now + LOOK_EVERY_S
             spent_s = now - self._begun
             cheaper = spent_s < self._whole_s
             try:
-                self._over = self._store.others_wait(
+                self.ended = self._store.others_wait(
                     self._fold_id, spent_s=spent_s, cheaper=cheaper
                 )
             except SQLAlchemyError as error:
                 if not passes(error):
                     raise
-        return self._over
+        return self.ended
 
     def pause(self) -> bool:
         """Put the fold back into the queue; False if it is cancelled or not ours any more."""

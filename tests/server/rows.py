@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
@@ -55,7 +55,7 @@ def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:
 
 
 @contextmanager
-def statements() -> Iterator[list[tuple[str, Any]]]:
+def statements() -> Generator[list[tuple[str, Any]]]:
     """The statements that all engines execute meanwhile, with their values."""
     said: list[tuple[str, Any]] = []
 

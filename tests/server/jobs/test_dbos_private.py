@@ -27,6 +27,8 @@ TAKING: Final = {
         "workflow_id",
         "owner_xid",
     ],
+    ("dbos._sys_db", "SystemDatabase._wf"): ["self", "table", "workflow_id"],
+    ("dbos._sys_db", "SystemDatabase._now_ms_sql"): ["self"],
     ("dbos._sys_db", "SystemDatabase.reenqueue_for_recovery"): [
         "self",
         "workflow_id",

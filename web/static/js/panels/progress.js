@@ -80,7 +80,7 @@ export class Progress {
     if (this.cancelling) text = "Cancelling…";
     else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then place ${queue} in the queue` : ""}`;
     else if (now.status === "queued") {
-      if (now.paused) text = now.message;
+      if (now.paused) text = now.message ?? "Paused";
       else text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
       if (now.wait_s != null) text += left;
       else if (queue > 0) text += " · no worker is running just now";
