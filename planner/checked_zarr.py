@@ -61,7 +61,7 @@ def open_for_writing(path: str | FilePath) -> tuple[zarr.Group, dict[str, zarr.A
     zarr = load_zarr()
     with zarr.config.set({"array.write_empty_chunks": True}):
         group = zarr.open_group(str(path), mode="r+")
-        return group, {name: cast("Any", array) for name, array in group.arrays()}
+        return group, {name: array for name, array in group.arrays()}
 
 
 def read_group(path: str | FilePath) -> zarr.Group:

@@ -7,7 +7,7 @@ import json
 import os
 import secrets
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path as FilePath
 from shutil import rmtree
@@ -25,18 +25,31 @@ TEMPORARY_SUFFIX: Final = ".partial"
 """Ending of files and directories that are being written, as zarr has it for its own."""
 
 
+EARLIER_TEMPORARY: Final = (".figures.zarr.*", ".*.npz.*", ".*.json.*")
+"""Patterns of names that earlier versions gave to files and directories being written."""
+
+
 def temporary_path(path: FilePath) -> FilePath:
     """Return a new name beside a path, for what gets that name when it is complete."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
 
 
-def remove_temporary(directory: FilePath) -> None:
-    """Remove what a process that was killed has left half written, at any depth."""
-    for path in directory.rglob(f"*{TEMPORARY_SUFFIX}"):
-        if path.is_dir() and not path.is_symlink():
-            rmtree(path, ignore_errors=True)
-        else:
-            path.unlink(missing_ok=True)
+def remove_temporary(directory: FilePath, *, before: float) -> None:
+    """Remove what killed processes have left half written in a directory and in its folders.
+
+    Args:
+        directory: Where to look, and in its folders; not deeper.
+        before: Seconds since 1970; what was written later may still be in the making.
+    """
+    for pattern in (f".*{TEMPORARY_SUFFIX}", f"*/.*{TEMPORARY_SUFFIX}", *EARLIER_TEMPORARY):
+        for path in directory.glob(pattern):
+            with suppress(OSError):  # another process removes it
+                if path.lstat().st_mtime >= before:
+                    continue
+                if path.is_dir() and not path.is_symlink():
+                    rmtree(path)
+                else:
+                    path.unlink()
 
 
 def write_whole(path: FilePath, data: bytes) -> None:

@@ -5,10 +5,13 @@ They know no protocol: ``server.http.problems`` says what each is over HTTP.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final, Self
 
-from planner.errors import InputError
+from planner.errors import DamagedError, InputError
 
+MOTION_FILES: Final = ("timeline.zarr", "chain.json", "plan.npz", "plan.json")
+"""Files that hold the motion of a fold."""
 FULL_RETRY_S: Final = 60
 
 
@@ -83,6 +86,21 @@ class Unavailable(ServiceError):
 
 class TooSlow(ServiceError):
     """It took longer than it may."""
+
+
+class Damaged(ServiceError):
+    """Stored data is missing, or is not what was written."""
+
+    @classmethod
+    def of(cls, error: DamagedError) -> Self:
+        """Return the error that visitors read; the log names the file."""
+        return cls("damaged-data", f"{damage_words([error.path])}. The operator can restore it.")
+
+
+def damage_words(names: Iterable[str]) -> str:
+    """Return what is said of a fold with damaged files, without a full stop."""
+    motion = any(part in name for name in names for part in MOTION_FILES)
+    return f"The stored {'motion' if motion else 'data'} of this fold is damaged"
 
 
 class NoRoom(ServiceError):

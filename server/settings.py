@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from difflib import get_close_matches
 from functools import cached_property
 from ipaddress import ip_network
@@ -241,6 +242,10 @@ class Settings(BaseSettings):
     previews_of_visitor_bytes: int = Field(
         default=128 * MIB, ge=MIB, description="Of it, for those of one visitor."
     )
+    most_previews: int = Field(
+        default=10_000, ge=1, description="Previews that are stored at once."
+    )
+    most_previews_of_visitor: int = Field(default=1_000, ge=1, description="Of them, of one.")
     stage_seconds: float = Field(
         default=1800.0, gt=0, description="Wall time of one stage of a fold."
     )
@@ -403,8 +408,10 @@ class Settings(BaseSettings):
 
     def make_directories(self) -> None:
         """Makes the directories that are not there yet."""
-        for directory in (self.folds_dir, self.uploads_dir):
-            directory.mkdir(parents=True, exist_ok=True)
+        for directory in (self.root, self.folds_dir, self.uploads_dir):
+            directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with suppress(OSError):  # it belongs to somebody else, or the disk is read-only
+            self.root.chmod(0o700)
 
 
 def unknown_names(names: Iterable[str]) -> dict[str, str | None]:

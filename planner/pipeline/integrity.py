@@ -75,8 +75,8 @@ def _reason(directory: FilePath, name: str) -> str | None:
             return _reason_by_digest(directory, name, known[name])
         return _reason_by_itself(path)
     except DamagedError as error:
-        return error.reason
-    except (FileNotFoundError, *UNREADABLE) as error:
+        return f"{FilePath(error.path).relative_to(directory)}: {error.reason}"
+    except UNREADABLE as error:
         return f"{type(error).__name__}: {error}"
 
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
 
-from planner.errors import InputError
+from planner.errors import DamagedError, InputError, TimelineError
 from planner.exports import EXPORTS, export_named, exports_of
 from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.integrity import check
 from server.api.context import Context
 from server.api.folds import Here, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody
@@ -51,13 +52,16 @@ def get_frames(
 ) -> Response:
     """Frames that are there, while it still computes too; `next` leads to the rest."""
     # The timeline brings compiled kernels along, which the start of the server need not wait for.
-    from planner.errors import TimelineError
     from planner.motion.frames import PHASES
     from planner.motion.timeline import Timeline
 
-    row = context.store.fold(fold_id)
+    row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
+    if row.over:
+        check(directory, TIMELINE)
     try:
-        timeline = Timeline.open(result(context.store.directory(fold_id), TIMELINE))
+        timeline = Timeline.open(result(directory, TIMELINE))
+    except DamagedError:
+        raise
     except (TimelineError, OSError, KeyError) as error:  # or it is just being made anew
         raise not_there(row, "timeline") from error
     total, chain = len(timeline), timeline.chain
@@ -137,6 +141,8 @@ async def get_export(request: Request, fold_id: str, name: str, context: Here) -
         export = export_named(name)
     except InputError as error:
         raise NotFound("no-such-export", error.detail) from error
+    directory = await asyncio.to_thread(context.store.directory, fold_id)
+    await asyncio.to_thread(check, directory, "plan.npz", export.filename)
     path = await context.exports.file(fold_id, export, visitor=address_of(request))
     return FileResponse(
         path,
@@ -160,6 +166,8 @@ def _file(name: str) -> None:
     def get_file(fold_id: str, context: Here) -> FileResponse:
         row = context.store.fold(fold_id)
         path = context.store.directory(fold_id) / name
+        if row.over:
+            check(path.parent, name)
         if not row.over or not path.is_file():
             raise not_there(row, name)
         return FileResponse(path, media_type=MEDIA_TYPES[name], filename=_download(row, name))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
+from planner.pipeline.integrity import check
 from planner.playback.unfolding import START_CHAIN, START_PLAN
 from planner.robot import RECORDED_PLAN
 from server.api.context import Context
@@ -67,6 +68,7 @@ def beginning_of(context: Context, fold_id: str, use: Use) -> BaseFold:
             "over.",
             retry_after_s=5,
         )
+    check(directory, *FILES[use].values())
     files = {name: directory / source for name, source in FILES[use].items()}
     return _beginning(use, fold_id, row, files)
 

@@ -16,8 +16,9 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
-from planner.errors import TimelineError
+from planner.errors import DamagedError, TimelineError
 from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.integrity import check
 from planner.simulation.parameters import FLOATING
 from server.api.finding import find_now, viewing_of
 from server.http.compression import Asset
@@ -25,7 +26,7 @@ from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING, ShownFold
 from web.timeline.frame_batch import kept_batch
-from web.timeline.metrics import kept_figures
+from web.timeline.metrics import FIGURES, kept_figures
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.scene_bundle import bundle_of
@@ -83,6 +84,8 @@ async def batch(
             return timeline
         try:
             return _binary(request, kept_batch(timeline, start, stop, stride), timeline)
+        except DamagedError:
+            raise
         except TimelineError:
             return _nothing()  # it is being replaced just now
 
@@ -113,9 +116,12 @@ async def figures(
             raise NoSuchFoldError(fold_id)
         if found.row.status in RUNNING:
             return _nothing()
+        check(found.directory, TIMELINE, FIGURES)
         mark(request, found.row)
         try:
             return _kept(request, kept_figures(found.directory, part))
+        except DamagedError:
+            raise
         except (TimelineError, OSError):
             return _nothing()
 
@@ -125,6 +131,8 @@ async def figures(
 def _bundle(request: Request, row: ShownFold, timeline: TimelineView) -> Response:
     try:
         table = None if row.world == FLOATING else timeline.table()
+    except DamagedError:
+        raise
     except TimelineError:
         return _nothing()  # it is being replaced just now
     return _binary(request, bundle_of(timeline.chain, timeline.stretch, table), timeline)
@@ -156,6 +164,8 @@ def _view(request: Request, fold_id: str) -> tuple[ShownFold, TimelineView | Non
     found = find_now(request, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
+    if found.row.status not in RUNNING:
+        check(found.directory, TIMELINE)
     timeline = viewing_of(request).timelines.get(result(found.directory, TIMELINE))
     if timeline is not None and not timeline.growing:
         mark(request, found.row)

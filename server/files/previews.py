@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import os
 import re
 import shutil
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -46,8 +48,19 @@ from server.store.object_store import Storage
 
 KEY: Final = re.compile(r"[0-9a-f]{24}")
 MOST_OPTION_SETS: Final = 400
-"""Sets of options that are kept for one upload."""
+"""Sets of options that are stored for one upload: of its owner, and as many of all others."""
+GOING: Final = ".going-"
+"""Prefix of directories that are being removed."""
+SETTLED_S: Final = 300.0
+"""Seconds after its last use when no report is written to a preview any more. Chosen."""
+STRANGER: Final = "stranger"
+"""File beside a report that its upload's owner has not asked for."""
+BLOCK_BYTES: Final = 512
+"""Bytes of a block of ``st_blocks`` (POSIX)."""
 SWEEP_EVERY_S: Final = 60.0
+SWEEP_BYTES: Final = 16 * 2**20
+"""Bytes of uploads since the last sweep after which the next one is due. Chosen."""
+log = logging.getLogger("foldback.web")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +114,10 @@ class Previews:
         self._root = settings.previews_dir
         self._root.mkdir(parents=True, exist_ok=True)
         self._lock = threading.Lock()
-        self._swept = 0.0
+        self._swept = -SWEEP_EVERY_S
+        self._sweeping = False
+        self._coming = 0
+        self._measured: dict[str, tuple[float, HeldPreview]] = {}
 
     def add(self, upload: Upload, visitor: str) -> str:
         """Moves an upload of a visitor here; its id, which nobody can guess.
@@ -109,7 +125,6 @@ class Previews:
         Raises:
             NoRoom: When the disk has no room for it.
         """
-        self._sweep(upload.size, visitor)
         preview_id = new_id()
         try:
             about = json.dumps({"filename": upload.filename, "visitor": visitor})
@@ -122,6 +137,7 @@ class Previews:
                 retry_after_s=60,
             ) from error
         self._elsewhere.keep(preview_id, self._root / preview_id)
+        self._sweep_soon(upload.size)
         return preview_id
 
     def directory(self, preview_id: str) -> Path:
@@ -134,10 +150,9 @@ class Previews:
         if not (preview_id.isascii() and preview_id.isalnum() and len(preview_id) <= 32):
             raise NoSuchPreviewError(preview_id)
         directory = self._root / preview_id
-        if not (directory / UPLOAD).is_file():
-            self._sweep(0)
-            if not self._elsewhere.fetch(preview_id, directory):
-                raise NoSuchPreviewError(preview_id)
+        fetch = self._elsewhere.fetch
+        if not ((directory / UPLOAD).is_file() or fetch(preview_id, directory)):
+            raise NoSuchPreviewError(preview_id)
         return directory
 
     def place(self, preview_id: str, key: str) -> Path:
@@ -206,16 +221,19 @@ class Previews:
         self._elsewhere.touch(directory)
         if (known := read_report(place)) is not None:
             return known
-        if sum(1 for _ in directory.iterdir()) > MOST_OPTION_SETS:
+        stranger = visitor != visitor_noted((directory / UPLOAD).read_bytes())
+        if _option_sets(directory, of_strangers=stranger) >= MOST_OPTION_SETS:
             raise TooMany(
                 "too-many-previews",
                 "Too many previews of one file; send it again.",
                 retry_after_s=60,
             )
-        self._sweep()  # reports may be much larger than what they tell of
+        self._sweep_soon()  # reports may be much larger than what they tell of
         if shutil.disk_usage(self._root).free < self._settings.min_free_disk_bytes:
             raise nearly_full()
         place.mkdir(exist_ok=True)
+        if stranger:
+            (place / STRANGER).touch()
         request = {"filename": self.filename(preview_id), **asdict(options)}
         request["time_limit_s"] = self._settings.preview_search_seconds
         (place / "request.json").write_text(json.dumps(request))
@@ -247,7 +265,7 @@ class Previews:
         Raises:
             StorageError: When the storage does not answer.
         """
-        shutil.rmtree(self._root / preview_id, ignore_errors=True)
+        _remove(self._root / preview_id)
         self._elsewhere.remove(preview_id)
 
     def cells(self, preview_id: str, options: ShapeOptions) -> list[list[int]] | None:
@@ -259,17 +277,56 @@ class Previews:
         report = read_report(self.place(preview_id, options.key))
         return report["cells"] if report is not None and report["module"] == CUBE.name else None
 
-    def _sweep(self, coming: int = 0, visitor: str = "") -> None:
-        """Forgets what is old, and the oldest of whoever holds too much."""
+    def _sweep_soon(self, coming: int = 0) -> None:
+        """Sweep in a thread of its own if that is due; no request waits for it.
+
+        Args:
+            coming: Bytes that an upload adds.
+        """
         self._elsewhere.sweep_soon()
         with self._lock:
-            now = time.time()
-            if now - self._swept < SWEEP_EVERY_S and coming < 2**20:
+            self._coming += coming
+            due = time.monotonic() - self._swept >= SWEEP_EVERY_S or self._coming >= SWEEP_BYTES
+            if not due or self._sweeping:
                 return
-            self._swept = now
-            held = [preview for entry in self._root.iterdir() for preview in _held(entry)]
-            for name in superfluous(held, self._settings, now=now, coming=coming, visitor=visitor):
-                shutil.rmtree(self._root / name, ignore_errors=True)
+            self._sweeping, self._coming = True, 0
+        threading.Thread(target=self._sweep, name="preview-sweep", daemon=True).start()
+
+    def _sweep(self) -> None:
+        try:
+            self.sweep()
+        except (OSError, RuntimeError) as error:  # the process may be ending
+            log.warning("previews could not be swept: %s", error)
+        finally:
+            with self._lock:
+                self._swept, self._sweeping = time.monotonic(), False
+
+    def sweep(self) -> None:
+        """Remove previews that are old, and the oldest of visitors with too many or too large ones.
+
+        A preview that nobody has used since it was measured is not measured again.
+        """
+        measured: dict[str, tuple[float, HeldPreview]] = {}
+        for entry in os.scandir(self._root):
+            if entry.name.startswith(GOING):  # a removal that was cut off
+                shutil.rmtree(entry.path, ignore_errors=True)
+            if entry.name.startswith("."):
+                continue
+            known = self._measured.get(entry.name)
+            found = _measure(Path(entry.path), known)
+            if found is not None:
+                measured[entry.name] = found
+        self._measured = measured
+        held = [preview for _, preview in measured.values()]
+        for name in superfluous(held, self._settings, now=time.time()):
+            self._measured.pop(name, None)
+            _remove(self._root / name)
+
+
+def _option_sets(directory: Path, *, of_strangers: bool) -> int:
+    """Return the number of sets of options of an upload's owner, or of all others."""
+    places = [entry for entry in os.scandir(directory) if KEY.fullmatch(entry.name)]
+    return sum(os.path.exists(f"{each.path}/{STRANGER}") == of_strangers for each in places)
 
 
 def read_report(place: Path) -> dict[str, Any] | None:
@@ -280,18 +337,36 @@ def read_report(place: Path) -> dict[str, Any] | None:
         return None
 
 
-def _held(directory: Path) -> Generator[HeldPreview]:
-    """What a directory holds; nothing when another process swept it."""
-    about = directory / UPLOAD
+def _measure(
+    directory: Path, known: tuple[float, HeldPreview] | None
+) -> tuple[float, HeldPreview] | None:
+    """Return the time and what a directory holds; None if it is gone.
+
+    Args:
+        directory: Of a preview.
+        known: The result of an earlier look.
+    """
     try:
-        yield HeldPreview(
+        touched, now = directory.stat().st_mtime, time.time()
+        if known is not None and known[1].touched == touched and known[0] > touched + SETTLED_S:
+            return known
+        about = directory / UPLOAD
+        return now, HeldPreview(
             name=directory.name,
-            touched=directory.stat().st_mtime,
-            size=sum(f.stat().st_size for f in directory.rglob("*") if f.is_file()),
+            touched=touched,
+            size=sum(path.lstat().st_blocks * BLOCK_BYTES for path in directory.rglob("*")),
             visitor=visitor_noted(about.read_bytes() if about.is_file() else None),
         )
     except OSError:
-        return
+        return None
+
+
+def _remove(directory: Path) -> None:
+    """Remove a preview; readers see all of it or nothing."""
+    going = directory.with_name(f"{GOING}{directory.name}-{new_id()}")
+    with suppress(OSError):  # another process has removed it
+        directory.rename(going)
+    shutil.rmtree(going, ignore_errors=True)
 
 
 def _problem(error: ChildError, seconds: float) -> ServiceError:

@@ -52,8 +52,6 @@ def superfluous(
     settings: Settings,
     *,
     now: float,
-    coming: int = 0,
-    visitor: str = "",
 ) -> list[str]:
     """Names of the previews that go: old ones, and the oldest of whoever holds too much.
 
@@ -63,28 +61,33 @@ def superfluous(
         held: All previews.
         settings: Say how much there may be and how old.
         now: Time of the clock.
-        coming: Bytes that a visitor is about to add.
-        visitor: Who that is.
     """
     oldest_first = sorted(held, key=lambda preview: preview.touched)
-    sizes: Counter[str] = Counter({visitor: coming})
+    sizes: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     for preview in oldest_first:
         sizes[preview.visitor] += preview.size
+        counts[preview.visitor] += 1
     gone: list[str] = []
     kept: dict[str, list[HeldPreview]] = {}
 
     def go(preview: HeldPreview) -> None:
         gone.append(preview.name)
         sizes[preview.visitor] -= preview.size
+        counts[preview.visitor] -= 1
 
     for preview in oldest_first:
         old = now - preview.touched > settings.preview_keep_s
-        if old or sizes[preview.visitor] > settings.previews_of_visitor_bytes:
+        too_many = counts[preview.visitor] > settings.most_previews_of_visitor
+        if old or too_many or sizes[preview.visitor] > settings.previews_of_visitor_bytes:
             go(preview)
         else:
             kept.setdefault(preview.visitor, []).append(preview)
-    while sizes.total() > settings.previews_bytes and kept:
-        most = max(kept, key=lambda name: sizes[name])
+    total_bytes, total = sizes.total(), counts.total()
+    while kept and (total_bytes > settings.previews_bytes or total > settings.most_previews):
+        weights = sizes if total_bytes > settings.previews_bytes else counts
+        most = max(kept, key=lambda name: weights[name])
+        total_bytes, total = total_bytes - kept[most][0].size, total - 1
         go(kept[most].pop(0))
         if not kept[most]:
             del kept[most]

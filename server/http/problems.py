@@ -23,7 +23,7 @@ from sqlalchemy.exc import (
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 
-from planner.errors import InputError
+from planner.errors import DamagedError, InputError
 from planner.pipeline.request import Request as Asked
 from server import errors
 from server.errors import FULL_RETRY_S, NoRoom, NoSuch, ServiceError, Unavailable, Unusable
@@ -47,6 +47,7 @@ STATUSES: Final[Mapping[type, int]] = {
     errors.TooMany: 429,
     errors.Unavailable: 503,
     errors.TooSlow: 504,
+    errors.Damaged: 500,
     errors.NoRoom: 507,
 }
 HEADERS: Final[Mapping[int, Mapping[str, str]]] = {
@@ -160,6 +161,11 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
         assert isinstance(error, NoSuch)
         return response_of(error)  # pages say it themselves; what else asks downloads files
 
+    async def on_damage(request: Request, error: Exception) -> Response:
+        assert isinstance(error, DamagedError)
+        log.error("%s: %s", request.url.path, error)
+        return answer(request, Problem.of(errors.Damaged.of(error)))
+
     async def on_storage(request: Request, error: Exception) -> Response:
         log.error("%s", error)
         return response_of(
@@ -205,6 +211,7 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
 
     app.add_exception_handler(ServiceError, on_error)
     app.add_exception_handler(NoSuch, on_no_such)
+    app.add_exception_handler(DamagedError, on_damage)
     app.add_exception_handler(StorageError, on_storage)
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(RequestValidationError, on_validation)

@@ -21,6 +21,7 @@ from typing import Final
 import sqlalchemy as sa
 from sqlalchemy.orm import aliased
 
+from planner.files import remove_temporary
 from server.files.cancelled import BATCH_ROWS, MAX_BATCHES, sweep_cancelled
 from server.files.derived import count_apart, derived_bytes, drop_derived
 from server.settings import Settings
@@ -65,6 +66,7 @@ class Janitor:
         """Sweeps once; how many folds were forgotten."""
         if not self._counted_apart:
             count_apart(self._store)
+            self.remove_temporary()
             self._counted_apart = True
         sweep_cancelled(self._store, self._clock())
         self._make_room()
@@ -187,6 +189,12 @@ class Janitor:
                 .order_by(FoldRow.seen_at)
                 .limit(BATCH_ROWS)
             ).all()
+
+    def remove_temporary(self) -> None:
+        """Remove what killed processes have left half written; once, when a worker starts."""
+        for folder in (self._settings.folds_dir, self._settings.work_dir):
+            for fold in folder.iterdir() if folder.is_dir() else ():
+                remove_temporary(fold, before=time.time() - ORPHAN_AGE_S)
 
     def sweep_orphans(self) -> None:
         """Remove files of folds that have no row; a part of all at a time.

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Final, TypedDict, cast
 
 from planner.certificate.figures import AttemptFigures
+from planner.errors import DamagedError
+from planner.pipeline.integrity import check
 from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
 from server.pages.certificate_words import rounded_down
 from server.pages.quantities import STRATEGIES, number, sentence
@@ -69,8 +71,9 @@ def choice_of(directory: Path, prefer: Preference) -> Choice | None:
     if prefer == COMPUTING:
         return None
     try:
+        check(directory, "attempts.json")
         values = json.loads((directory / "attempts.json").read_bytes())
-    except (OSError, ValueError):
+    except (DamagedError, OSError, ValueError):
         return None
     tried = cast("list[AttemptFigures]", values)
     plans = [

@@ -7,7 +7,7 @@ import re
 from functools import lru_cache
 from pathlib import Path
 from typing import Final, NotRequired, TypedDict, cast
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -20,19 +20,21 @@ from planner.certificate.figures import (
 )
 from planner.certificate.verdict import summary_told_honestly, told_honestly
 from planner.chain.module import CUBE, MODULES
-from planner.errors import TimelineError
+from planner.errors import UNREADABLE, TimelineError
 from planner.exports import exports_of
 from planner.files import json_of
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
 from planner.pathfinding.duration import expected_seconds
-from planner.pipeline.attempt_folders import CERTIFICATE, CHAIN, TIMELINE, result
+from planner.pipeline.attempt_folders import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
+from planner.pipeline.integrity import damaged_among
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import LARGEST_SEED, Request
 from planner.pipeline.settings import TABLE_SETTINGS
 from planner.robot import MOST_ANGLES
 from planner.simulation.parameters import AUTO, FLOATING
 from server.api.schemas import export_href
+from server.errors import MOTION_FILES, damage_words
 from server.pages import certificate_words
 from server.pages.certificate_words import TableTold
 from server.pages.choice_words import PREFERENCE_WORDS, Choice, choice_of, superlative
@@ -48,6 +50,8 @@ VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "sc
 
 
 RECORD: Final = "record.npz"
+SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
+"""Files of a fold that its page shows."""
 PLAN: Final = "plan.npy"
 """Part of a plan.npz: all that it says besides its frames, as JSON text."""
 LARGEST_SETTINGS: Final = 16 * 2**20
@@ -163,12 +167,16 @@ def fold_facts(
     """
     row, directory = found.row, found.directory
     summary = summary_told_honestly(row.summary)
+    running = row.status in RUNNING
+    damaged = [] if running else damaged_among(directory, SHOWN_FILES)
+    done = row.status in ("verified", "failed")
     certificate = summary.get("certificate") or told_honestly(
-        cast(CertificateFigures, json_of(result(directory, CERTIFICATE))),
+        cast(
+            CertificateFigures,
+            {} if CERTIFICATE in damaged else json_of(result(directory, CERTIFICATE)),
+        ),
         summary.get("playback"),
     )
-    running = row.status in RUNNING
-    done = row.status in ("verified", "failed")
     where = "" if row.world == FLOATING else ", on a table"
     problem = _problem(row, summary)
     choice = choice_of(directory, preference_named(row.prefer)) if done else None
@@ -177,7 +185,7 @@ def fold_facts(
         {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
         for export in (exports_of(moving=has_motion(summary)) if there else ())
     ]
-    return {
+    facts: FoldFacts = {
         "id": row.id,
         "name": row.title,
         "status": row.status,
@@ -214,6 +222,27 @@ def fold_facts(
         if running
         else "There is nothing to download here.",
     }
+    return _with_damage(facts, damaged) if damaged else facts
+
+
+def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
+    """Return facts that say which data is damaged, and offer nothing that is made of it."""
+    heading = damage_words(damaged)
+    changed: FoldFacts = {
+        **facts,
+        "verdict": {"tone": "bad", "text": heading},
+        "problem": {
+            "heading": heading,
+            "text": f"No motion is shown. Damaged: {', '.join(damaged)}. The operator of the "
+            "service can restore it from a backup.",
+        },
+    }
+    if any(name in MOTION_FILES for name in damaged):
+        changed["frames"] = 0
+        changed["movies"] = changed["robot"] = False
+        changed["refoldable"] = changed["smoothable"] = changed["comparable"] = False
+        changed["files"], changed["downloads"], changed["compare"] = [], [], []
+    return changed
 
 
 def _made(summary: FoldSummary) -> str | None:
@@ -368,7 +397,7 @@ def _on_table(row: ShownFold, directory: Path) -> TableRecord | None:
     try:
         with np.load(result(directory, RECORD), allow_pickle=False) as arrays:
             return TableRecord.of(arrays)
-    except (OSError, ValueError, KeyError, BadZipFile):
+    except UNREADABLE:
         return None
 
 
@@ -428,7 +457,8 @@ def _properties(
     """Groups of labels and values, each group with a heading."""
     explosion = summary.get("explosion") or ExplosionFigures()
     playback = summary.get("playback") or PlaybackFigures()
-    chain = json_of(result(directory, CHAIN))
+    over = row.status not in RUNNING
+    chain = {} if over and damaged_among(directory, [CHAIN]) else json_of(result(directory, CHAIN))
     plan = _settings_of(directory / "plan.npz") if row.status in ("verified", "failed") else {}
     made = "Smoothing" if summary.get("smoothing") else "Explosion"
     groups: list[tuple[str, list[tuple[str, object]]]] = [
@@ -531,9 +561,9 @@ def _settings_at(path: Path, changed_ns: int) -> dict[str, dict[str, object]]:
                 return {}
         with np.load(path, allow_pickle=False) as arrays:
             plan = json.loads(str(arrays["plan"]))
-    except (OSError, ValueError, KeyError, BadZipFile):
+        return {key: plan.get(key) or {} for key in ("parameters", "versions")}
+    except UNREADABLE:
         return {}
-    return {key: plan.get(key) or {} for key in ("parameters", "versions")}
 
 
 def _simulated_s(directory: Path) -> float | None:
@@ -554,5 +584,5 @@ def _simulated_at(path: Path, changed_ns: int) -> float | None:
         if not len(timeline):
             return None
         return float(timeline.frames(len(timeline) - 1).time_s[-1])
-    except (TimelineError, OSError):
+    except (TimelineError, *UNREADABLE):
         return None

@@ -16,7 +16,9 @@ from planner.certificate.figures import (
     Fault,
     FoldSummary,
 )
+from planner.errors import DamagedError
 from planner.motion.stuck_figures import BlockFigures, EvidenceFigures
+from planner.pipeline.integrity import check
 from server.pages.knot_drawing import KnotDrawing, drawing_of
 from server.pages.quantities import STRATEGIES, quantity, sentence
 from server.store.shown import ShownFold
@@ -189,8 +191,9 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
 def attempts(directory: Path) -> list[AttemptWords]:
     """The attempts of a fold, in their order: how the chain was let go, and how it ended."""
     try:
+        check(directory, "attempts.json")
         found = json.loads((directory / "attempts.json").read_bytes())
-    except (OSError, ValueError):
+    except (DamagedError, OSError, ValueError):
         return []
     return [_attempt(attempt) for attempt in cast("list[AttemptFigures]", found)]
 

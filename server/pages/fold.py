@@ -12,16 +12,17 @@ import numpy as np
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
-from planner.errors import PlannerError
+from planner.errors import UNREADABLE, PlannerError
 from planner.motion.timeline import chain_from_attributes
 from planner.pipeline.attempt_folders import CHAIN, result
+from planner.pipeline.integrity import damaged_among
 from server.api.finding import find_now, viewing_of
 from server.http.response_cache import mark
 from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import origin_of, page, script_json
 from server.pages.privacy import who_and_how_long
 from server.pages.problem_page import not_found_page
-from server.store.shown import Found
+from server.store.shown import RUNNING, Found
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
 
@@ -46,12 +47,14 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         )
     mark(request, found.row)
     facts = _facts(request, found)
+    over = found.row.status not in RUNNING
+    drawable = not (over and damaged_among(found.directory, [CHAIN]))
     return page(
         "fold.html",
         listed=found.row.public,
         facts=facts,
         facts_json=script_json(facts),
-        drawing=drawing_in(found.directory),
+        drawing=drawing_in(found.directory) if drawable else "",
         details=True,
         origin=origin_of(request),
     )
@@ -87,7 +90,7 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
             chain = chain_from_attributes(noted)
             return chain_svg(chain) if len(chain) <= LARGEST_DRAWING else ""
         cells = np.array(noted, dtype=int).reshape(-1, 3)
-    except (PlannerError, OSError, ValueError, KeyError):
+    except (PlannerError, *UNREADABLE):
         return ""  # a drawing is not worth an error
     return isometric_svg(cells) if 0 < len(cells) <= LARGEST_DRAWING else ""
 

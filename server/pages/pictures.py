@@ -13,6 +13,7 @@ from fastapi.responses import Response
 from planner.errors import InputError
 from planner.files import write_whole
 from planner.pipeline.attempt_folders import CHAIN, result
+from planner.pipeline.integrity import check
 from server.api.context import Context, context_of
 from server.api.finding import find_fold
 from server.files.artifacts import newer
@@ -40,7 +41,10 @@ async def drawing_of_fold(request: Request, fold_id: str) -> Response:
     def drawn() -> tuple[str, bool]:
         store = context_of(request).store
         row = store.fold(fold_id)
-        return drawing_in(store.folders.shown(row)), row.over
+        directory = store.folders.shown(row)
+        if row.over:
+            check(directory, CHAIN)
+        return drawing_in(directory), row.over
 
     svg, over = await asyncio.to_thread(drawn)
     if not svg:
@@ -71,13 +75,23 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     if data is None:
         return _no_picture()
     # While it computes, another of the candidates may take the place of this one.
-    return picture_answer(data, DAY_S if over else MINUTE_S, listed=found.row.public)
+    max_age_s = DAY_S if over else MINUTE_S
+    return picture_answer(data, max_age_s, listed=found.row.public, private=not found.row.public)
 
 
-def picture_answer(data: bytes, max_age_s: int = DAY_S, *, listed: bool = False) -> Response:
-    """A picture that other sites may show, and keep for so long; ``listed`` as of a page."""
+def picture_answer(
+    data: bytes, max_age_s: int = DAY_S, *, listed: bool = False, private: bool = False
+) -> Response:
+    """Return a picture that other sites may show.
+
+    Args:
+        data: The PNG file.
+        max_age_s: Seconds that caches may hold it.
+        listed: Whether search engines may list it.
+        private: Whether only browsers may hold it, and ask each time; shared caches must not.
+    """
     headers = {
-        "Cache-Control": f"public, max-age={max_age_s}",
+        "Cache-Control": "private, no-cache" if private else f"public, max-age={max_age_s}",
         "Content-Security-Policy": "default-src 'none'",
         "Cross-Origin-Resource-Policy": "cross-origin",  # it is made to be shown elsewhere
         **(LISTED if listed else {}),
@@ -100,6 +114,8 @@ def _stored_picture(path: Path) -> bytes | None:
 def _picture_of(context: Context, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
     """Return the picture of the chain in a fold's directory; None where it cannot be drawn."""
     store = context.store
+    if keep:
+        check(path.parent.parent, CHAIN)
     try:
         data = context.pictures.drawn(result(path.parent.parent, CHAIN))
     except (InputError, ChildError, OSError):

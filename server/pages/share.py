@@ -14,8 +14,9 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, HTMLResponse, Response
 
-from planner.errors import TimelineError
+from planner.errors import DamagedError, TimelineError
 from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.integrity import check
 from planner.simulation.parameters import FLOATING
 from server.api.finding import find_fold, viewing_of
 from server.api.frames import view_page
@@ -27,7 +28,7 @@ from server.pages.problem_page import not_found_page
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING, Found
 from web.pictures.table_top import TableTop
-from web.timeline.metrics import curves_of, table_forces
+from web.timeline.metrics import FIGURES, curves_of, table_forces
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.recording import recording_of
@@ -122,6 +123,8 @@ def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[]
     def made() -> bytes:
         try:
             return make(TimelineView(result(found.directory, TIMELINE)))
+        except DamagedError:
+            raise
         except TimelineError as error:
             raise Conflict("not-ready", str(error), retry_after_s=1) from error
 
@@ -131,6 +134,8 @@ def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[]
 def _standalone(found: Found, timeline: TimelineView, facts: FoldFacts) -> bytes:
     try:
         curves, forces = curves_of(found.directory), table_forces(found.directory)
+    except DamagedError:
+        raise
     except (TimelineError, OSError):
         curves = forces = None
     table = _table(found, timeline)
@@ -156,6 +161,8 @@ async def _finished(request: Request, fold_id: str) -> Found:
     found = await find_fold(request, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
+    if found.row.status not in RUNNING:
+        await asyncio.to_thread(check, found.directory, TIMELINE, FIGURES)
     timelines = viewing_of(request).timelines
     timeline = await asyncio.to_thread(timelines.get, result(found.directory, TIMELINE))
     if found.row.status in RUNNING or timeline is None or not len(timeline):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import re
 import sys
 from collections.abc import Mapping
@@ -77,7 +78,9 @@ def keep_secrets() -> None:
     """Has the kernel keep other processes of the same user from looking into this one.
 
     Without it a computing process could read in ``/proc`` what its environment was cleared of.
+    Files and sockets that are created from now on are closed to other users.
     """
+    os.umask(0o077)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_DUMPABLE, 0, 0, 0, 0)
 

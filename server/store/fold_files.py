@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from planner.errors import UNREADABLE
 from planner.files import temporary_path, write_whole
 from planner.pipeline.attempt_folders import TIMELINE, result
 from server.errors import NoSuch
@@ -353,5 +354,5 @@ def frames_promised(directory: Path) -> int:
     try:
         attributes = (result(directory, TIMELINE) / "zarr.json").read_bytes()
         return int(json.loads(attributes)["attributes"]["frames"])
-    except (OSError, ValueError, KeyError):
+    except UNREADABLE:
         return 0

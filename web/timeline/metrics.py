@@ -16,7 +16,6 @@ from __future__ import annotations
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, Final
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import FILE as FORCES
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
-from planner.errors import InputError
+from planner.errors import UNREADABLE, InputError
 from planner.files import json_of
 from planner.motion.angle_steps import plan_angles, plan_window_angles
 from planner.motion.record import TableRecord
@@ -195,7 +194,7 @@ def _table_told(directory: Path) -> dict[str, Any] | None:
         table = TableCertificate.from_dict(told)
         with np.load(result(directory, RECORD), allow_pickle=False) as arrays:
             record = TableRecord.of(arrays)
-    except (InputError, OSError, ValueError, KeyError, BadZipFile):
+    except (InputError, *UNREADABLE):
         return None
     return {
         "unit_nm": table.unit_nm,
@@ -232,7 +231,7 @@ def _reference(directory: Path, timeline: Timeline) -> Array | Windows | None:
                 reference = plan_angles(path)
                 reference.flags.writeable = False
             _REFERENCES.keep(key, reference)
-    except (OSError, ValueError, KeyError, BadZipFile):
+    except UNREADABLE:
         return None
     return reference if len(reference) else None
 

@@ -8,7 +8,7 @@ from collections import OrderedDict
 from pathlib import Path
 from typing import Final
 
-from planner.errors import TimelineError
+from planner.errors import DamagedError, TimelineError
 from web.timeline.view import TimelineView
 
 MOST_KEPT: Final = 512
@@ -28,7 +28,11 @@ class TimelineViews:
         self._kept: OrderedDict[str, TimelineView] = OrderedDict()
 
     def get(self, timeline: Path) -> TimelineView | None:
-        """The view of a timeline, or None when there is none yet."""
+        """The view of a timeline, or None when there is none yet.
+
+        Raises:
+            DamagedError: If it is damaged.
+        """
         key = str(timeline)
         with self._lock:
             view = self._views.get(key)
@@ -48,6 +52,8 @@ class TimelineViews:
             if view is None:
                 try:
                     view = TimelineView(key)
+                except DamagedError:
+                    raise
                 except (TimelineError, OSError, ValueError, KeyError):
                     return None
                 with self._lock:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
-from server.files.previews import NoSuchPreviewError, Previews, ShapeOptions
+from server.errors import TooMany
+from server.files import previews as previews_module
+from server.files.previews import MOST_OPTION_SETS, NoSuchPreviewError, Previews, ShapeOptions
 from server.files.stored_previews import (
     UPLOAD,
     HeldPreview,
@@ -17,6 +22,7 @@ from server.files.stored_previews import (
     visitor_noted,
 )
 from server.files.uploads import Uploads
+from server.processes.children import Reader
 from server.settings import Settings
 from server.store.object_store import open_storage
 from tests.server.bucket import Bucket
@@ -36,16 +42,71 @@ def test_who_holds_most_loses_his_own_first(tmp_path: Path) -> None:
     kept = [held("old", 1.0, 1, "c"), held("first", 110.0, 2, "a")]
     flood = [held(f"b{k}", 120.0 + k, 2, "b") for k in range(3)]
 
-    def gone(coming: int, visitor: str) -> list[str]:
-        found = superfluous(
-            kept + flood, settings, now=150.0, coming=coming * 2**20, visitor=visitor
-        )
-        return sorted(found)
+    def gone(*more: HeldPreview) -> list[str]:
+        return sorted(superfluous([*kept, *flood, *more], settings, now=150.0))
 
-    assert gone(0, "") == ["old"]
-    assert gone(2, "b") == ["b0", "old"]  # above what one visitor may hold
-    assert gone(4, "d") == ["b0", "old"]  # above what all may, where one holds most
-    assert gone(6, "b") == ["b0", "b1", "b2", "old"]
+    assert gone() == ["old"]
+    assert gone(held("b3", 130.0, 2, "b")) == ["b0", "old"]  # above what one visitor may hold
+    assert gone(held("d", 130.0, 4, "d")) == ["b0", "old"]  # above what all may hold
+
+
+def test_superfluous_with_many_small_previews_removes_the_oldest_of_the_largest_number(
+    tmp_path: Path,
+) -> None:
+    settings = Settings(data_dir=tmp_path, most_previews=5, most_previews_of_visitor=4)
+    mine = [held("a", 1.0, 0, "a")]
+    flood = [held(f"b{k}", 2.0 + k, 0, "b") for k in range(6)]
+    others = [held(f"c{k}", 9.0 + k, 0, "c") for k in range(2)]
+    assert superfluous([*mine, *flood, *others], settings, now=20.0) == ["b0", "b1", "b2", "b3"]
+
+
+def test_previews_of_an_upload_by_strangers_leave_the_owner_its_own(tmp_path: Path) -> None:
+    previews, uploads = Previews(Settings(data_dir=tmp_path)), Uploads(Settings(data_dir=tmp_path))
+    reader = cast("Reader", SimpleNamespace(call=write_report))
+
+    def ask(seed: int, visitor: str) -> None:
+        previews.report(preview_id, ShapeOptions(seed=seed), reader, visitor=visitor)
+
+    with uploads.stored(BytesIO(b"[]"), "thing.stl") as upload:
+        preview_id = previews.add(upload, "owner")
+    for seed in range(MOST_OPTION_SETS):
+        ask(seed, "stranger")
+    with pytest.raises(TooMany):
+        ask(1000, "another")
+    ask(1001, "owner")
+    uploads.close()
+
+
+def write_report(kind: str, place: Path, **options: object) -> None:
+    (place / "report.json").write_text("{}")
+
+
+def test_sweep_of_previews_measures_only_what_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blocks of the disk count: a file of one byte takes 4 KiB."""
+    previews, uploads = Previews(Settings(data_dir=tmp_path)), Uploads(Settings(data_dir=tmp_path))
+    measured: list[object] = []
+
+    def measure(**values: Any) -> HeldPreview:
+        measured.append(values)
+        return HeldPreview(**values)
+
+    monkeypatch.setattr(previews_module, "HeldPreview", measure)
+    ids = []
+    for visitor in "ab":
+        with uploads.stored(BytesIO(b"0"), "thing.stl") as upload:
+            ids.append(previews.add(upload, visitor))
+    for preview_id in ids:  # used a while ago
+        os.utime(tmp_path / "previews" / preview_id, (1e9, 1e9))
+    settled = Previews(Settings(data_dir=tmp_path, preview_keep_s=1e10))
+    settled.sweep()
+    assert len(measured) >= 2
+    assert all(cast("Any", each)["size"] >= 4096 for each in measured)
+    measured.clear()
+    settled.sweep()
+    assert measured == []
+    uploads.close()
 
 
 def test_other_options_have_a_report_of_their_own() -> None:
@@ -90,6 +151,7 @@ def test_a_flood_of_previews_leaves_those_of_others(tmp_path: Path) -> None:
 
     mine = add("a")
     flood = [add("b") for _ in range(12)]
+    previews.sweep()
     assert previews.filename(mine) == "thing.stl"
     with pytest.raises(NoSuchPreviewError):
         previews.filename(flood[0])

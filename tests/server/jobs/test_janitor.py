@@ -91,6 +91,22 @@ def left(store: Store, *folds: str) -> list[bool]:
     return found
 
 
+def test_janitor_removes_what_killed_processes_left_half_written(
+    store: Store, tmp_path: Path
+) -> None:
+    place = store.folders.place(fold(store, days=0))
+    (place / EXPORTS_DIR).mkdir()
+    names = (".figures.zarr.a1b2.partial", ".figures.zarr.4711", f"{EXPORTS_DIR}/.a.csv.1.partial")
+    stale, fresh = [place / name for name in names], place / ".plan.json.ff.partial"
+    for path in (*stale, fresh):
+        path.mkdir()
+        if path != fresh:
+            os.utime(path, (1e9, 1e9))
+    janitor(tmp_path, store).sweep()
+    assert [path.exists() for path in (*stale, fresh)] == [False, False, False, True]
+    assert (place / "plan.json").exists()
+
+
 def test_nothing_is_forgotten_unless_it_is_asked_for(tmp_path: Path, store: Store) -> None:
     old = fold(store, days=5000, size=10**12)
     assert janitor(tmp_path, store).sweep() == 0

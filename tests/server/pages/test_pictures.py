@@ -70,7 +70,7 @@ def test_a_crowd_gets_one_picture(store: Store, drawn: Drawn) -> None:
     directory = fold_in(store, "verified")
     answers = asked(store, directory, drawn, 20)
     assert {answer.content for answer in answers} == {b"a picture of first"}
-    assert {answer.headers["Cache-Control"] for answer in answers} == {"public, max-age=86400"}
+    assert {answer.headers["Cache-Control"] for answer in answers} == {"private, no-cache"}
     asked(store, directory, drawn)
     assert drawn == ["first"]
 
@@ -78,7 +78,7 @@ def test_a_crowd_gets_one_picture(store: Store, drawn: Drawn) -> None:
 def test_while_a_fold_computes_its_picture_is_not_kept(store: Store, drawn: Drawn) -> None:
     directory = fold_in(store, "running")
     (first,) = asked(store, directory, drawn)
-    assert first.headers["Cache-Control"] == "public, max-age=60"
+    assert first.headers["Cache-Control"] == "private, no-cache"
     assert os.listdir(directory) == ["chain.json"]
     take(directory, "second")
     (second,) = asked(store, directory, drawn)

@@ -19,6 +19,9 @@ const RETRY_MS = 300;
 const LOOK_MS = 1000;
 const MOST_LOOKS = 1800; // half an hour
 const WAIT_S = 1;
+const DAMAGED = 500; // the service says so of stored data that is not what was written
+
+class DamagedError extends Error {}
 
 // Scene bundle and batches under an address of this server.
 export class Source {
@@ -47,6 +50,7 @@ export class Source {
   async get(what) {
     const answer = await fetch(`${this.under}/${what}`);
     if (answer.status === 204) return null;
+    if (answer.status === DAMAGED) throw new DamagedError((await answer.json()).detail);
     if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
     return /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(await answer.arrayBuffer())));
   }
@@ -164,8 +168,9 @@ export class Timeline extends Emitter {
         else if (this.growing) await this.grow();
         else if (this.unsure && this.looks < MOST_LOOKS) await this.look();
         else break;
-      } catch {
-        await pause(4 * RETRY_MS); // the connection broke; what is here stays
+      } catch (error) {
+        if (error instanceof DamagedError) this.damaged(error.message);
+        else await pause(4 * RETRY_MS); // the connection broke; what is here stays
       }
     }
     this.running = false;
@@ -184,6 +189,14 @@ export class Timeline extends Emitter {
     if (over) this.unsure = false;
     if (this.total !== before[0] || this.status !== before[1]) this.tell("grew");
     this.load();
+  }
+
+  // No motion is shown any more; the page says why.
+  /** @param {string} detail */
+  damaged(detail) {
+    this.stop();
+    this.forget();
+    this.tell("damaged", detail);
   }
 
   begunAnew() {
@@ -329,7 +342,8 @@ export class Timeline extends Emitter {
       if (!batch || batch.header.id !== id) { this.begunAnew(); return; }
       this.take(batch);
       this.tell("loaded", index);
-    } catch {
+    } catch (error) {
+      if (error instanceof DamagedError) { this.damaged(error.message); return; }
       await pause(4 * RETRY_MS);
     }
     if (id === this.id) { this.loading.delete(index); this.load(); }

@@ -76,6 +76,11 @@ export function view({ source, figures, load, over = true, details = null, play 
   }
   setTimeout(start3d, sketch.worker ? START_DELAY_MS : 0);
 
+  timeline.on("damaged", (/** @type {string} */ detail) => {
+    get("cover").classList.remove("gone");
+    get("cover-text").textContent = detail;
+  });
+
   let begun = false;
   player.on("begun", () => {
     if (begun) return;

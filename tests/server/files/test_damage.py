@@ -1,0 +1,152 @@
+"""Damaged files of a finished fold: each route says so, and none shows invented data."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from itertools import cycle
+from pathlib import Path
+
+import pytest
+
+from tests.server.service import SNAKE, Service
+
+MOTION = "The stored motion of this fold is damaged"
+ROUTES = (
+    "/folds/{id}",
+    "/folds/{id}/facts",
+    "/folds/{id}/bundle",
+    "/folds/{id}/batch",
+    "/folds/{id}/figures",
+    "/folds/{id}/drawing.svg",
+    "/folds/{id}/picture.png",
+    "/folds/{id}/standalone.html",
+    "/folds/{id}/recording.viser",
+    "/embed/{id}",
+    "/compare?a={id}&b={id}",
+    "/api/folds/{id}",
+    "/api/folds/{id}/frames",
+    "/api/folds/{id}/exports",
+    "/api/folds/{id}/exports/csv",
+    "/api/folds/{id}/exports/urdf",
+    "/api/folds/{id}/plan.npz",
+    "/api/folds/{id}/plan.json",
+    "/api/folds/{id}/model.xml",
+    "/api/folds/{id}/certificate.json",
+)
+MOTION_ROUTES = ("bundle", "batch", "figures", "standalone.html", "recording.viser")
+
+
+@pytest.fixture(scope="module")
+def fold(service: Service) -> str:
+    accepted = service.fold(SNAKE, seed=3)
+    assert service.wait_over(accepted["id"])["status"] == "verified"
+    return accepted["id"]
+
+
+@pytest.fixture
+def directory(service: Service, fold: str, tmp_path: Path) -> Iterator[Path]:
+    """Files of a fold, which are put back afterwards."""
+    place = service.directory(fold)
+    shutil.copytree(place, tmp_path / "whole")
+    yield place
+    shutil.rmtree(place)
+    shutil.copytree(tmp_path / "whole", place)
+
+
+def test_fold_with_lost_chunks_shows_no_motion(
+    service: Service, fold: str, directory: Path
+) -> None:
+    for chunk in (directory / "timeline.zarr" / "joint_angles_rad" / "c").rglob("*"):
+        if chunk.is_file():
+            chunk.unlink()
+    for name in MOTION_ROUTES:
+        answer = service.http.get(f"/folds/{fold}/{name}")
+        assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
+        assert answer.json()["detail"].startswith(MOTION)
+    answer = service.http.get(f"/api/folds/{fold}/frames")
+    assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
+    for path in (f"/folds/{fold}", f"/embed/{fold}", f"/compare?a={fold}&b={fold}"):
+        assert MOTION in service.http.get(path).text
+    facts = service.http.get(f"/folds/{fold}/facts").json()
+    assert (facts["frames"], facts["verdict"]["text"], facts["downloads"]) == (0, MOTION, [])
+    log = service.log.read_text()
+    assert "joint_angles_rad" in log
+    assert fold in log
+
+
+@pytest.mark.parametrize("name", ["plan.npz", "plan.json", "model.xml", "certificate.json"])
+def test_damaged_download_is_refused(
+    service: Service, fold: str, directory: Path, name: str
+) -> None:
+    data = bytearray((directory / name).read_bytes())
+    data[len(data) // 3] ^= 4
+    (directory / name).write_bytes(bytes(data))
+    answer = service.http.get(f"/api/folds/{fold}/{name}")
+    assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
+
+
+def test_picture_of_a_private_fold_is_not_for_shared_caches(service: Service, fold: str) -> None:
+    answer = service.http.get(f"/folds/{fold}/picture.png")
+    assert (answer.status_code, answer.headers["Cache-Control"]) == (200, "private, no-cache")
+
+
+def test_data_directory_is_closed_to_other_users(service: Service) -> None:
+    """Also the database and the files of folds, by their own modes."""
+    assert service.data_dir.stat().st_mode & 0o077 == 0
+    written = [*service.data_dir.glob("*.db*"), *service.data_dir.rglob("plan.json")]
+    assert written
+    assert all(path.stat().st_mode & 0o077 == 0 for path in written)
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def scribble(path: Path) -> None:
+    path.write_bytes(bytes(range(256)) * 4)
+
+
+def mistype(path: Path) -> None:
+    path.write_text(json.dumps([{"verdict": 7, "chosen": None}, 3, "x"]))
+
+
+def replace_by_directory(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+DAMAGES: tuple[Callable[[Path], None], ...] = (
+    empty,
+    mistype,
+    truncate,
+    scribble,
+    replace_by_directory,
+    Path.unlink,
+)
+
+
+def test_fold_with_any_damaged_file_is_answered_in_sentences(
+    service: Service, fold: str, directory: Path
+) -> None:
+    """Every file in turn, every route: what is damaged is said, all else goes on."""
+    files = [path for path in sorted(directory.iterdir()) if path.is_file()]
+    files += [directory / "timeline.zarr" / "zarr.json", directory / "figures.zarr" / "zarr.json"]
+    for path, damage in zip(files, cycle(DAMAGES), strict=False):
+        whole = path.read_bytes()
+        damage(path)
+        for route in ROUTES:
+            answer = service.http.get(route.format(id=fold))
+            assert answer.status_code < 500 or answer.json()["code"] == "damaged-data", (
+                f"{path.name}: {route} {answer.status_code} {answer.text[:300]}"
+            )
+        if path.is_dir():
+            path.rmdir()
+        path.write_bytes(whole)
+    lines = [line[-400:] for line in service.log.read_text().splitlines() if "Traceback" in line]
+    assert not lines
