@@ -12,7 +12,7 @@ from fastapi.responses import FileResponse, Response
 from planner.errors import DamagedError, InputError, TimelineError
 from planner.exports import EXPORTS, export_named, exports_of
 from planner.pipeline.attempt_folders import TIMELINE, result
-from planner.pipeline.integrity import check
+from planner.verification.integrity import check
 from server.api.context import Context
 from server.api.folds import Here, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
-from planner.pipeline.integrity import check
 from planner.playback.unfolding import START_CHAIN, START_PLAN
 from planner.robot import RECORDED_PLAN
+from planner.verification.integrity import check
 from server.api.context import Context
 from server.errors import Conflict, Unusable
 from server.store.tables import FoldRow

@@ -18,8 +18,8 @@ from fastapi.responses import Response
 
 from planner.errors import DamagedError, TimelineError
 from planner.pipeline.attempt_folders import TIMELINE, result
-from planner.pipeline.integrity import check
 from planner.simulation.parameters import FLOATING
+from planner.verification.integrity import check
 from server.api.finding import find_now, viewing_of
 from server.http.compression import Asset
 from server.http.response_cache import mark

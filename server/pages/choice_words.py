@@ -9,8 +9,8 @@ from typing import Final, TypedDict, cast
 
 from planner.certificate.figures import AttemptFigures
 from planner.errors import DamagedError
-from planner.pipeline.integrity import check
 from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
+from planner.verification.integrity import check
 from server.pages.certificate_words import rounded_down
 from server.pages.quantities import STRATEGIES, number, sentence
 

@@ -27,12 +27,12 @@ from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
 from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.attempt_folders import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
-from planner.pipeline.integrity import damaged_among
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import LARGEST_SEED, Request
 from planner.pipeline.settings import TABLE_SETTINGS
 from planner.robot import MOST_ANGLES
 from planner.simulation.parameters import AUTO, FLOATING
+from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words
 from server.pages import certificate_words

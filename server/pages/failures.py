@@ -18,7 +18,7 @@ from planner.certificate.figures import (
 )
 from planner.errors import DamagedError
 from planner.motion.stuck_figures import BlockFigures, EvidenceFigures
-from planner.pipeline.integrity import check
+from planner.verification.integrity import check
 from server.pages.knot_drawing import KnotDrawing, drawing_of
 from server.pages.quantities import STRATEGIES, quantity, sentence
 from server.store.shown import ShownFold

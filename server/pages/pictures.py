@@ -13,7 +13,7 @@ from fastapi.responses import Response
 from planner.errors import InputError
 from planner.files import write_whole
 from planner.pipeline.attempt_folders import CHAIN, result
-from planner.pipeline.integrity import check
+from planner.verification.integrity import check
 from server.api.context import Context, context_of
 from server.api.finding import find_fold
 from server.files.artifacts import newer
