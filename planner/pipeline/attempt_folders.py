@@ -25,6 +25,7 @@ from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
 from planner.robot import RECORDED_PLAN
 
 ATTEMPTS: Final = "attempts.json"
+CANDIDATES: Final = "candidates.json"
 FOLDER: Final = "attempts"
 CERTIFICATE: Final = "certificate.json"
 TIMELINE: Final = "timeline.zarr"

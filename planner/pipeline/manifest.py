@@ -18,7 +18,7 @@ import numpy as np
 from planner.certificate.table_forces import FILE as FORCES
 from planner.errors import UNREADABLE
 from planner.files import write_json, zarr_group
-from planner.pipeline.attempts import CANDIDATES
+from planner.pipeline.attempt_folders import CANDIDATES
 from planner.playback.unfolding import START_CHAIN, START_PLAN
 from planner.robot import RECORDED_PLAN
 

@@ -16,7 +16,8 @@ from planner.motion.motion import Motion, motion_arrays
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes
 from planner.motion.windows import Windows
-from planner.pipeline.attempts import CANDIDATES, Candidates
+from planner.pipeline.attempt_folders import CANDIDATES
+from planner.pipeline.attempts import Candidates
 from planner.pipeline.fold_directory import read_playback, read_record
 from planner.plan.differences import (
     SINGLE_WITHIN,
