@@ -17,7 +17,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-fast test-long faults coverage load audit deploy-check docs lint format bench success-map reproduction constraints clean tools
+.PHONY: help run test test-fast test-long faults coverage load audit deploy-check docs lint format bench success-map reproduction constraints clean tools test-foreign
 
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -74,6 +74,27 @@ format: $(STAMP) ## Let ruff put the code in order
 test-long: $(STAMP) tools ## What takes long by nature: faults, replays of all shapes; an hour and more
 	@$(BIN)/python -m pytest -q -m "long or hypothesis" --hypothesis-profile=thorough -o timeout=0 \
 		--durations=20 $(ARGS)
+
+# Blender's package has wheels for Python 3.11 alone.
+FOREIGN := .venv-foreign
+FOREIGN_PYTHON ?= python3.11
+FOREIGN_PLANS := out/foreign
+
+$(FOREIGN)/.installed: tests/foreign/requirements.txt tests/foreign/blender.txt $(STAMP)
+	@echo "Installing other programs into $(FOREIGN), once: several GB …"
+	@for part in requirements blender; do \
+		$(FOREIGN_PYTHON) -m venv $(FOREIGN)/$$part && \
+		$(FOREIGN)/$$part/bin/python -m pip install --quiet --only-binary :all: \
+			--disable-pip-version-check -r tests/foreign/$$part.txt || exit 1; done
+	@$(BIN)/npm install --silent --no-save --ignore-scripts --prefix $(FOREIGN) gltf-validator@2.0.0-dev.3.10
+	@touch $@
+
+test-foreign: $(FOREIGN)/.installed ## Open exports by Drake, PyBullet, Blender and others (several GB)
+	@$(BIN)/python -m tests.foreign.make_plans $(FOREIGN_PLANS)
+	@FOREIGN_PLANS=$(abspath $(FOREIGN_PLANS)) FOREIGN_NODE=$(abspath $(BIN))/node \
+		FOREIGN_MODULES=$(abspath $(FOREIGN))/node_modules \
+		FOREIGN_BLENDER=$(abspath $(FOREIGN))/blender/bin/python \
+		$(FOREIGN)/requirements/bin/python -m pytest -c tests/foreign/pytest.ini tests/foreign $(ARGS)
 
 coverage: $(STAMP) tools ## Lines and branches that `make test` runs, for each package
 	@rm -rf out/coverage && mkdir -p out/coverage

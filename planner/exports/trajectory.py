@@ -25,6 +25,8 @@ FORMAT: Final = "foldback-trajectory/1"
 DIGITS: Final = 9
 LINES: Final = 256
 LARGEST_RATE_HZ: Final = 1e5
+TOUCHING: Final = 1e-6
+"""Depth in pitches up to which modules touch rather than overlap: rounding, not motion. Chosen."""
 DOUBLINGS: Final = 10
 """Maximum number of times that a rate is doubled in search of one that is high enough. Chosen."""
 

@@ -16,7 +16,13 @@ from planner.certificate.figures import CertificateFigures
 from planner.chain.statics import GRAVITY_M_S2
 from planner.clearance.sweep import Sweep
 from planner.errors import InputError
-from planner.exports.trajectory import clearance, deviation, export, sufficient_rate
+from planner.exports.trajectory import (
+    TOUCHING,
+    clearance,
+    deviation,
+    export,
+    sufficient_rate,
+)
 from planner.files import write_whole
 from planner.robot.motors import Build, MotorTable, motor_table
 from planner.robot.retiming import retime as retime_plan
@@ -144,8 +150,8 @@ def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
         return certificate_words.clearance(figures) or ""
     words = (
         f"modules overlap by {-clear.clearance:.2g} of a pitch"
-        if clear.clearance < 0.0
-        else f"not proved clear; least seen {clear.clearance:.2g} of a pitch"
+        if clear.clearance < -TOUCHING
+        else f"not proved clear; least seen {max(0.0, clear.clearance):.2g} of a pitch"
     )
     return words if sufficient_hz is None else f"{words}; --rate {sufficient_hz:g} is enough"
 

@@ -230,7 +230,7 @@ class Trajectories:
         if told is None:
             told = await self._flight.get_or_make(key, made, visitor=visitor)
             self._clearances.keep(key, told)
-        if told["min_clearance"] < 0.0:
+        if told["overlap"]:
             enough = told["sufficient_rate_hz"]
             advice = f"ask for rate={enough:g}" if enough else "ask for a higher rate, or for none"
             raise Unusable(

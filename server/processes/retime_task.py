@@ -9,8 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from planner.exports.trajectory import TOUCHING, sufficient_rate
 from planner.exports.trajectory import clearance as clearance_of_rows
-from planner.exports.trajectory import sufficient_rate
 from planner.plan.plan import Plan
 from planner.robot.motors import Build, motor_table
 from planner.robot.retiming import retime as retime_plan
@@ -68,11 +68,12 @@ def clearance(directory: Path) -> dict[str, Any]:
 
     found = clearance_of_rows(trajectory, plan.chain, size=size, rate_hz=rate_hz, cancelled=late)
     enough = None
-    if found.clearance < 0.0 and rate_hz is not None:
+    if found.clearance < -TOUCHING and rate_hz is not None:
         enough = sufficient_rate(trajectory, plan.chain, size=size, rate_hz=rate_hz, cancelled=late)
     return {
         "min_clearance": found.clearance,
         "clearance_bound": found.bound,
+        "overlap": found.clearance < -TOUCHING,
         "sufficient_rate_hz": enough,
     }
 

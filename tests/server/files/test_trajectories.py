@@ -21,7 +21,7 @@ from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import FRAMES, REST
-from server.errors import TooLarge, TooMany, Unavailable
+from server.errors import TooLarge, TooMany, Unavailable, Unusable
 from server.files.trajectories import (
     MOTORS,
     PLAN,
@@ -274,3 +274,30 @@ def test_what_is_in_use_is_bounded_too(make: Make, plan: Path) -> None:
         await trajectories.of(Wanted.of(plan, 30.0, 2.0), "a")
 
     asyncio.run(ask())
+
+
+@pytest.mark.parametrize(
+    ("enough", "advice"), [(4.0, "ask for rate=4"), (None, "ask for a higher rate")]
+)
+def test_rows_between_which_modules_overlap_are_refused_with_advice(
+    plan: Path, tmp_path: Path, enough: float | None, advice: str
+) -> None:
+    class Overlapping(Here):
+        def call(self, task: str, place: Path) -> dict[str, Any]:
+            assert json.loads((place / "request.json").read_bytes())["rate_hz"] == 1.0
+            return {
+                "min_clearance": -0.36,
+                "clearance_bound": -0.36,
+                "overlap": True,
+                "sufficient_rate_hz": enough,
+            }
+
+    trajectories = Trajectories(
+        cast("Pool", Overlapping()),
+        Scratch(tmp_path / "motions"),
+        Scratch(tmp_path / "kept"),
+        total=4,
+        per_visitor=2,
+    )
+    with pytest.raises(Unusable, match=advice):
+        asyncio.run(trajectories.clearance(Wanted.of(plan, 1.0, 2.0), 1.0, "visitor"))
