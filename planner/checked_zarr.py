@@ -99,10 +99,15 @@ def is_sealed(attributes: Mapping[str, Any]) -> bool:
 
 def sealed(attributes: Mapping[str, Any], checksums: Checksums | None = None) -> dict[str, Any]:
     """Return attributes with their digest, and with checksums of chunk files if given."""
-    values = {k: v for k, v in attributes.items() if k not in (DIGEST, CHECKSUMS)}
+    values = unsealed(attributes)
     if checksums is not None:
         values[CHECKSUMS] = checksums
     return {**values, DIGEST: _digest(values)}
+
+
+def unsealed(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return attributes without their digest and checksums, which depend on the compressor."""
+    return {k: v for k, v in attributes.items() if k not in (DIGEST, CHECKSUMS)}
 
 
 def checksums_of(path: str | FilePath, arrays: Mapping[str, zarr.Array[Any]]) -> Checksums:

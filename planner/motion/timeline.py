@@ -137,14 +137,20 @@ class TimelineWriter:
 
     @classmethod
     def create(
-        cls, path: str | FilePath, chain: Chain, *, windowed: bool = False
+        cls,
+        path: str | FilePath,
+        chain: Chain,
+        *,
+        windowed: bool = False,
+        timeline_id: str | None = None,
     ) -> TimelineWriter:
-        """A new, empty timeline; what was at ``path`` is replaced.
+        """Return the writer of a new, empty timeline; it replaces what was at ``path``.
 
         Args:
-            path: Where it shall be.
-            chain: Whose frames it holds.
+            path: Directory of the timeline.
+            chain: Chain whose frames it holds.
             windowed: Whether it takes ``Windows``; else it takes ``Frames``.
+            timeline_id: Identity of the timeline if it is a copy; a new one if None.
         """
         # First of all: a reader of frames whose files are being deleted sees that by its absence.
         (FilePath(path) / ROOT_FILE).unlink(missing_ok=True)
@@ -180,7 +186,7 @@ class TimelineWriter:
         attributes = {
             "format": WINDOWS_FORMAT if windowed else FORMAT,
             # Tells a timeline that was begun anew from the one that was there before.
-            "id": secrets.token_hex(8),
+            "id": timeline_id or secrets.token_hex(8),
             "chain": chain_values,
             **errors,
             "frames": 0,

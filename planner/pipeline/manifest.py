@@ -16,6 +16,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from planner.certificate.table_forces import FILE as FORCES
+from planner.checked_zarr import unsealed
 from planner.errors import UNREADABLE
 from planner.files import write_json, zarr_group
 from planner.pipeline.attempt_folders import CANDIDATES
@@ -135,7 +136,7 @@ def _fields(path: FilePath) -> Iterator[tuple[str, str]]:
                     yield name, _of_array(array)
     elif path.suffix == ".zarr":
         group = zarr_group(path)
-        for key, digest in _of_values(group.attrs.asdict()):
+        for key, digest in _of_values(unsealed(group.attrs.asdict())):
             yield f"attributes.{key}", digest
         for name, array in sorted(group.arrays()):
             try:

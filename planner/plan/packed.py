@@ -243,8 +243,7 @@ def _write_timeline(directory: FilePath, arrays: Arrays, timeline_id: str) -> No
     path = directory / "timeline.zarr"
     chain = chain_from_attributes(json.loads((directory / "chain.json").read_bytes()))
     refold = (directory / "start.json").exists()
-    with TimelineWriter.create(path, chain) as writer:
+    with TimelineWriter.create(path, chain, timeline_id=timeline_id) as writer:
         for file in ("playback.npz",) if refold else ("record.npz", "playback.npz"):
             columns = _of_file(arrays, file)
             writer.append(Frames(**{name: columns[name] for name in COLUMNS}))
-    zarr_group(path, "r+").attrs.update({"id": timeline_id})

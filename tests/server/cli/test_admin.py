@@ -193,7 +193,7 @@ def test_tables_of_another_version_are_left_alone(place: Path) -> None:
     engine.dispose()
     found = run(place, "list")
     assert found.exit_code == 1
-    assert "version 0002, expected 0011" in found.stderr
+    assert "version 0002, expected 0012" in found.stderr
     (place / "foldback.db").write_bytes(b"garbage\n" * 1000)
     found = run(place, "list")
     assert found.exit_code == 1 and "foldback doctor" in found.stderr

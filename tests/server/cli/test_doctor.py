@@ -164,7 +164,7 @@ def test_a_schema_that_is_behind_or_ahead(
         command.upgrade(alembic, "0001")
     found = data.database(here)
     assert found.verdict == "warning"
-    assert "version 0001, 10 behind 0011" in found.found
+    assert "version 0001, 11 behind 0012" in found.found
     assert "foldback serve" in (found.remedy or "")
     migrate(engine)
     assert data.database(here).verdict == "ok"

@@ -234,7 +234,7 @@ def test_a_fold_with_gaps_does_not_stay_verified(
 
 @pytest.mark.parametrize(
     "revision",
-    ["0001", "0002", "0003", "0004", "0005", "0006", "0007", "0008", "0009", "0010", "0011"],
+    [f"{number:04}" for number in range(1, 13)],
 )
 def test_every_version_on_the_way_comes_up(engine: sa.Engine, revision: str) -> None:
     upgrade(engine, revision)
