@@ -59,7 +59,10 @@ BLOCK_BYTES: Final = 512
 """Bytes of a block of ``st_blocks`` (POSIX)."""
 SWEEP_EVERY_S: Final = 60.0
 SWEEP_BYTES: Final = 16 * 2**20
-"""Bytes of uploads since the last sweep after which the next one is due. Chosen."""
+"""Bytes of uploads since the last sweep after which the next one is due, or an eighth of the bound
+of all previews if that is less. Chosen."""
+UNREAD_S: Final = 60.0
+"""Seconds for which an upload without a report is never swept: it is being read. Chosen."""
 log = logging.getLogger("foldback.web")
 
 
@@ -118,6 +121,8 @@ class Previews:
         self._sweeping = False
         self._coming = 0
         self._measured: dict[str, tuple[float, HeldPreview]] = {}
+        self._unread: dict[str, float] = {}
+        """Uploads without a report, and until when they are not swept (monotonic clock, s)."""
 
     def add(self, upload: Upload, visitor: str) -> str:
         """Moves an upload of a visitor here; its id, which nobody can guess.
@@ -126,6 +131,8 @@ class Previews:
             NoRoom: When the disk has no room for it.
         """
         preview_id = new_id()
+        with self._lock:
+            self._unread[preview_id] = time.monotonic() + UNREAD_S
         try:
             about = json.dumps({"filename": upload.filename, "visitor": visitor})
             (upload.directory / UPLOAD).write_text(about)
@@ -243,6 +250,9 @@ class Previews:
             raise Unusable.of(error) from None
         except ChildError as error:
             raise _problem(error, self._settings.preview_seconds) from None
+        finally:
+            with self._lock:
+                self._unread.pop(preview_id, None)
         found = read_report(place)
         if found is None and gone is not None and gone():
             raise Unavailable("gone", "Nobody waited for this preview any more.")
@@ -286,7 +296,8 @@ class Previews:
         self._elsewhere.sweep_soon()
         with self._lock:
             self._coming += coming
-            due = time.monotonic() - self._swept >= SWEEP_EVERY_S or self._coming >= SWEEP_BYTES
+            enough = min(SWEEP_BYTES, self._settings.previews_bytes // 8)
+            due = time.monotonic() - self._swept >= SWEEP_EVERY_S or self._coming >= enough
             if not due or self._sweeping:
                 return
             self._sweeping, self._coming = True, 0
@@ -318,7 +329,13 @@ class Previews:
                 measured[entry.name] = found
         self._measured = measured
         held = [preview for _, preview in measured.values()]
+        now = time.monotonic()
+        with self._lock:
+            self._unread = {name: until for name, until in self._unread.items() if until > now}
+            unread = set(self._unread)
         for name in superfluous(held, self._settings, now=time.time()):
+            if name in unread:
+                continue
             self._measured.pop(name, None)
             _remove(self._root / name)
 

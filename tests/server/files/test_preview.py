@@ -8,6 +8,7 @@ import json
 import shutil
 import struct
 import threading
+import time
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,7 +23,7 @@ from server.files.previews import NoSuchPreviewError, Previews
 from server.files.uploads import Uploads
 from server.settings import Settings
 from server.store.folds import new_token
-from tests.server.service import SNAKE, Service
+from tests.server.service import PATIENCE_S, SNAKE, Service
 from web.pictures.isometric import isometric_svg
 from web.timeline.columns import decode
 
@@ -340,12 +341,16 @@ def test_a_preview_beyond_its_time_is_told_so(here_with) -> None:
 
 
 def test_old_previews_make_room_for_new_ones(here_with) -> None:
-    service = here_with(previews_bytes=2**20).start()
+    service = here_with(previews_bytes=2**22).start()
     cells = voxels(box(2, 2, 2), padding="x" * 700_000)
     padded = cells + b" " * 1_100_000
     ids = [report(service, padded, full="false")["id"] for _ in range(3)]
+    oldest = service.settings.previews_dir / ids[0]
+    end = time.monotonic() + PATIENCE_S
+    while oldest.exists() and time.monotonic() < end:
+        assert ask(service, preview=ids[-1]).status_code == 200
+        time.sleep(0.05)
     assert ask(service, preview=ids[0]).status_code == 404
-    assert ask(service, preview=ids[-1]).status_code == 200
 
 
 def test_a_fold_takes_a_preview_and_its_options(desk: Service) -> None:
