@@ -96,6 +96,13 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
         else:
             route.continue_()
 
+    def no_frames_yet(route: Route) -> None:
+        if len(told) > 1:
+            route.fulfill(status=204)
+        else:
+            route.continue_()
+
+    page.route("**/folds/*/batch?*", no_frames_yet)
     page.route("**/api/folds/*/events", lambda route: route.fulfill(status=429))
     page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
     dropped(page, json.dumps({"format": "foldback-path/1", "cells": STAIRS, "name": "asked for"}))
