@@ -187,7 +187,7 @@ def test_a_fold_makes_room_for_a_cheaper_one_and_goes_on_by_itself(
 
 def test_a_fold_that_takes_too_long_is_ended_with_a_clear_word(here_with: HereWith) -> None:
     service = here_with(stage_seconds=0.2).start()
-    state = compute(service, service.fold(shape="wrench-160")["id"])
+    state = compute(service, service.fold(shape="wrench-160", settings="robots=0")["id"])
     assert (state["status"], state["error"]["code"]) == ("failed", "time-limit")
     assert "0.2 s" in state["error"]["detail"]
 
