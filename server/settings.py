@@ -196,7 +196,8 @@ class Settings(BaseSettings):
     requests_per_second_of_visitor: float = Field(
         default=100.0,
         gt=0,
-        description="Requests of one visitor that are answered in a second, on average.",
+        description="Requests of one visitor that are answered in a second, on average; 40 chunks, "
+        "frames or other protocol events for each of them are read.",
     )
     requests_at_once_of_visitor: int = Field(
         default=2000,

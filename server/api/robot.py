@@ -37,7 +37,6 @@ from server.api.robot_messages import (
 )
 from server.errors import (
     Conflict,
-    NotFound,
     ServiceError,
     TooLarge,
     TooMany,
@@ -116,7 +115,7 @@ async def get_trajectory(
 
     visitor = address_of(request)
     _, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
-    found = await _retimed(context, fold_id, max_speed, max_acceleration, visitor)
+    found = await _retimed(context, wanted, visitor)
     trajectory = found.trajectory
     moments = len(trajectory.time_s) if rate is None else rate * trajectory.duration_s + 2
     numbers = 2.0 * moments * len(trajectory.joint_names)
@@ -224,21 +223,29 @@ def get_play_schema() -> dict[str, Any]:
 
 @router.websocket("/play")
 async def play(websocket: WebSocket, fold_id: str) -> None:
-    """Tells a robot where its joints should be, in real time, as far as it follows."""
+    """Send a robot its joint angles in real time, as far as it follows.
+
+    What needs no computing is counted and looked up before the socket is accepted: until then an
+    error is an HTTP answer.
+    """
     context = cast("Context", websocket.app.state.context)
-    await websocket.accept()
+    visitor = address_of(websocket)
     try:
         ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)
-        visitor = address_of(websocket)
-        with context.robots.enter(visitor):
-            found = await _playable(context, fold_id, ask, visitor)
+    except msgspec.ValidationError as error:
+        raise Unusable("bad-request", f"{error}.", where="query") from error
+    with context.robots.enter(visitor):
+        wanted = await asyncio.to_thread(_playable, context, fold_id, ask)
+        await websocket.accept()
+        try:
+            found = await _retimed(context, wanted, visitor)
+            if not found.verified:
+                raise _not_verified()
             await _Hand(websocket, found, ask, fold_id).play()
             await _close(websocket, DONE)
-    except msgspec.ValidationError as error:
-        await _refuse(websocket, REFUSED, "bad-request", f"{error}.")
-    except ServiceError as refused:
-        code = TRY_LATER if isinstance(refused, TooMany | Unavailable) else REFUSED
-        await _refuse(websocket, code, refused.code, refused.detail)
+        except ServiceError as error:
+            code = TRY_LATER if isinstance(error, TooMany | Unavailable) else REFUSED
+            await _refuse(websocket, code, error.code, error.detail)
 
 
 def _wanted(
@@ -255,28 +262,26 @@ def _wanted(
     raise not_there(row, "plan")
 
 
-async def _retimed(
-    context: Context, fold_id: str, max_speed: float, max_acceleration: float, visitor: str
-) -> Retimed:
-    """The plan of a finished fold, retimed."""
-    _, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
+async def _retimed(context: Context, wanted: Wanted, visitor: str) -> Retimed:
+    """Return the plan of a finished fold, retimed."""
     try:
         return await context.trajectories.of(wanted, visitor)
     except InputError as error:
         raise Unusable.of(error) from error
 
 
-async def _playable(context: Context, fold_id: str, ask: Ask, visitor: str) -> Retimed:
-    """The same for a robot, which gets verified plans alone."""
-    try:
-        if not FOLD_ID.fullmatch(fold_id):
-            raise NoSuchFoldError(fold_id)
-        found = await _retimed(context, fold_id, ask.max_speed, ask.max_acceleration, visitor)
-    except NoSuchFoldError:
-        raise NotFound("no-such-fold", "There is no fold at this address.") from None
-    if not found.verified:
-        raise Conflict("not-verified", "This plan is not verified, so no robot is driven along it.")
-    return found
+def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:
+    """Return the trajectory that a robot wants of a verified fold."""
+    if not FOLD_ID.fullmatch(fold_id):
+        raise NoSuchFoldError(fold_id)
+    row, wanted = _wanted(context, fold_id, ask.max_speed, ask.max_acceleration)
+    if row.status != "verified":
+        raise _not_verified()
+    return wanted
+
+
+def _not_verified() -> Conflict:
+    return Conflict("not-verified", "This plan is not verified, so no robot is driven along it.")
 
 
 class _Hand:

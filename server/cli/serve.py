@@ -137,7 +137,6 @@ def server_of(
             access_log=False,
             http=protocol_of(settings),
             h11_max_incomplete_event_size=LARGEST_HEAD_BYTES,
-            limit_concurrency=settings.max_connections,
             forwarded_allow_ips=list(settings.trusted_proxies),
             ws_max_size=2**20,
             # The views carry arrays that hardly shrink, many times a second.

@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import socket
+from functools import partial
 from ipaddress import ip_address, ip_network
 from typing import TYPE_CHECKING, Any, Final, cast
 
+import h11
+from uvicorn.protocols.http.flow_control import service_unavailable
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from server.errors import TooMany
+from server.http.event_rate import (
+    HEADER_FIELDS_PER_EVENT,
+    REQUEST_EVENTS,
+    EventBudget,
+    GatedTransport,
+    Pace,
+)
+from server.http.request_rate import EXEMPT
+from server.http.websocket_protocol import BoundedWebSocket
 from server.limits.networks import visitor_at
 from server.limits.quota import Permit, Quota
 
@@ -17,28 +30,51 @@ if TYPE_CHECKING:
     from server.settings import Settings
 
 LOOK_EVERY_S: Final = 2.0
+MAX_HEADER_FIELDS: Final = 100
+"""Maximum number of header fields of a request, as in other servers; more get 400."""
+SPARE_CONNECTIONS: Final = 64
+"""Connections beyond the total that may ask for ``/health`` alone. Chosen."""
+SPARE_CONNECTIONS_OF_VISITOR: Final = 4
+SPARE_S: Final = 2.0
+"""Seconds after which such a connection is ended. Chosen."""
 log = logging.getLogger("foldback.serve")
 
 
 class Connections:
-    """Counts connections by the addresses that they come from."""
+    """Counts connections by the visitors and networks that they come from."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
+        self.budget = EventBudget(settings)
         self._proxies = tuple(ip_network(name, strict=False) for name in settings.trusted_proxies)
         self._open = Quota(
-            "connections", total=None, per_visitor=settings.max_connections_of_visitor
+            "connections",
+            total=settings.max_connections,
+            per_visitor=settings.max_connections_of_visitor,
+        )
+        self._spare = Quota(
+            "connections", total=SPARE_CONNECTIONS, per_visitor=SPARE_CONNECTIONS_OF_VISITOR
         )
 
-    def opened(self, host: str) -> Permit | None:
-        """Counts one more; its permit, or None when there may be no more."""
-        try:
-            return self._open.enter(None if self._proxy(host) else visitor_at(host))
-        except TooMany:
-            return None
+    def visitor(self, host: str) -> str | None:
+        """Return the visitor at the other end of a connection, None for a trusted proxy."""
+        return None if self._proxy(host) else visitor_at(host)
+
+    def opened(self, visitor: str | None, transport: GatedTransport) -> tuple[Permit | None, bool]:
+        """Count one more connection.
+
+        Returns:
+            Its permit, None when there may be no more; and whether it is one of the spare ones.
+        """
+        for quota in (self._open, self._spare):
+            try:
+                return quota.enter(visitor, end=transport.abort), quota is self._spare
+            except TooMany:
+                continue
+        return None, False
 
     def _proxy(self, host: str) -> bool:
-        """Whether many visitors may come from an address."""
+        """Return True if many visitors may come from an address."""
         try:
             address = ip_address(host)
         except ValueError:
@@ -47,7 +83,7 @@ class Connections:
 
 
 def protocol_of(settings: Settings) -> type[H11Protocol]:
-    """What speaks HTTP with those who connect, within the settings' bounds."""
+    """Return the protocol that speaks HTTP within the bounds of the settings."""
     connections = Connections(settings)
 
     class BoundedProtocol(_BoundedProtocol):
@@ -56,20 +92,52 @@ def protocol_of(settings: Settings) -> type[H11Protocol]:
     return BoundedProtocol
 
 
+class _CountingConnection(h11.Connection):
+    """Parses no events while its protocol is held."""
+
+    def __init__(self, protocol: _BoundedProtocol, most_bytes: int) -> None:
+        super().__init__(h11.SERVER, most_bytes)
+        self._protocol = protocol
+
+    def next_event(self) -> Any:
+        if self._protocol.pace.held:
+            return h11.NEED_DATA
+        event = super().next_event()
+        if isinstance(event, h11.Request):
+            fields = len(event.headers)
+            self._protocol.charge(REQUEST_EVENTS + fields / HEADER_FIELDS_PER_EVENT, request=True)
+            if fields > MAX_HEADER_FIELDS:
+                raise h11.RemoteProtocolError(f"got {fields} header fields")
+        elif isinstance(event, h11.Data | h11.EndOfMessage):
+            self._protocol.charge(1)
+        return event
+
+
 class _BoundedProtocol(H11Protocol):
     """Hangs up on clients that say nothing, or take nothing, for too long."""
 
     bounds: Connections
+    pace: Pace
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Looks after a new connection from here on."""
-        super().connection_made(transport)
+        """Look after a new connection from here on."""
+        gate = GatedTransport(transport, self.loop)
+        super().connection_made(cast("Any", gate))
         host = self.client[0] if self.client else ""
-        self._permit = self.bounds.opened(host)
+        self._visitor = self.bounds.visitor(host)
+        self.pace = Pace(gate, self.loop, self.bounds.budget, self.handle_events)
+        most_bytes = cast("int", self.config.h11_max_incomplete_event_size)
+        self.conn = _CountingConnection(self, most_bytes)
         self._looking: asyncio.TimerHandle | None = None
+        self._permit, self._spare = self.bounds.opened(self._visitor, gate)
         if self._permit is None:
             transport.abort()
             return
+        if self._spare:
+            self.app = _only_health(self.app)
+            self._looking = self.loop.call_later(SPARE_S, transport.abort)
+            return
+        _bound_unacknowledged(transport, self.bounds.settings.unread_seconds)
         self._since = self.loop.time()
         self._answered: object = None
         self._unread = 0
@@ -77,22 +145,41 @@ class _BoundedProtocol(H11Protocol):
         self._look()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forgets a connection."""
+        """Give the permit of the connection back."""
         super().connection_lost(exc)
-        self._leave()
+        self.pace.end()
+        self._look_no_more()
+        if self._permit is not None:
+            self._permit.leave()
+
+    def data_received(self, data: bytes) -> None:
+        """Parse what has come as far as the rate of events allows."""
+        self.charge(1)
+        super().data_received(data)
+
+    def charge(self, events: float, *, request: bool = False) -> None:
+        """Count events of the visitor that the connection, or its last request, comes from."""
+        visitor = self._visitor
+        if visitor is None and (cycle := cast("Any", self.cycle)) and cycle.scope["client"]:
+            visitor = visitor_at(cycle.scope["client"][0])  # as the proxy names it
+        self.pace.charge(visitor, events, request=request)
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        """Leaves a connection to the protocol of websockets, which has bounds of its own."""
-        self._leave()
+        """Leave a connection, with its permit, to the protocol of websockets."""
+        self._look_no_more()
+        if self._spare or self._permit is None:
+            self.transport.abort()
+            return
+        self.ws_protocol_class = cast(
+            "Any",
+            partial(BoundedWebSocket, permit=self._permit, pace=self.pace, visitor=self._visitor),
+        )
         super().handle_websocket_upgrade(event)
 
-    def _leave(self) -> None:
+    def _look_no_more(self) -> None:
         if self._looking is not None:
             self._looking.cancel()
             self._looking = None
-        if self._permit is not None:
-            self._permit.leave()
-            self._permit = None
 
     def _look(self) -> None:
         settings, now = self.bounds.settings, self.loop.time()
@@ -112,3 +199,19 @@ class _BoundedProtocol(H11Protocol):
             return
         every = min(LOOK_EVERY_S, settings.header_seconds / 4, settings.unread_seconds / 4)
         self._looking = self.loop.call_later(every, self._look)
+
+
+def _only_health(app: Any) -> Any:
+    """Return an application that answers ``/health`` alone."""
+
+    async def answer(scope: Any, receive: Any, send: Any) -> None:
+        await (app if scope["path"] == EXEMPT else service_unavailable)(scope, receive, send)
+
+    return answer
+
+
+def _bound_unacknowledged(transport: asyncio.Transport, seconds: float) -> None:
+    """Have the kernel end a connection whose peer acknowledges nothing for some time."""
+    handle = transport.get_extra_info("socket")
+    if handle is not None and handle.family in (socket.AF_INET, socket.AF_INET6):
+        handle.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1e3 * seconds))

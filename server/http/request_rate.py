@@ -39,9 +39,6 @@ class RequestRate:
         wait_s = self._buckets.take(address_of(HTTPConnection(scope)))
         if not wait_s:
             await self._app(scope, receive, send)
-        elif scope["type"] == "websocket":
-            await receive()
-            await send({"type": "websocket.close", "code": 1013, "reason": "too many requests"})
         else:
             refusal = TooMany(
                 "too-many-requests",

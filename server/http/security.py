@@ -106,10 +106,6 @@ class AllowedHosts:
         )
 
     async def _refuse(self, host: str, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "websocket":
-            await receive()
-            await send({"type": "websocket.close", "code": 1008, "reason": "unknown host"})
-            return
         refusal = Malformed(
             "unknown-host",
             f"got the host {host[:100]!r}, which is none of the names of this service; an operator "
@@ -173,15 +169,10 @@ class SameOrigin:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handles one request."""
-        if scope["type"] == "websocket" and not self._allowed(Headers(scope=scope)):
-            await receive()
-            await send({"type": "websocket.close", "code": 1008, "reason": "foreign origin"})
-            return
-        if (
-            scope["type"] == "http"
-            and scope["method"] not in SAFE_METHODS
-            and not self._allowed(Headers(scope=scope))
-        ):
+        acts = scope["type"] == "websocket" or (
+            scope["type"] == "http" and scope["method"] not in SAFE_METHODS
+        )
+        if acts and not self._allowed(Headers(scope=scope)):
             refusal = Forbidden(
                 "foreign-origin", "Pages of other sites may not change anything here."
             )

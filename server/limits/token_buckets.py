@@ -70,6 +70,10 @@ class TokenBuckets:
             wait_s = max(wait_s, (amount - tokens) / rate)
         return wait_s
 
+    def tokens(self, visitor: str) -> float:
+        """Return the number of a visitor's tokens; negative in debt."""
+        return next(tokens for _, tokens, _ in self._tokens(visitor, self._clock()))
+
     def _tokens(self, visitor: str, now: float) -> list[tuple[str, float, float]]:
         """Return the name, tokens and rate of a visitor's bucket and those of its networks."""
         factors = {visitor: 1.0, **dict.fromkeys(networks_of(visitor), NETWORK_FACTOR)}

@@ -16,7 +16,7 @@ from urllib.parse import urlencode
 import numpy as np
 import pytest
 from typer.testing import CliRunner
-from websockets import ConnectionClosed
+from websockets import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from planner.plan.plan import Plan
@@ -61,6 +61,15 @@ def address(service: Service, fold_id: str, **asked: object) -> str:
 
 def played(service: Service, finished: Finished, **asked: object) -> ClientConnection:
     return connect(address(service, finished["id"], **asked), max_size=None)
+
+
+def denial(url: str) -> tuple[str, int]:
+    """Return the code and the HTTP status with which a handshake is refused."""
+    with pytest.raises(InvalidStatus) as refused:
+        connect(url)
+    response = refused.value.response
+    assert response.headers["Content-Type"] == "application/problem+json"
+    return json.loads(response.body)["code"], response.status_code
 
 
 def refusal(socket: ClientConnection) -> tuple[str, int]:
@@ -223,17 +232,14 @@ def test_what_makes_no_sense_is_told_and_moves_nothing(
 def test_a_wrong_question_is_refused(
     service: Service, finished: Finished, asked: dict[str, object]
 ) -> None:
-    with played(service, finished, **asked) as socket:
-        assert refusal(socket) == ("bad-request", 1008)
+    assert denial(address(service, finished["id"], **asked)) == ("bad-request", 422)
 
 
 def test_only_finished_and_verified_folds_are_played(
     service: Service, desk: Service, finished: Finished, here_with: Callable[..., ServiceHere]
 ) -> None:
-    with connect(address(desk, "no-such-fold")) as socket:
-        assert refusal(socket) == ("no-such-fold", 1008)
-    with connect(address(desk, desk.fold(SNAKE)["id"])) as socket:
-        assert refusal(socket) == ("not-ready", 1008)
+    assert denial(address(desk, "no-such-fold")) == ("no-such-fold", 404)
+    assert denial(address(desk, desk.fold(SNAKE)["id"])) == ("not-ready", 409)
     doubtful = here_with()
     doubtful.take_over(service, finished["id"])
     path = doubtful.directory(finished["id"]) / "plan.npz"
@@ -267,8 +273,7 @@ def test_one_visitor_cannot_drive_all_robots(service: Service, finished: Finishe
     other = ServiceHere(service.data_dir, max_robots_of_visitor=1).start()
     with played(other, finished) as first:
         assert Robot(first).hear()["is"] == "begin"
-        with played(other, finished) as second:
-            assert refusal(second) == ("too-many-robots", 1013)
+        assert denial(address(other, finished["id"])) == ("too-many-robots", 429)
     assert other.stop() == 0
 
 

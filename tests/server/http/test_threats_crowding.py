@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
@@ -13,7 +14,9 @@ from websockets.sync.client import connect
 
 from server.limits.token_buckets import TokenBuckets
 from server.settings import Settings
+from tests.server.here import ServiceHere
 from tests.server.http.test_bounds import from_address
+from tests.server.http.test_threats_uploads import connected, status_of
 from tests.server.service import Service
 
 ServiceWith = Callable[..., Service]
@@ -41,6 +44,55 @@ def test_robots_whose_motions_are_not_worked_out_yet_hold_nobody_up(
         retimer.send_signal(signal.SIGCONT)
         for robot in robots:
             assert '"begin"' in str(robot.recv(timeout=60))
+
+
+def test_websocket_holds_its_connection_until_it_is_closed(
+    service: Service, finished: dict[str, Any]
+) -> None:
+    # A second service on the same folds, to which 127.0.0.1 is a visitor.
+    bounds = {"trusted_proxies": "192.0.2.0/24", "max_connections_of_visitor": 2}
+    with ServiceHere(service.data_dir, **bounds).start() as other, ExitStack() as stack:
+        for _ in range(2):
+            upgraded(stack.enter_context(connected(other)), finished["id"])
+        assert status_of(stack.enter_context(connected(other)), b"/api/shapes") == 503
+        assert status_of(stack.enter_context(connected(other)), b"/health") == 200
+
+
+def test_refused_websocket_is_hung_up_on_whatever_its_peer_does(desk: Service) -> None:
+    with connected(desk) as client:
+        assert not upgraded(client, "aaaaaaaaaaaaaaaaaaaa")
+        data = b""
+        while piece := client.recv(65536):
+            data += piece
+        assert data.endswith(b"}")  # the whole problem, then the end of the connection
+
+
+def test_pings_are_answered_at_a_rate(service: Service, finished: dict[str, Any]) -> None:
+    with (
+        ServiceHere(service.data_dir, requests_per_second_of_visitor=1).start() as other,
+        connected(other) as client,
+    ):
+        assert upgraded(client, finished["id"])
+        client.sendall(b"\x89\x80\0\0\0\0" * 3000)
+        for k in range(20):
+            address = from_address(f"10.{k}.0.1")
+            assert other.http.get("/api/shapes", headers=address).status_code == 200
+        client.setblocking(False)
+        pongs = client.recv(65536).count(b"\x8a\x00")
+    assert 0 < pongs < 1500
+
+
+def upgraded(client: socket.socket, fold_id: str) -> bool:
+    """Return True if the service accepts a websocket of a client that closes none."""
+    client.sendall(
+        b"GET /api/folds/%b/play HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: 203.0.113.1\r\n"
+        b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n" % fold_id.encode()
+    )
+    status = b""
+    while len(status) < len(b"HTTP/1.1 101"):
+        status += client.recv(len(b"HTTP/1.1 101") - len(status))
+    return status.endswith(b"101")
 
 
 def test_requests_have_a_rate(here_with: ServiceWith) -> None:

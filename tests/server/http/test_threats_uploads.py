@@ -10,7 +10,7 @@ import threading
 import time
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from fcntl import LOCK_EX, flock
 from pathlib import Path
 
@@ -218,6 +218,9 @@ def test_an_endless_head_is_refused(hasty: Service) -> None:
     with connected(hasty) as client:
         client.sendall(b"GET /" + b"y" * 60_000)
         assert answer_of(client)[0] == 400
+    with connected(hasty) as client:
+        client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n" + b"A: b\r\n" * 200 + b"\r\n")
+        assert answer_of(client)[0] == 400
 
 
 def test_who_takes_nothing_is_hung_up_on(hasty: Service) -> None:
@@ -235,22 +238,46 @@ def test_who_takes_nothing_is_hung_up_on(hasty: Service) -> None:
 
 
 def test_one_address_has_a_few_connections(hasty: Service) -> None:
-    clients = [connected(hasty) for _ in range(12)]
-    open_ones = [client.__enter__() for client in clients]
-    try:
-        assert sum(_alive(client) for client in open_ones) <= 8
-    finally:
-        for client in clients:
-            client.__exit__(None, None, None)
+    with ExitStack() as stack:
+        clients = [stack.enter_context(connected(hasty)) for _ in range(16)]
+        assert sum(status_of(client, b"/api/shapes") == 200 for client in clients) <= 8
     _until(lambda: _answers(hasty))
 
 
-def _alive(client: socket.socket) -> bool:
+def test_health_is_answered_when_all_connections_are_taken(here_with: ServiceWith) -> None:
+    service = here_with(max_connections=3).start()
+    with ExitStack() as stack:
+        for _ in range(3):
+            stack.enter_context(connected(service))
+        for path, status in ((b"/health", 200), (b"/api/shapes", 503)):
+            assert status_of(stack.enter_context(connected(service)), path) == status
+
+
+def test_chunks_of_one_byte_are_read_at_a_rate(here_with: ServiceWith) -> None:
+    service = here_with(requests_per_second_of_visitor=1).start()
+    with connected(service) as client:
+        client.sendall(
+            b"POST /api/folds HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: 203.0.113.1\r\n"
+            b"Content-Type: %b\r\nTransfer-Encoding: chunked\r\n\r\n6\r\nshape=\r\n"
+            % FORM.encode()
+            + b"1\r\na\r\n" * 20_000
+            + b"0\r\n\r\n"
+        )
+        for k in range(20):
+            others = {"X-Forwarded-For": f"10.{k}.0.1"}
+            assert service.http.get("/api/shapes", headers=others).status_code == 200
+        client.setblocking(False)
+        with pytest.raises(BlockingIOError):  # there is no answer as long as not all is read
+            client.recv(1)
+
+
+def status_of(client: socket.socket, path: bytes) -> int:
+    """Return the status of a request, 0 if the other side hangs up."""
     try:
-        client.sendall(b"GET /health HTTP/1.1\r\nHost: localhost\r\n\r\n")
-        return answer_of(client)[0] == 200
+        client.sendall(b"GET %b HTTP/1.1\r\nHost: localhost\r\n\r\n" % path)
+        return answer_of(client)[0]
     except ConnectionError:
-        return False
+        return 0
 
 
 def _answers(service: Service) -> bool:

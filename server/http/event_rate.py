@@ -1,0 +1,189 @@
+"""Event rates: how many protocol events a connection, a visitor and all of them may cause.
+
+Parsing costs processor time per event (a chunk, a frame, a request, a header field), not per byte:
+256 kB hold 43 000 chunks of one byte. After ``SLICE_EVENTS`` events a connection waits for the next
+turn of the event loop; beyond its rate it is not read from for a while, which TCP passes on to the
+peer. Both protocols parse in Python: httptools parses faster, but a whole read at once and without
+a bound on heads.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from server.limits.token_buckets import TokenBuckets
+
+if TYPE_CHECKING:
+    from server.settings import Settings
+
+SLICE_EVENTS: Final = 64
+"""Events that one connection may cause in one turn of the event loop, about 2 ms. Chosen."""
+REQUEST_EVENTS: Final = 20
+"""Events that one request counts as: answering costs about 0.5 ms, an event 0.025 ms. Measured."""
+HEADER_FIELDS_PER_EVENT: Final = 4
+RESERVE: Final = 2.0
+"""Events per second of a visitor as a multiple of those that its rate of requests takes. Chosen."""
+BURST_S: Final = 5.0
+"""Seconds of its rate that a visitor or a connection may spend at once. A larger value holds others
+up for longer: all of it costs about 0.5 s. Chosen."""
+MIN_BURST: Final = 1000.0
+"""Events that are possible at once however low the rate is. Chosen."""
+CONNECTION_FRACTION: Final = 0.25
+"""Rate of one connection as a fraction of its visitor's: 1000 events per second by default, 2.5
+times the messages that a robot may send. Requests count for the visitor alone. Chosen."""
+VISITORS_AT_FULL_RATE: Final = 4
+"""Visitors that may use their whole rate at the same time; more of them share it. Chosen."""
+ALL: Final = "all"
+
+
+class EventBudget:
+    """Tokens of visitors, their networks and all of them together. Belongs to one event loop.
+
+    Args:
+        settings: Supply the rate of requests of a visitor.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        rate = RESERVE * REQUEST_EVENTS * settings.requests_per_second_of_visitor
+        burst = max(BURST_S * rate, MIN_BURST)
+        self.connection_rate = CONNECTION_FRACTION * rate
+        self.connection_burst = max(BURST_S * self.connection_rate, MIN_BURST)
+        self._visitors = TokenBuckets(rate, burst)
+        self._all = TokenBuckets(VISITORS_AT_FULL_RATE * rate, VISITORS_AT_FULL_RATE * burst)
+        self._light = burst / 2
+
+    def charge(self, visitor: str | None, events: float) -> float:
+        """Count events and return the seconds for which the visitor's connection must pause."""
+        shared_s = self._all.charge(ALL, events)
+        if visitor is None:
+            return 0.0
+        own_s = self._visitors.charge(visitor, events)
+        # A visitor that has half its tokens left does not pay for the debt of the others.
+        busy = self._visitors.tokens(visitor) < self._light
+        return max(own_s, shared_s) if busy else own_s
+
+
+class GatedTransport:
+    """A transport that reads only while its protocol wants to and nothing holds it.
+
+    Attributes:
+        close_s: Seconds after ``close`` until the connection is aborted if the peer does not take
+            the rest; None for no bound.
+    """
+
+    def __init__(self, transport: Any, loop: asyncio.AbstractEventLoop) -> None:
+        self._transport = transport
+        self._loop = loop
+        self._wanted = True
+        self._reading = True
+        self._holds: set[str] = set()
+        self.close_s: float | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._transport, name)
+
+    def pause_reading(self) -> None:
+        """Stop reading on behalf of the protocol."""
+        self._wanted = False
+        self._apply()
+
+    def resume_reading(self) -> None:
+        """Read again on behalf of the protocol, as soon as nothing holds the connection."""
+        self._wanted = True
+        self._apply()
+
+    @property
+    def reading(self) -> bool:
+        """True while bytes are read."""
+        return self._reading
+
+    def hold(self, reason: str) -> None:
+        """Stop reading until the reason is released."""
+        self._holds.add(reason)
+        self._apply()
+
+    def release(self, reason: str) -> None:
+        """Read again, unless there is another reason or the protocol wants no more."""
+        self._holds.discard(reason)
+        self._apply()
+
+    def close(self) -> None:
+        """Close the connection once what was written has been sent, or after ``close_s``."""
+        closing = self._transport.is_closing()
+        self._transport.close()
+        if self.close_s is not None and not closing:
+            self._loop.call_later(self.close_s, self._transport.abort)
+
+    def _apply(self) -> None:
+        reading = self._wanted and not self._holds
+        if reading == self._reading or self._transport.is_closing():
+            return
+        self._reading = reading
+        (self._transport.resume_reading if reading else self._transport.pause_reading)()
+
+
+class Pace:
+    """Counts the events of one connection and holds its transport while there are too many.
+
+    Args:
+        transport: The connection.
+        loop: Its event loop.
+        budget: Tokens of all visitors.
+        proceed: Handles what has been received but not parsed, once the hold is over.
+    """
+
+    def __init__(
+        self,
+        transport: GatedTransport,
+        loop: asyncio.AbstractEventLoop,
+        budget: EventBudget,
+        proceed: Callable[[], object],
+    ) -> None:
+        self._transport = transport
+        self._loop = loop
+        self._budget = budget
+        self.proceed = proceed
+        self._tokens = budget.connection_burst
+        self._counted = time.monotonic()
+        self._slice = 0.0
+        self._timer: asyncio.TimerHandle | None = None
+
+    @property
+    def held(self) -> bool:
+        """True while nothing more may be parsed."""
+        return self._timer is not None
+
+    def charge(self, visitor: str | None, events: float, *, request: bool = False) -> None:
+        """Count events of a visitor.
+
+        Args:
+            visitor: The visitor, None if unknown.
+            events: Number of events.
+            request: True if they are a request; those have no rate of the connection.
+        """
+        wait_s = self._budget.charge(visitor, events)
+        if not request:
+            now, rate = time.monotonic(), self._budget.connection_rate
+            earned = (now - self._counted) * rate
+            self._tokens = min(self._budget.connection_burst, self._tokens + earned) - events
+            self._counted = now
+            wait_s = max(wait_s, -self._tokens / rate)
+        self._slice += events
+        if self._timer is None and (wait_s > 0.0 or self._slice >= SLICE_EVENTS):
+            self._transport.hold("events")
+            self._timer = self._loop.call_later(max(0.0, wait_s), self._release)
+
+    def end(self) -> None:
+        """Forget the connection."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _release(self) -> None:
+        self._timer = None
+        self._slice = 0.0
+        self._transport.release("events")
+        if not self._transport.is_closing():
+            self.proceed()

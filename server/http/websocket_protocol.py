@@ -1,0 +1,128 @@
+"""Websockets: the bounds of a connection after its upgrade."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from uvicorn._types import ASGIReceiveEvent, ASGISendEvent
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import Frame
+from websockets.http11 import Request
+from websockets.server import ServerProtocol
+
+from server.http.event_rate import GatedTransport, Pace
+from server.limits.networks import visitor_at
+from server.limits.quota import Permit
+
+CLOSE_S: Final = 1.0
+"""Seconds that a peer may take to answer the end of a websocket; then the connection is aborted. A
+larger value leaves more connections to peers that do not answer. Chosen."""
+PIECE_BYTES: Final = 512
+"""Bytes that are parsed before the events in them are counted: at most 85 frames. Chosen."""
+MAX_FRAGMENTS: Final = 256
+"""Maximum number of frames of one message; a peer that sends more is hung up on. Chosen."""
+BYTES_PER_EVENT: Final = 8192
+
+
+class _CountingServer(ServerProtocol):
+    """Counts the frames that it parses."""
+
+    frames = 0
+
+    def events_received(self) -> list[Request | Frame]:  # type: ignore[override]
+        events = super().events_received()
+        self.frames += len(events)
+        return events  # type: ignore[return-value]
+
+
+class BoundedWebSocket(WebSocketsSansIOProtocol):
+    """Holds the permit of its connection until it is closed, and bounds the frames it parses.
+
+    Args:
+        permit: Permit of the connection.
+        pace: Counts events of the connection.
+        visitor: Peer of the connection, None if it is a proxy.
+        more: Arguments of uvicorn's protocol.
+    """
+
+    def __init__(self, *, permit: Permit, pace: Pace, visitor: str | None, **more: Any) -> None:
+        super().__init__(**more)
+        self._permit = permit
+        self._pace = pace
+        self._visitor = visitor
+        self._unparsed = bytearray()
+        self.close_timeout = CLOSE_S
+        self.conn = _CountingServer(max_size=self.config.ws_max_size, logger=self.logger)
+        pace.proceed = self._parse
+
+    def connection_made(self, transport: Any) -> None:
+        """Take over a connection from HTTP."""
+        assert isinstance(transport, GatedTransport)
+        transport.close_s = CLOSE_S
+        super().connection_made(transport)  # type: ignore[arg-type]
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Give the permit back."""
+        super().connection_lost(exc)
+        self._pace.end()
+        self._permit.leave()
+
+    def pause_writing(self) -> None:
+        """Read nothing from a peer that takes nothing: each ping would add to what waits."""
+        super().pause_writing()
+        self._gate.hold("unread")
+
+    def resume_writing(self) -> None:
+        """Read again."""
+        super().resume_writing()
+        self._gate.release("unread")
+        self._parse()
+
+    async def receive(self) -> ASGIReceiveEvent:
+        """Return the next event; the frames after it are parsed once it has been taken."""
+        event = await super().receive()
+        self._parse()
+        return event
+
+    async def send(self, message: ASGISendEvent) -> None:
+        """Send what the application says; a refusal instead of the handshake completes it."""
+        await super().send(message)
+        self.handshake_complete = self.handshake_complete or self.close_sent
+
+    def data_received(self, data: bytes) -> None:
+        """Parse what has come as far as the rate of events allows."""
+        self._unparsed += data
+        self._charge(1)
+        self._parse()
+
+    def handle_cont(self, event: Frame) -> None:
+        """Collect a fragment."""
+        if len(self.frames) >= MAX_FRAGMENTS:
+            self.transport.abort()
+            return
+        super().handle_cont(event)
+
+    @property
+    def _gate(self) -> GatedTransport:
+        assert isinstance(self.transport, GatedTransport)
+        return self.transport
+
+    def _parse(self) -> None:
+        first = not self.handshake_initiated  # uvicorn hands the whole head over at once
+        while self._unparsed and (first or self._gate.reading):
+            if self.transport.is_closing():
+                self._unparsed.clear()
+                return
+            piece = bytes(self._unparsed) if first else bytes(self._unparsed[:PIECE_BYTES])
+            del self._unparsed[: len(piece)]
+            before = self.conn.frames
+            super().data_received(piece)
+            self._charge(self.conn.frames - before + len(piece) / BYTES_PER_EVENT)
+            first = False
+
+    def _charge(self, events: float) -> None:
+        known = getattr(self, "scope", None)
+        # Behind a proxy the visitor is known once the application has been called.
+        client = known["client"] if known is not None else None
+        visitor = visitor_at(client[0]) if self._visitor is None and client else self._visitor
+        self._pace.charge(visitor, events)
