@@ -17,6 +17,7 @@ from server.api import artifacts, folds, frames, health, mine, movies, robot, sh
 from server.api.context import Context
 from server.api.finished import import_finished
 from server.api.fold_states import FoldStates
+from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.files.exports import Exports
 from server.files.pictures import Pictures
@@ -128,6 +129,8 @@ def create_app(
             if context.fork_server is not None and fork_server is None:
                 context.fork_server.close()
             context.artifacts.close()
+            context.waits.close()
+            context.fold_states.close()
             context.preview_scenes.close()
             context.jobs.close()
             context.store.close()
@@ -215,6 +218,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         store=store,
         jobs=jobs,
         timelines=TimelineViews(),
+        waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
         streams=Quota(
             "event streams",
             total=settings.max_streams,

@@ -275,6 +275,10 @@ class Settings(BaseSettings):
         default=512, ge=1, description="Event streams (`/events`) that may be open at once."
     )
     max_streams_of_visitor: int = Field(default=16, ge=1, description="Of them, to one address.")
+    max_waits: int = Field(
+        default=512, ge=1, description="Requests that may wait for frames (`?wait=`) at once."
+    )
+    max_waits_of_visitor: int = Field(default=32, ge=1, description="Of them, of one address.")
     max_robots: int = Field(
         default=32, ge=1, description="Robots (`/play`) that may be driven at once."
     )

@@ -10,6 +10,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Final
 
 from planner.errors import InputError
+from planner.names import clean_name
 
 if TYPE_CHECKING:
     import numpy as np
@@ -59,10 +60,9 @@ def require_frames(plan: Plan) -> None:
         )
 
 
-def clean_name(name: str) -> str:
-    """A name, which may be a stranger's, without what does not print; ``fold`` if empty."""
-    printing = "".join(c if c.isprintable() else " " for c in name)
-    return " ".join(printing.split())[:LONGEST].rstrip() or "fold"
+def export_name(text: str) -> str:
+    """Return a clean name, or another text on one line, for a file; ``fold`` if it is empty."""
+    return clean_name(text, max_length=LONGEST) or "fold"
 
 
 def identifier(name: str) -> str:
@@ -70,7 +70,7 @@ def identifier(name: str) -> str:
 
     Robot models are named so: ROS, Drake and MoveIt make topics, scoped names and file names of it.
     """
-    plain = unicodedata.normalize("NFKD", clean_name(name)).encode("ascii", "ignore").decode()
+    plain = unicodedata.normalize("NFKD", export_name(name)).encode("ascii", "ignore").decode()
     words = re.sub(r"[^A-Za-z0-9-]+", "_", plain).strip("_-")
     if not words:
         return "fold"

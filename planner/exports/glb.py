@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.exports.export import clean_name, require_frames, rising
+from planner.exports.export import export_name, require_frames, rising
 from planner.exports.stl import hull_of
 from planner.plan.plan import Plan
 
@@ -120,7 +120,7 @@ def write(plan: Plan) -> bytes:
         }
         for i in range(len(chain))
     ]
-    top = {"name": clean_name(chain.name), "rotation": Z_TO_Y, "children": [*range(len(chain))]}
+    top = {"name": export_name(chain.name), "rotation": Z_TO_Y, "children": [*range(len(chain))]}
     samplers = [
         {"input": times, "output": output, "interpolation": "LINEAR"}
         for pair in outputs
@@ -138,7 +138,7 @@ def write(plan: Plan) -> bytes:
             "extras": {
                 "pitch_m": chain.pitch_m,
                 "module": chain.module.name,
-                "verdict": clean_name(plan.certificate.verdict),
+                "verdict": export_name(plan.certificate.verdict),
                 "keyframes": len(track.time_s),
                 "tolerance_m": track.tolerance * chain.pitch_m,
             },

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.exports import urdf
-from planner.exports.export import clean_name, require_frames, rising
+from planner.exports.export import export_name, require_frames, rising
 from planner.motion.frames import Frames
 from planner.plan.plan import Plan
 
@@ -198,11 +198,11 @@ def root_transform(chain: Chain, frames: Frames, frame: int, time_ns: int) -> di
 def about(plan: Plan) -> dict[str, str]:
     """What the log is of."""
     return {
-        "name": clean_name(plan.chain.name),
+        "name": export_name(plan.chain.name),
         "module": plan.chain.module.name,
         "modules": str(len(plan.chain)),
         "pitch_m": repr(plan.chain.pitch_m),
-        "preset": clean_name(plan.preset),
+        "preset": export_name(plan.preset),
         "seed": str(plan.seed),
-        "verdict": clean_name(plan.certificate.verdict),
+        "verdict": export_name(plan.certificate.verdict),
     }

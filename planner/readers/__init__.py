@@ -12,6 +12,7 @@ from typing import Final
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.names import clean_name
 from planner.readers.angle_strings import is_angle_string, read_angle_string, refuse_digits
 from planner.readers.binvox import is_binvox, read_binvox
 from planner.readers.csv_cells import is_csv, read_csv
@@ -24,7 +25,6 @@ from planner.readers.limits import (
     Source,
     check_bytes,
     check_size,
-    clean_name,
 )
 from planner.readers.npy import is_npy, read_npy
 from planner.readers.obj import is_obj, read_obj

@@ -6,7 +6,8 @@ import json
 from typing import Any, Final
 
 from planner.errors import InputError
-from planner.readers.limits import MOST_CELLS, clean_name, quote, too_many
+from planner.names import clean_name
+from planner.readers.limits import MOST_CELLS, quote, too_many
 
 DIGITS_OF_AN_INTEGER: Final = 18
 HUGE: Final = 1e300

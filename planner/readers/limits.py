@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import unicodedata
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,7 +10,6 @@ from planner.shapes.solid import MOST_TRIANGLES
 
 MOST_CELLS: Final = 200_000
 MOST_BYTES: Final = 64 << 20
-LONGEST_NAME: Final = 80
 BYTES_A_CELL: Final = 96
 SPARE_BYTES: Final = 65_536
 LONGEST_QUOTE: Final = 40
@@ -32,14 +30,6 @@ class Source:
     most_cells: int = MOST_CELLS
     most_triangles: int = MOST_TRIANGLES
     as_voxels: bool = False
-
-
-def clean_name(name: str) -> str:
-    """A name fit to be shown: no control characters, single spaces, not too long."""
-    spaced = "".join(" " if c.isspace() else c for c in name[: 20 * LONGEST_NAME])
-    shown = "".join(c for c in spaced if unicodedata.category(c)[0] != "C")
-    words = " ".join(shown.split())
-    return words if len(words) <= LONGEST_NAME else words[: LONGEST_NAME - 1].rstrip() + "…"
 
 
 def quote(found: object) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from fastapi import Request
 
 from server.api.fold_states import FoldStates
+from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.files.exports import Exports
 from server.files.pictures import Pictures
@@ -42,6 +43,7 @@ class Context:
     store: Store
     jobs: Jobs
     timelines: TimelineViews
+    waits: FrameWaits
     fork_server: ForkServer | None
     reader: Reader
     preparer: Reader

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from fastapi import Request
 
+from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.jobs.queue import Jobs
 from server.settings import Settings
@@ -29,6 +30,8 @@ class Viewing(Protocol):
     def store(self) -> FoldSource: ...
     @property
     def timelines(self) -> TimelineViews: ...
+    @property
+    def waits(self) -> FrameWaits: ...
     @property
     def artifacts(self) -> Artifacts: ...
     @property

@@ -1,10 +1,14 @@
-"""Fold states: the state of folds as it changes, read once for all who look at the same fold."""
+"""Fold states: the state of folds as it changes, read once for all that follow the same fold.
+
+One thread reads the states of all followed folds, one after the other.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final
 
 from cachetools import TTLCache
@@ -24,12 +28,19 @@ class FoldStates:
     def __init__(self, store: Store, remaining: Remaining) -> None:
         self._store = store
         self._remaining = remaining
-        self._looks: TTLCache[str, asyncio.Task[dict[str, Any]]] = TTLCache(MOST_KEPT, LOOK_EVERY_S)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="fold-states")
+        self._states: TTLCache[str, dict[str, Any]] = TTLCache(MOST_KEPT, LOOK_EVERY_S)
+        self._looks: dict[str, asyncio.Task[dict[str, Any]]] = {}
+        """Looks that are not over, by fold: few, however slow the database is."""
         self._ending = asyncio.Event()
 
     def end(self) -> None:
         """Lets all who follow go, so that the service can end; browsers come back by themselves."""
         self._ending.set()
+
+    def close(self) -> None:
+        """Begin no look any more."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
 
     async def state(self, fold_id: str) -> dict[str, Any]:
         """The fold's progress, at most ``LOOK_EVERY_S`` old.
@@ -37,10 +48,10 @@ class FoldStates:
         Raises:
             NoSuchFoldError: When there is no such fold.
         """
-        look = self._looks.get(fold_id)
-        if look is None:
-            look = asyncio.create_task(asyncio.to_thread(self._look, fold_id))
-            self._looks[fold_id] = look
+        if (state := self._states.get(fold_id)) is not None:
+            return state
+        if (look := self._looks.get(fold_id)) is None:
+            look = self._looks[fold_id] = asyncio.create_task(self._read(fold_id))
         return await asyncio.shield(look)
 
     async def events(self, fold_id: str) -> AsyncIterator[ServerSentEvent]:
@@ -60,6 +71,15 @@ class FoldStates:
                     return
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._ending.wait(), LOOK_EVERY_S)
+
+    async def _read(self, fold_id: str) -> dict[str, Any]:
+        loop = asyncio.get_running_loop()
+        try:
+            state = await loop.run_in_executor(self._thread, self._look, fold_id)
+        finally:
+            del self._looks[fold_id]
+        self._states[fold_id] = state
+        return state
 
     def _look(self, fold_id: str) -> dict[str, Any]:
         return progress_of(self._store.fold(fold_id), self._remaining)

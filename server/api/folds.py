@@ -13,6 +13,7 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from planner.errors import InputError
+from planner.names import clean_name
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pathfinding.starts import TEXT as START
 from planner.pathfinding.starts import cell_of
@@ -362,7 +363,7 @@ def patch_fold(fold_id: str, changes: FoldChanges, context: Here, credentials: B
         raise Forbidden(
             "public", "This fold belongs to the gallery, which everybody sees; its name stays."
         )
-    name = None if changes.name is None else printable(changes.name)
+    name = None if changes.name is None else clean_name(changes.name, max_length=LONGEST_NAME)
     if name == "":
         raise Unusable(
             "empty-name",
@@ -462,13 +463,9 @@ def _previewed(
 
 
 def clean_filename(name: str | None) -> str | None:
-    """The last part of what an upload was called, without anything that does not print."""
-    return printable((name or "").replace("\\", "/").rpartition("/")[2])[:LONGEST_NAME] or None
-
-
-def printable(name: str) -> str:
-    """A name without anything that does not print, and without spaces around it."""
-    return "".join(c for c in name if c.isprintable()).strip()
+    """Return the last part of an upload's file name, fit to be shown; None if nothing is left."""
+    last = (name or "").replace("\\", "/").rpartition("/")[2]
+    return clean_name(last, max_length=LONGEST_NAME) or None
 
 
 def token_of(credentials: HTTPAuthorizationCredentials | None) -> str | None:

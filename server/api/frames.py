@@ -21,6 +21,7 @@ from planner.pipeline.attempt_folders import TIMELINE, result
 from planner.simulation.parameters import FLOATING
 from planner.verification.integrity import check
 from server.api.finding import find_now, viewing_of
+from server.http.client_address import address_of
 from server.http.compression import Asset
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
@@ -33,7 +34,6 @@ from web.viser.scene_bundle import bundle_of
 
 router = APIRouter(include_in_schema=False)
 
-LOOK_EVERY_S: Final = 0.1
 LONGEST_WAIT_S: Final = 2.0
 BINARY: Final = "application/octet-stream"
 
@@ -72,34 +72,43 @@ async def batch(
     stride: Annotated[int, Query(ge=1, le=1_000_000)] = 1,
     wait: Annotated[float, Query(ge=0, le=LONGEST_WAIT_S)] = 0.0,
 ) -> Response:
-    """Frames of a fold's timeline; with ``wait``, seconds, not before there are any from there."""
+    """Frames of a fold's timeline; with ``wait``, seconds, not before there are any from there.
 
-    def answer(timeline: TimelineView | None = None) -> Response | TimelineView:
-        """In one go, for threads are few and a slider asks often; the timeline, where one waits."""
-        waited = timeline is not None
-        timeline = timeline or _view(request, fold_id)[1]
-        if timeline is None:
+    Raises:
+        TooMany: If too many requests of the visitor, its network or in all wait.
+    """
+    if not wait:
+        return await _frames(request, fold_id, start, stop, stride)
+    waits = viewing_of(request).waits
+    with waits.place(address_of(request)) as over:
+        _, timeline = await asyncio.to_thread(_view, request, fold_id)
+        if timeline is not None and start >= len(timeline) and timeline.growing:
+            await waits.until(timeline, start, over, timeout_s=wait)
+        return await _frames(request, fold_id, start, stop, stride, timeline)
+
+
+async def _frames(
+    request: Request,
+    fold_id: str,
+    start: int,
+    stop: int | None,
+    stride: int,
+    timeline: TimelineView | None = None,
+) -> Response:
+    """Return the answer with frames of a timeline, by default that of the fold now."""
+
+    def answer() -> Response:
+        shown = timeline or _view(request, fold_id)[1]
+        if shown is None:
             return _nothing()
-        if wait and not waited and start >= len(timeline) and timeline.growing:
-            return timeline
         try:
-            return _binary(request, kept_batch(timeline, start, stop, stride), timeline)
+            return _binary(request, kept_batch(shown, start, stop, stride), shown)
         except DamagedError:
             raise
         except TimelineError:
             return _nothing()  # it is being replaced just now
 
-    found = await asyncio.to_thread(answer)
-    if isinstance(found, Response):
-        return found
-    loop = asyncio.get_running_loop()
-    until = loop.time() + wait
-    while start >= len(found) and found.growing and loop.time() < until:
-        await asyncio.sleep(LOOK_EVERY_S)
-        await asyncio.to_thread(found.refresh)
-    made = await asyncio.to_thread(answer, found)
-    assert isinstance(made, Response)
-    return made
+    return await asyncio.to_thread(answer)
 
 
 @router.get("/folds/{fold_id}/figures")

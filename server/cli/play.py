@@ -29,6 +29,7 @@ from planner.pipeline.stages import work_out_figures
 from planner.pipeline.unfinished import stopped_where
 from planner.simulation.parameters import FLOATING
 from server.api import frames as timelines
+from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from server.pages import fold, share, static
@@ -65,6 +66,7 @@ class FolderContext:
 
     store: FolderStore
     timelines: TimelineViews
+    waits: FrameWaits
     artifacts: Artifacts
     jobs: None = None
     settings: None = None
@@ -123,8 +125,10 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
         # The directory is somebody's own: nothing is put into it.
         with TemporaryDirectory(prefix="foldback-") as place:
             artifacts = Artifacts(store, folder=Path(place))
-            app.state.context = FolderContext(store, TimelineViews(), artifacts)
+            waits = FrameWaits()
+            app.state.context = FolderContext(store, TimelineViews(), waits, artifacts)
             yield
+            waits.close()
             artifacts.close()
 
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None, lifespan=lifespan)

@@ -16,9 +16,9 @@ from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.names import MAX_NAME_LENGTH
 from planner.plan.formats import write_chain, write_path
 from planner.readers import read
-from planner.readers.limits import LONGEST_NAME
 from tests.planner.lattice import walks
 from tests.planner.shapes.test_readers_fuzz import mutated
 
@@ -92,7 +92,7 @@ def test_a_written_path_is_read_back(cells: Cells, name: str, pitch_m: float) ->
     assert back.pitch_m == pitch_m
     again = read(write_path(back))
     assert again.name == back.name
-    assert len(back.name) <= LONGEST_NAME
+    assert len(back.name) <= MAX_NAME_LENGTH
     assert back.name.isprintable()
 
 
@@ -160,7 +160,7 @@ def test_the_content_decides_and_not_the_extension(filename: str | None) -> None
         (".csv", ".csv"),
         (None, "path"),
         ("\u202etxt.csv", "txt"),
-        ("w" * 500 + ".csv", "w" * (LONGEST_NAME - 1) + "…"),
+        ("w" * 500 + ".csv", "w" * (MAX_NAME_LENGTH - 1) + "…"),
     ],
 )
 def test_the_file_names_the_shape_cleaned(filename: str | None, name: str) -> None:

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Timeline } from "../../../web/static/js/player/timeline.js";
+import { Source, Timeline } from "../../../web/static/js/player/timeline.js";
 import { close, closeTurns, recorded, turnOfEvents, unpack, vectors } from "./vectors.js";
 
 const TOTAL = 400;
@@ -118,4 +118,22 @@ test("what has been fetched is scrubbed without a word to the server", async () 
   for (const frame of [3, 90, 41, 150, 7, timeline.last]) assert.ok(timeline.snapshot(frame).exact);
   await turnOfEvents();
   assert.equal(source.asked, asked);
+});
+
+test("a refused wait is asked again when the service says", async ({ mock }) => {
+  const { timers } = mock;
+  timers.enable({ apis: ["setTimeout"] });
+  const source = begunAnew([], "growing");
+  const busy = new Source("/folds/one");
+  let asked = 0;
+  mock.method(globalThis, "fetch", async () => { asked++; return new Response("{}", { status: 429, headers: { "Retry-After": "2" } }); });
+  const { batch } = source;
+  source.batch = function wait(how) { return how?.wait ? busy.batch(how) : batch.call(this, how); };
+  const timeline = new Timeline(source, { over: false });
+  await pass(timers, 1900);
+  assert.equal(asked, 1);
+  await pass(timers, 400);
+  assert.equal(asked, 2);
+  timeline.stop();
+  assert.ok(timeline.chain && timeline.growing); // what is here stays
 });

@@ -21,7 +21,19 @@ const MOST_LOOKS = 1800; // half an hour
 const WAIT_S = 1;
 const DAMAGED = 500; // the service says so of stored data that is not what was written
 
+const BUSY = 429; // too many requests of this visitor wait
+
 class DamagedError extends Error {}
+
+// The service did not answer; it may after a pause.
+class RefusedError extends Error {
+  /** @param {Response} answer */
+  constructor(answer) {
+    super(`The server answered ${answer.status}.`);
+    const retryS = answer.status === BUSY ? Number(answer.headers.get("Retry-After")) : 0;
+    this.pauseMs = retryS > 0 ? 1000 * retryS : 4 * RETRY_MS;
+  }
+}
 
 // Scene bundle and batches under an address of this server.
 export class Source {
@@ -51,7 +63,7 @@ export class Source {
     const answer = await fetch(`${this.under}/${what}`);
     if (answer.status === 204) return null;
     if (answer.status === DAMAGED) throw new DamagedError((await answer.json()).detail);
-    if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
+    if (!answer.ok) throw new RefusedError(answer);
     return /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(await answer.arrayBuffer())));
   }
 }
@@ -170,7 +182,7 @@ export class Timeline extends Emitter {
         else break;
       } catch (error) {
         if (error instanceof DamagedError) this.damaged(error.message);
-        else await pause(4 * RETRY_MS); // the connection broke; what is here stays
+        else await pauseAfter(error); // what is here stays
       }
     }
     this.running = false;
@@ -344,7 +356,7 @@ export class Timeline extends Emitter {
       this.tell("loaded", index);
     } catch (error) {
       if (error instanceof DamagedError) { this.damaged(error.message); return; }
-      await pause(4 * RETRY_MS);
+      await pauseAfter(error);
     }
     if (id === this.id) { this.loading.delete(index); this.load(); }
   }
@@ -477,5 +489,9 @@ export class Timeline extends Emitter {
  * @param {WindowRow} b
  */
 const reach = (a, b) => [Math.min(a.first, b.first), Math.max(a.last, b.last)];
+
+// Pauses before the next try: as long as the service asks, or a moment if the connection broke.
+/** @param {unknown} error */
+const pauseAfter = (error) => pause(error instanceof RefusedError ? error.pauseMs : 4 * RETRY_MS);
 
 const pause = (/** @type {number} */ ms) => new Promise((done) => { setTimeout(done, ms); });

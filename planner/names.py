@@ -1,0 +1,59 @@
+"""Names: what strangers call shapes and folds, made fit to be shown on one line."""
+
+from __future__ import annotations
+
+import unicodedata
+from typing import Final
+
+MAX_NAME_LENGTH: Final = 80
+"""Characters of a name that is shown."""
+MAX_INPUT_FACTOR: Final = 20
+"""Characters that are looked at, as a multiple of the length of the result. Chosen."""
+MAX_MARKS: Final = 4
+"""Combining marks on one character. Scripts need three at most; stacks of more cover other lines.
+Chosen."""
+_BLANKS: Final = frozenset("\u2800\u3164\uffa0\u115f\u1160\u17b4\u17b5\U0001d159\U00016fe4")
+"""Letters, marks and symbols without a form: Braille blank, fillers of Hangul, Khmer and Khitan,
+and a note head of nothing. Their categories do not tell."""
+_IGNORABLE_MARKS: Final = (
+    (0x034F, 0x034F),
+    (0x180B, 0x180F),
+    (0xFE00, 0xFE0F),
+    (0xE0100, 0xE01EF),
+)
+"""First and last code points of marks that are not shown: joiners and variation selectors."""
+
+
+def clean_name(name: str, *, max_length: int = MAX_NAME_LENGTH) -> str:
+    """Return a name without characters that show nothing or reorder others; may be empty.
+
+    Spaces of any kind become single plain ones. Control and format characters (zero width,
+    direction, tags, soft hyphens), blank letters, variation selectors and unassigned code points
+    are dropped, and combining marks that have nothing to stand on or are too many.
+
+    Args:
+        name: The name as somebody wrote it.
+        max_length: Maximum number of characters; a longer name ends with ``…``.
+    """
+    shown: list[str] = []
+    marks = 0
+    for letter in name[: MAX_INPUT_FACTOR * max_length]:
+        kind = unicodedata.category(letter)
+        if letter.isspace() or kind[0] == "Z":
+            letter = " "
+        elif kind[0] == "C" or letter in _BLANKS or _is_ignorable(letter):
+            continue
+        elif kind[0] == "M":
+            marks += 1
+            if not shown or shown[-1] == " " or marks > MAX_MARKS:
+                continue
+            shown.append(letter)
+            continue
+        marks = 0
+        shown.append(letter)
+    words = " ".join("".join(shown).split())
+    return words if len(words) <= max_length else words[: max_length - 1].rstrip() + "…"
+
+
+def _is_ignorable(letter: str) -> bool:
+    return any(first <= ord(letter) <= last for first, last in _IGNORABLE_MARKS)

@@ -1,0 +1,121 @@
+"""Frame waits: requests that wait until a growing timeline has more frames.
+
+One thread looks at the timelines of all waiting requests, one after the other. A request that
+waits holds no thread, only a permit of the quota of its visitor and its networks.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Collection, Generator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from planner.errors import TimelineError
+from server.errors import TooMany
+from server.limits.quota import Holder, Quota
+
+if TYPE_CHECKING:
+    from web.timeline.view import TimelineView
+
+LOOK_EVERY_S: Final = 0.1
+"""Time between two looks at the timelines. A larger value shows new frames later. Chosen."""
+RETRY_S: Final = 2
+"""`Retry-After` of a refused wait: no wait lasts longer, so places are free by then."""
+MAX_WAITS: Final = 512
+MAX_WAITS_OF_VISITOR: Final = 32
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Wait:
+    timeline: TimelineView
+    start: int
+    over: asyncio.Event
+
+    @property
+    def served(self) -> bool:
+        """True once the awaited frame is there or will never come."""
+        return self.start < len(self.timeline) or not self.timeline.growing
+
+
+class FrameWaits:
+    """Places of waiting requests, and the look that ends their waits. Belongs to one event loop.
+
+    Args:
+        total: Maximum number of requests that wait at once.
+        per_visitor: Maximum of one visitor.
+    """
+
+    def __init__(self, total: int = MAX_WAITS, per_visitor: int = MAX_WAITS_OF_VISITOR) -> None:
+        self._quota = Quota(
+            "frame waits", total=total, per_visitor=per_visitor, refuse=_too_many_waits
+        )
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="frame-waits")
+        self._waits: set[_Wait] = set()
+        self._looking: asyncio.Task[None] | None = None
+
+    def close(self) -> None:
+        """End the looks."""
+        if self._looking is not None:
+            self._looking.cancel()
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+    @contextmanager
+    def place(self, visitor: str) -> Generator[asyncio.Event]:
+        """Hold a place among the waiting requests.
+
+        Yields:
+            An event that ends the wait; a newcomer that displaces the visitor sets it.
+
+        Raises:
+            TooMany: If there is no place.
+        """
+        over = asyncio.Event()
+        with self._quota.enter(visitor, end=over.set):
+            yield over
+
+    async def until(
+        self, timeline: TimelineView, start: int, over: asyncio.Event, *, timeout_s: float
+    ) -> None:
+        """Wait until a timeline has a frame, is complete, ``over`` is set, or the time is up."""
+        wait = _Wait(timeline, start, over)
+        self._waits.add(wait)
+        if self._looking is None or self._looking.done():
+            self._looking = asyncio.create_task(self._look())
+        try:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(over.wait(), timeout_s)
+        finally:
+            self._waits.discard(wait)
+
+    async def _look(self) -> None:
+        loop = asyncio.get_running_loop()
+        while self._waits:
+            timelines = {wait.timeline for wait in self._waits}
+            unreadable = await loop.run_in_executor(self._thread, _refresh, timelines)
+            for wait in self._waits:
+                if wait.served or wait.timeline in unreadable:
+                    wait.over.set()
+            await asyncio.sleep(LOOK_EVERY_S)
+
+
+def _refresh(timelines: Collection[TimelineView]) -> set[TimelineView]:
+    """Look for new frames; return the timelines that cannot be read, whose waits end."""
+    unreadable: set[TimelineView] = set()
+    for timeline in timelines:
+        try:
+            timeline.refresh()
+        except (TimelineError, OSError, ValueError):
+            unreadable.add(timeline)
+    return unreadable
+
+
+def _too_many_waits(count: int, holder: Holder) -> TooMany:
+    return TooMany(
+        "too-many-waits",
+        f"{count} requests {holder} wait for frames, which is the most there may be; ask without "
+        f"'wait', or try again in {RETRY_S} s.",
+        retry_after_s=RETRY_S,
+    )

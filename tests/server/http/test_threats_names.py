@@ -1,0 +1,123 @@
+"""Names that show nothing or mislead are cleaned wherever a name is taken."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import httpx
+import pytest
+
+from planner.exports.export import export_name
+from planner.names import MAX_NAME_LENGTH, clean_name
+from server.api.folds import clean_filename
+from tests.server.service import SNAKE, Service, bearer
+
+INVISIBLE = {
+    "Hangul filler": "\u3164",
+    "halfwidth Hangul filler": "\uffa0",
+    "Hangul initial and medial fillers": "\u115f\u1160",
+    "Khmer inherent vowels": "\u17b4\u17b5",
+    "Braille blank": "\u2800",
+    "empty note head": "\U0001d159",
+    "zero width": "\u200b\u200c\u200d\u2060\ufeff\u180e",
+    "direction": "\u200e\u200f\u061c\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069",
+    "soft hyphen": "\u00ad",
+    "tags": "\U000e0001\U000e0041\U000e007f",
+    "variation selectors": "\ufe00\ufe0f\U000e0100\U000e01ef\u180b\u180f",
+    "combining marks alone": "\u0301\u0308\u20dd\u034f",
+    "spaces": "\u00a0\u1680\u2003\u2009\u202f\u205f\u3000\u2028\u2029\t\n\r\x0b\x85",
+    "control": "\x00\x07\x1b\x7f\x9b",
+    "private use and unassigned": "\ue000\U000f0000\u0378\uffff",
+    "surrogate": "\ud800",
+    "invisible operators": "\u2061\u2062\u2063\u2064\ufff9\ufffa\ufffb",
+}
+"""Texts that show nothing."""
+
+
+@pytest.mark.parametrize("text", INVISIBLE.values(), ids=INVISIBLE)
+def test_clean_name_of_invisible_text_is_empty_and_inside_a_name_is_dropped(text: str) -> None:
+    assert clean_name(text) == clean_name(f" {text} {text}") == ""
+    assert clean_name(f"{text}wrench{text.replace(chr(0x301), '')} 12").isprintable()
+    assert clean_filename(f"a/{text}") is None
+    assert export_name(text) == "fold"
+
+
+@pytest.mark.parametrize(
+    ("name", "clean"),
+    [
+        ("a\u3164b", "ab"),
+        ("exe\u202egpj.scr", "exegpj.scr"),
+        ("a\u2003\u00a0 b", "a b"),
+        ("e\u0301tude", "e\u0301tude"),
+        ("हिन्दी", "हिन्दी"),
+        ("ไม้เท้า", "ไม้เท้า"),
+        ("한글", "한글"),
+        ("\u0301a", "a"),
+        ("a" + "\u0301" * 50 + "b", "a" + "\u0301" * 4 + "b"),
+        ("w" * 500, "w" * (MAX_NAME_LENGTH - 1) + "…"),
+    ],
+)
+def test_clean_name_keeps_what_shows(name: str, clean: str) -> None:
+    assert clean_name(name) == clean
+    assert clean_name(clean) == clean
+
+
+def named_in_path(service: Service, name: str) -> str:
+    data = {"format": "foldback-path/1", "name": name, "cells": SNAKE}
+    return _title(service, json.dumps(data), "ok.json")
+
+
+def named_in_chain(service: Service, name: str) -> str:
+    angles = [[90.0 if k % 2 else -90.0, 0.0] for k in range(3)]
+    data = {
+        "format": "foldback-chain/1",
+        "module": "cube",
+        "name": name,
+        "joint_angles_deg": angles,
+    }
+    return _title(service, json.dumps(data), "ok.json")
+
+
+def named_by_file(service: Service, name: str) -> str:
+    return _title(service, json.dumps(SNAKE), f"{name}.json")
+
+
+def named_in_preview(service: Service, name: str) -> str:
+    data = json.dumps({"format": "foldback-path/1", "name": name, "cells": SNAKE})
+    headers = bearer("N" * 32)
+    answer = service.http.post(
+        "/api/shapes/preview",
+        headers=headers,
+        files={"file": ("ok.json", data)},
+        data={"full": "false"},
+    )
+    assert answer.status_code == 200, answer.text
+    previews = service.http.get("/api/mine/previews", headers=headers).json()["previews"]
+    return str(previews[0]["title"])
+
+
+def renamed(service: Service, name: str) -> str:
+    fold = service.fold(SNAKE)
+    here = f"/api/folds/{fold['id']}"
+    answer = service.http.patch(here, json={"name": name}, headers=bearer(fold["owner_token"]))
+    if answer.status_code == 422:
+        assert answer.json()["code"] == "empty-name"
+    return str(service.state(fold["id"])["title"])
+
+
+def _title(service: Service, data: str, filename: str) -> str:
+    answer: httpx.Response = service.http.post("/api/folds", files={"file": (filename, data)})
+    assert answer.status_code == 202, answer.text
+    accepted: dict[str, Any] = answer.json()
+    return str(service.state(accepted["id"])["title"])
+
+
+@pytest.mark.parametrize(
+    "way", [named_in_path, named_in_chain, named_by_file, named_in_preview, renamed]
+)
+def test_titles_show_something_wherever_names_come_from(desk: Service, way: Any) -> None:
+    blank = "\u3164\u2800\ufe0f\u200b\u0301\U000e0041\u00ad"
+    shown = way(desk, blank)
+    assert shown and shown == clean_name(shown)
+    assert way(desk, f"wr{blank}ench").replace("\u0301", "") in ("wrench", "wrench.json")

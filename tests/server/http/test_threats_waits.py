@@ -1,0 +1,137 @@
+"""Requests that wait for frames or follow a fold: bounded, and without threads of their own."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+
+from planner.chain.chain import Chain
+from planner.chain.path import Path as CellPath
+from planner.motion.timeline import TimelineWriter
+from server.api import fold_states
+from server.jobs.remaining import Remaining
+from server.store.tables import FoldRow
+from tests.server.http.test_bounds import from_address
+from tests.server.service import PATIENCE_S, SNAKE, Service
+from tests.web.conftest import unfolding
+from web.timeline.view import TimelineView
+
+ServiceWith = Callable[..., Service]
+FRAMES = 10
+
+
+def growing_fold(service: Service) -> tuple[str, TimelineWriter, Chain]:
+    """A queued fold with a timeline of ten frames that grows."""
+    fold = service.fold(SNAKE)["id"]
+    chain = Chain.from_path(CellPath.from_cells(SNAKE))
+    writer = TimelineWriter.create(service.directory(fold) / "timeline.zarr", chain)
+    writer.append(unfolding(chain, FRAMES))
+    writer.flush()
+    return fold, writer, chain
+
+
+async def ask(
+    service: Service, path: str, visitors: list[str], between: Callable[[], object] | None = None
+) -> list[httpx.Response]:
+    """The answers to one request of each visitor, all at once."""
+    limits = httpx.Limits(max_connections=None)
+    async with httpx.AsyncClient(
+        base_url=service.http.base_url, timeout=30, limits=limits
+    ) as client:
+        asked = [
+            asyncio.create_task(client.get(path, headers=from_address(visitor)))
+            for visitor in visitors
+        ]
+        if between is not None:
+            await asyncio.sleep(0.3)
+            await asyncio.to_thread(between)
+        return await asyncio.gather(*asked)
+
+
+@pytest.mark.parametrize(
+    ("settings", "visitors", "whose"),
+    [
+        ({"max_waits_of_visitor": 3}, ["203.0.113.1"] * 5, "of yours"),
+        ({"max_waits": 6}, [f"203.0.113.{k}" for k in range(5)], "from your network"),
+        ({"max_waits": 3}, [f"198.51.{k}.1" for k in range(5)], "in all"),
+    ],
+)
+def test_waits_beyond_quota_are_refused_with_retry_after(
+    here_with: ServiceWith, settings: dict[str, int], visitors: list[str], whose: str
+) -> None:
+    service = here_with(**{"max_waits_of_visitor": 1, **settings}).start()
+    fold, _, _ = growing_fold(service)
+    address = f"/folds/{fold}/batch?from={FRAMES}&wait="
+    answers = asyncio.run(ask(service, f"{address}0.5", visitors))
+    assert Counter(answer.status_code for answer in answers) == {200: 3, 429: 2}
+    for answer in answers:
+        if answer.status_code == 429:
+            assert answer.json()["code"] == "too-many-waits" and whose in answer.json()["detail"]
+            assert int(answer.headers["retry-after"]) == 2
+    # Places are given back; what does not wait needs none.
+    for wait in ("0.01", "0"):
+        own = from_address(visitors[0])
+        assert service.http.get(address + wait, headers=own).status_code == 200
+
+
+def test_many_waits_are_looked_after_by_one_thread_and_answered_together(
+    here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = here_with().start()
+    fold, writer, chain = growing_fold(service)
+    looks: Counter[str] = Counter()
+    refresh = TimelineView.refresh
+
+    def counted(view: TimelineView, *, at_once: bool = False) -> bool:
+        looks[threading.current_thread().name.rpartition("_")[0]] += 1
+        return refresh(view, at_once=at_once)
+
+    def grow() -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while looks["frame-waits"] < 2:
+            assert time.monotonic() < deadline, looks
+            time.sleep(0.01)
+        writer.append(unfolding(chain, 5))
+        writer.flush()
+
+    monkeypatch.setattr(TimelineView, "refresh", counted)
+    visitors = [f"198.51.{k}.1" for k in range(40)]
+    answers = asyncio.run(ask(service, f"/folds/{fold}/batch?from={FRAMES}&wait=2", visitors, grow))
+    assert {answer.status_code for answer in answers} == {200}
+    assert len({answer.content for answer in answers}) == 1 and len(answers[0].content) > 500
+    # Each request looks once, when it comes; all other looks are those of the one thread.
+    others = looks.total() - looks["frame-waits"]
+    assert others <= len(visitors)
+
+
+def test_new_network_displaces_the_wait_of_the_largest_one(here_with: ServiceWith) -> None:
+    service = here_with(max_waits=4, max_waits_of_visitor=2).start()
+    fold, _, _ = growing_fold(service)
+    crowd = ["203.0.113.1", "203.0.113.2", "198.51.100.1", "198.51.100.2", "192.0.2.1"]
+    answers = asyncio.run(ask(service, f"/folds/{fold}/batch?from={FRAMES}&wait=1", crowd))
+    assert {answer.status_code for answer in answers} == {200}
+
+
+def test_states_of_many_folds_are_read_by_one_thread(
+    here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = here_with().start()
+    folds = [service.fold(SNAKE, seed=k)["id"] for k in range(4)]
+    threads: set[str] = set()
+    read = fold_states.progress_of
+
+    def noted(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
+        threads.add(threading.current_thread().name)
+        return read(row, remaining)
+
+    monkeypatch.setattr(fold_states, "progress_of", noted)
+    for fold in folds:
+        assert next(iter(service.events(fold)))[0] == "progress"
+    assert len(threads) == 1 and threads.pop().startswith("fold-states")
