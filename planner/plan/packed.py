@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.metrics import Curves, Figures, write
+from planner.checked_zarr import CHECKSUMS, sealed
 from planner.errors import InputError
 from planner.files import write_json, write_whole, zarr_group
 from planner.motion.angle_steps import STEP_RAD, byte_planes, whole_numbers, whole_steps
@@ -247,4 +248,6 @@ def _write_timeline(directory: FilePath, arrays: Arrays, timeline_id: str) -> No
         for file in ("playback.npz",) if refold else ("record.npz", "playback.npz"):
             columns = _of_file(arrays, file)
             writer.append(Frames(**{name: columns[name] for name in COLUMNS}))
-    zarr_group(path, "r+").attrs.update({"id": timeline_id})
+    attributes = zarr_group(path, "r+").attrs
+    values = {**attributes.asdict(), "id": timeline_id}
+    attributes.put(sealed(values, values[CHECKSUMS]))
