@@ -16,6 +16,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from planner.certificate.table_forces import FILE as FORCES
+from planner.checked_zarr import CHECKSUMS, DIGEST
 from planner.errors import UNREADABLE
 from planner.files import write_json, zarr_group
 from planner.pipeline.attempts import CANDIDATES
@@ -136,7 +137,8 @@ def _fields(path: FilePath) -> Iterator[tuple[str, str]]:
     elif path.suffix == ".zarr":
         group = zarr_group(path)
         for key, digest in _of_values(group.attrs.asdict()):
-            yield f"attributes.{key}", digest
+            if key not in (CHECKSUMS, DIGEST):  # of chunks as they are packed, not of values
+                yield f"attributes.{key}", digest
         for name, array in sorted(group.arrays()):
             try:
                 yield name, _of_array(array)
