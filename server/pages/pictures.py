@@ -16,6 +16,7 @@ from planner.pipeline.attempt_folders import CHAIN, result
 from planner.verification.integrity import check
 from server.api.context import Context, context_of
 from server.api.finding import find_fold
+from server.errors import read_only
 from server.files.artifacts import newer
 from server.http.client_address import address_of
 from server.http.security import LISTED
@@ -118,7 +119,9 @@ def _picture_of(context: Context, fold_id: str, path: Path, *, keep: bool) -> by
         check(path.parent.parent, CHAIN)
     try:
         data = context.pictures.drawn(result(path.parent.parent, CHAIN))
-    except (InputError, ChildError, OSError):
+    except (InputError, ChildError, OSError) as error:
+        if context.settings.read_only:
+            raise read_only() from error
         return None
     if keep:
         with contextlib.suppress(OSError):  # a full disk takes no picture from anybody
