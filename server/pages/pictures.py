@@ -64,7 +64,10 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     if found is None:
         return _no_picture()
     path, over = found.directory / EXPORTS_DIR / NAME, found.row.status not in RUNNING
-    data = await asyncio.to_thread(_stored_picture, path) if over else None
+    data = None
+    if over:
+        await asyncio.to_thread(check, found.directory, CHAIN)
+        data = await asyncio.to_thread(_stored_picture, path)
     if data is None:
         # A crowd that comes with a link waits for the first one's.
         context = context_of(request)
@@ -115,8 +118,6 @@ def _stored_picture(path: Path) -> bytes | None:
 def _picture_of(context: Context, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
     """Return the picture of the chain in a fold's directory; None where it cannot be drawn."""
     store = context.store
-    if keep:
-        check(path.parent.parent, CHAIN)
     try:
         data = context.pictures.drawn(result(path.parent.parent, CHAIN))
     except (InputError, ChildError, OSError) as error:
