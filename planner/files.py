@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import json
 import os
 import secrets
@@ -11,7 +12,7 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path as FilePath
 from shutil import rmtree
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, TemporaryFile
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     import zarr
 
 _LOADING: Final = Lock()
+READ_ONLY_ERRORS: Final = frozenset({errno.EROFS, errno.EACCES, errno.EPERM})
+"""Error numbers of writing to a read-only disk, or to a directory without write permission."""
 
 
 TEMPORARY_SUFFIX: Final = ".partial"
@@ -50,6 +53,20 @@ def remove_temporary(directory: FilePath, *, before: float) -> None:
                     rmtree(path)
                 else:
                     path.unlink()
+
+
+def refuses_writing(place: FilePath) -> bool:
+    """Return True if a file, or a directory, is there and cannot be written."""
+    try:
+        if place.is_dir():
+            TemporaryFile(dir=place).close()
+        else:
+            place.open("r+b").close()
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        return error.errno in READ_ONLY_ERRORS
+    return False
 
 
 def write_whole(path: FilePath, data: bytes) -> None:

@@ -27,6 +27,7 @@ from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
 from server.http import problems
 from server.http.access_log import Access
+from server.http.read_only import ReadOnly
 from server.http.request_rate import RequestRate
 from server.http.response_cache import ResponseCache
 from server.http.security import (
@@ -167,6 +168,8 @@ def create_app(
         idle_s=settings.upload_idle_s,
     )
     app.add_middleware(UploadsAtOnce, settings=settings)
+    if settings.read_only:
+        app.add_middleware(ReadOnly, page=problem_page)
     app.add_middleware(SameOrigin, origins=settings.origins)
     app.add_middleware(PrintingAddresses)
     app.add_middleware(AllowedHosts, hosts=hosts_of(settings.host, settings.allowed_hosts))
@@ -192,7 +195,8 @@ async def _warm_up(context: Context) -> None:
 def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Context:
     store = Store(settings)
     jobs = Jobs(settings)
-    jobs.reconcile(store)
+    if not settings.read_only:
+        jobs.reconcile(store)
     previews = Previews(settings, store.folders.storage)
     leases = Leases.of(settings, store)
     artifacts = Artifacts(
@@ -205,13 +209,15 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     )
     awaited = ChildLimits.of(settings, awaited=True)
     fork_server = shared or ForkServer.where_possible(
-        ["reader", "preparer", "retimer"], warm=settings.prewarm, directory=settings.root
+        ["reader", "preparer", "retimer"],
+        warm=settings.prewarm and not settings.read_only,
+        directory=settings.root,
     )
     motions = Scratch(settings.motions_dir)
     motions.sweep()
     remaining = Remaining(store, leases)
     gallery = Gallery()
-    if settings.finished_folds:
+    if settings.finished_folds and not settings.read_only:
         import_finished(settings, store, gallery)
     return Context(
         settings=settings,

@@ -9,10 +9,12 @@ from collections.abc import Iterable
 from typing import Final, Self
 
 from planner.errors import DamagedError, InputError
+from planner.files import READ_ONLY_ERRORS
 
 MOTION_FILES: Final = ("timeline.zarr", "chain.json", "plan.npz", "plan.json")
 """Files that hold the motion of a fold."""
 FULL_RETRY_S: Final = 60
+READ_ONLY_WORDS: Final = "New folds cannot be accepted: the disk is read-only."
 
 
 class ServiceError(Exception):
@@ -105,6 +107,19 @@ def damage_words(names: Iterable[str]) -> str:
 
 class NoRoom(ServiceError):
     """The disk takes nothing any more."""
+
+
+def read_only() -> NoRoom:
+    """Return the error of a disk that cannot be written at all."""
+    return NoRoom("read-only", READ_ONLY_WORDS, retry_after_s=FULL_RETRY_S)
+
+
+def not_stored(what: str, error: OSError) -> NoRoom:
+    """Return the error of something that could not be written."""
+    if error.errno in READ_ONLY_ERRORS:
+        return read_only()
+    words = f"The {what} could not be stored ({error.strerror}); try again later."
+    return NoRoom("no-room", words, retry_after_s=FULL_RETRY_S)
 
 
 def nearly_full() -> NoRoom:

@@ -16,6 +16,8 @@ from urllib.parse import urlsplit
 from pydantic import Field, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from planner.files import refuses_writing
+
 MIB = 1024 * 1024
 PREFIX: Final = "FOLDBACK_"
 
@@ -360,6 +362,12 @@ class Settings(BaseSettings):
         """The data directory, absolute."""
         return self.data_dir.expanduser().resolve()
 
+    @cached_property
+    def read_only(self) -> bool:
+        """True if the data directory is there and cannot be written; looked at once."""
+        places = (self.root, self.folds_dir, self.uploads_dir, self.root / "foldback.db")
+        return any(refuses_writing(place) for place in places)
+
     @property
     def folds_dir(self) -> Path:
         """Holds a directory for each fold."""
@@ -412,10 +420,12 @@ class Settings(BaseSettings):
         return self.jobs_url or f"sqlite:///{self.root / 'jobs.db'}"
 
     def make_directories(self) -> None:
-        """Makes the directories that are not there yet."""
+        """Make the directories that are not there yet, unless the disk is read-only."""
+        if self.read_only:
+            return
         for directory in (self.root, self.folds_dir, self.uploads_dir):
             directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with suppress(OSError):  # it belongs to somebody else, or the disk is read-only
+        with suppress(OSError):  # it belongs to somebody else
             self.root.chmod(0o700)
 
 

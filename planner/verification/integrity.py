@@ -8,8 +8,9 @@ files, and those groups as earlier versions wrote them, are compared with the ma
 from __future__ import annotations
 
 import json
+import os
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path as FilePath
 from typing import Any, Final
 from zipfile import ZipFile
@@ -121,13 +122,23 @@ def _manifest(directory: FilePath) -> Digests | None:
         raise DamagedError(path, f"{FILE} cannot be read") from error
 
 
+def _stamps_below(directory: str) -> Iterator[tuple[str, int, int, int]]:
+    """Yield what changes whenever a file below a directory is written, without building paths."""
+    with os.scandir(directory) as entries:
+        for entry in sorted(entries, key=lambda each: each.name):
+            if entry.is_dir():
+                yield from _stamps_below(entry.path)
+            else:
+                found = entry.stat()
+                yield entry.path, found.st_ino, found.st_mtime_ns, found.st_size
+
+
 def _stamp(path: FilePath) -> object:
     """Return what changes whenever a file, or a file in a directory, is written."""
     try:
         found = path.stat()
         if path.suffix != ".zarr":
             return (found.st_ino, found.st_mtime_ns, found.st_size)
-        files = [(each, each.stat()) for each in sorted(path.rglob("*"))]
-        return hash(tuple((str(p), s.st_ino, s.st_mtime_ns, s.st_size) for p, s in files))
+        return hash(tuple(_stamps_below(str(path))))
     except OSError:
         return None

@@ -9,6 +9,8 @@ from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from planner.errors import InputError
+from planner.pipeline.attempt_folders import TIMELINE
+from planner.verification.integrity import check
 from server.api.folds import Bearer, Here, problems, token_of
 from server.api.schemas import Fault
 from server.errors import Conflict, Forbidden, Unusable
@@ -145,6 +147,7 @@ def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) ->
 def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     """The MP4 or GIF file."""
     row = context.store.fold(fold_id)
+    check(context.store.directory(fold_id), TIMELINE)
     path = context.movies.file(fold_id, movie_id)
     if path is None:
         raise Conflict("not-ready", "The movie is not there yet.", retry_after_s=1)

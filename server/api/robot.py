@@ -11,7 +11,8 @@ import msgspec
 from fastapi import APIRouter, Query, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response, StreamingResponse
 
-from planner.errors import InputError
+from planner.errors import DamagedError, InputError
+from planner.verification.integrity import check
 from server.api.artifacts import not_there
 from server.api.context import Context
 from server.api.finding import FOLD_ID
@@ -37,6 +38,7 @@ from server.api.robot_messages import (
 )
 from server.errors import (
     Conflict,
+    Damaged,
     ServiceError,
     TooLarge,
     TooMany,
@@ -243,9 +245,10 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
                 raise _not_verified()
             await _Hand(websocket, found, ask, fold_id).play()
             await _close(websocket, DONE)
-        except ServiceError as error:
-            code = TRY_LATER if isinstance(error, TooMany | Unavailable) else REFUSED
-            await _refuse(websocket, code, error.code, error.detail)
+        except (ServiceError, DamagedError) as error:
+            refused = Damaged.of(error) if isinstance(error, DamagedError) else error
+            code = TRY_LATER if isinstance(refused, TooMany | Unavailable) else REFUSED
+            await _refuse(websocket, code, refused.code, refused.detail)
 
 
 def _wanted(
@@ -256,6 +259,7 @@ def _wanted(
     path = context.store.directory(fold_id) / "plan.npz"
     try:
         if row.over:
+            check(path.parent, path.name)
             return row, Wanted.of(path, max_speed, max_acceleration)
     except OSError:
         pass

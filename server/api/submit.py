@@ -20,7 +20,7 @@ from planner.pipeline.request import Request
 from planner.simulation.parameters import AUTO
 from server.api.base_folds import BaseFold
 from server.api.context import Context
-from server.errors import Conflict, NoRoom, NotFound, Unavailable, Unusable, nearly_full
+from server.errors import Conflict, NotFound, Unavailable, Unusable, nearly_full, not_stored
 from server.files.previews import ShapeOptions
 from server.files.uploads import Upload
 from server.limits.queue_room import Waiting, check_room
@@ -171,9 +171,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
                 return known
             raise Conflict("changed-meanwhile", "The same fold just ended; try again.")
     except OSError as error:
-        raise NoRoom(
-            "no-room", f"The upload could not be stored ({error.strerror}); try again later."
-        ) from error
+        raise not_stored("upload", error) from error
     finally:
         shutil.rmtree(aside, ignore_errors=True)
     context.jobs.enqueue(fold_id, row.turn, row.cost_s)

@@ -19,7 +19,7 @@ from server.settings import Settings
 from server.store.fold_files import size_of
 from server.store.folds import NoSuchFoldError, Store
 from server.store.schema_version import Schema
-from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, engine_for
+from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, engine_of
 
 DAY_S: Final = 86400.0
 MOVING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
@@ -48,7 +48,7 @@ class AdminTasks:
         name = settings.root / "foldback.db"
         if settings.database_url is None and not name.exists():
             raise AdminError(f"got no database at {name}; start the service once, or say where.")
-        engine = engine_for(settings.store_url)
+        engine = engine_of(settings)
         try:
             with engine.connect() as connection:
                 schema = Schema.of(connection)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from planner.compiler import forbid_compiling
+from server.errors import READ_ONLY_WORDS
 from server.ops.logs import set_up_logs
 from server.ops.starting import settings_of, starting, warn_of_unknown_names
 from server.processes.limits import keep_secrets
@@ -50,7 +51,8 @@ def serve(
     with starting("service"):
         settings.make_directories()
     supervisor = Supervisor(settings)
-    supervisor.start()
+    if not settings.read_only:
+        supervisor.start()
     # uvicorn ends in good order on these and raises them once more; by then all is done.
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: log.info("ended by signal %d", number))
@@ -92,11 +94,13 @@ def server_of(
     from server.app import create_app
     from server.http.connections import protocol_of
     from server.store.object_store import open_storage
-    from server.store.tables import engine_for, migrate
+    from server.store.tables import engine_of, migrate
 
+    if settings.read_only:
+        log.error("%s Restart the service once %s can be written.", READ_ONLY_WORDS, settings.root)
     with starting("service"):
         open_storage(settings)
-        engine = engine_for(settings.store_url)
+        engine = engine_of(settings)
         try:
             migrate(engine)
         finally:

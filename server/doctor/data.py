@@ -9,17 +9,19 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
-from urllib.parse import quote
 
 import psutil
 import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
+from planner.files import READ_ONLY_ERRORS
 from server.doctor.finding import Finding
+from server.errors import READ_ONLY_WORDS
 from server.ops.readiness import check_folder
 from server.settings import Settings
 from server.store.object_store import open_storage
 from server.store.schema_version import Schema
+from server.store.tables import read_only_engine
 
 NETWORK: Final = frozenset({"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs"})
 PASSING: Final = frozenset({"tmpfs", "ramfs"})
@@ -35,10 +37,13 @@ def directory(settings: Settings) -> Finding:
         with tempfile.TemporaryDirectory(dir=there, prefix=".probe-") as probe:
             (Path(probe) / "probe").write_bytes(b"probe")
     except OSError as error:
+        found = f"{there} cannot be written ({error.strerror})"
+        if error.errno in READ_ONLY_ERRORS:
+            found += f". {READ_ONLY_WORDS[:-1]}"
         return Finding(
             name=name,
             verdict="problem",
-            found=f"{there} cannot be written ({error.strerror})",
+            found=found,
             remedy="Give it to the user that runs foldback, or name another in FOLDBACK_DATA_DIR.",
         )
     kind = _kind_of_disk(there)
@@ -198,7 +203,7 @@ def _readonly(url: str) -> sa.Engine:
     """An engine that changes nothing: a check must not make a database, nor repair one."""
     made = sa.make_url(url)
     if made.get_backend_name() == "sqlite":
-        return sa.create_engine(f"sqlite:///file:{quote(made.database or '')}?mode=ro&uri=true")
+        return read_only_engine(url)
     timeout: dict[str, Any] = {"connect_timeout": 5}
     return sa.create_engine(made, connect_args=timeout)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
 from planner.files import write_whole
-from server.errors import NoRoom
+from server.errors import NoRoom, not_stored
 from server.limits.single_flight import SingleFlight
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError
@@ -125,9 +125,7 @@ class Artifacts:
         except FileNotFoundError as error:  # the fold was deleted in the meantime
             raise NoSuchFoldError(fold_id) from error
         except OSError as error:
-            raise NoRoom(
-                "no-room", f"The file could not be stored ({error.strerror}); try later."
-            ) from error
+            raise not_stored("file", error) from error
         try:
             self._store.fold(fold_id)
         except NoSuchFoldError:  # just now; nothing of it may be left

@@ -10,6 +10,7 @@ from zipfile import BadZipFile
 from planner.errors import InputError
 from planner.motion.angle_steps import unpacked_bytes
 from planner.readers.limits import megabytes
+from planner.verification.integrity import check
 from server.errors import NotFound, TooLarge
 from server.files.artifacts import Artifacts
 from server.store.folds import Store
@@ -43,6 +44,7 @@ class Exports:
                 too many are being made, or the disk is full.
         """
         directory = await asyncio.to_thread(self._store.directory, fold_id)
+        await asyncio.to_thread(check, directory, PLAN, export.filename)
         kept = directory / export.filename
         if await asyncio.to_thread(kept.is_file):
             return kept  # the fold's own stages have written it

@@ -23,7 +23,6 @@ from typing import Any, BinaryIO, Final
 from planner.chain.module import CUBE
 from planner.errors import InputError
 from server.errors import (
-    NoRoom,
     NoSuch,
     ServiceError,
     TooMany,
@@ -31,6 +30,7 @@ from server.errors import (
     Unavailable,
     Unusable,
     nearly_full,
+    not_stored,
 )
 from server.files.stored_previews import (
     UPLOAD,
@@ -115,7 +115,8 @@ class Previews:
         self._settings = settings
         self._elsewhere = StoredPreviews(settings, storage)
         self._root = settings.previews_dir
-        self._root.mkdir(parents=True, exist_ok=True)
+        if not settings.read_only:
+            self._root.mkdir(parents=True, exist_ok=True)
         self._lock = threading.Lock()
         self._swept = -SWEEP_EVERY_S
         self._sweeping = False
@@ -138,11 +139,7 @@ class Previews:
             (upload.directory / UPLOAD).write_text(about)
             os.rename(upload.directory, self._root / preview_id)
         except OSError as error:
-            raise NoRoom(
-                "no-room",
-                f"The upload could not be stored ({error.strerror}); try later.",
-                retry_after_s=60,
-            ) from error
+            raise not_stored("upload", error) from error
         self._elsewhere.keep(preview_id, self._root / preview_id)
         self._sweep_soon(upload.size)
         return preview_id
@@ -224,7 +221,8 @@ class Previews:
         """
         place = self.place(preview_id, options.key)
         directory = place.parent
-        os.utime(directory)
+        with suppress(OSError):  # a read-only disk; what has been computed is shown all the same
+            os.utime(directory)
         self._elsewhere.touch(directory)
         if (known := read_report(place)) is not None:
             return known

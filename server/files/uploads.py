@@ -17,7 +17,7 @@ from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
 from typing import IO, BinaryIO, Final
 
-from server.errors import NoRoom, nearly_full
+from server.errors import nearly_full, not_stored
 from server.settings import Settings
 from server.store.folds import new_id
 
@@ -45,17 +45,22 @@ class Upload:
 class Uploads:
     """The uploads of one process. Safe to use from many threads.
 
-    What a form brings is spooled beside them, so that it is swept away with them.
+    What a form brings is spooled beside them, so that it is swept away with them. On a read-only
+    disk there are none.
     """
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         root = settings.uploads_dir
+        self._place = root / f"{os.getpid()}-{new_id()}"
+        self._lock: IO[str] | None = None
+        self._spooled_before = tempfile.tempdir
+        if settings.read_only:
+            return
         root.mkdir(parents=True, exist_ok=True)
         _sweep(root)
-        self._place = root / f"{os.getpid()}-{new_id()}"
         self._lock = _made(self._place)
-        self._spooled_before, tempfile.tempdir = tempfile.tempdir, str(self._place)
+        tempfile.tempdir = str(self._place)
 
     @property
     def place(self) -> Path:
@@ -67,7 +72,8 @@ class Uploads:
         if tempfile.tempdir == str(self._place):
             tempfile.tempdir = self._spooled_before
         shutil.rmtree(self._place, ignore_errors=True)
-        self._lock.close()
+        if self._lock is not None:
+            self._lock.close()
 
     @contextmanager
     def stored(self, source: BinaryIO, filename: str | None) -> Generator[Upload]:
@@ -83,11 +89,7 @@ class Uploads:
                 directory.mkdir()
                 digest, size = _copied(source, directory / "input")
             except OSError as error:
-                raise NoRoom(
-                    "no-room",
-                    f"The upload could not be stored ({error.strerror}); try again later.",
-                    retry_after_s=60,
-                ) from error
+                raise not_stored("upload", error) from error
             yield Upload(directory=directory, filename=filename, digest=digest, size=size)
         finally:
             shutil.rmtree(directory, ignore_errors=True)

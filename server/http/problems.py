@@ -22,16 +22,25 @@ from sqlalchemy.exc import (
 )
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection
 
 from planner.errors import DamagedError, InputError
 from planner.pipeline.request import Request as Asked
 from server import errors
-from server.errors import FULL_RETRY_S, NoRoom, NoSuch, ServiceError, Unavailable, Unusable
+from server.errors import (
+    FULL_RETRY_S,
+    NoRoom,
+    NoSuch,
+    ServiceError,
+    Unavailable,
+    Unusable,
+    read_only,
+)
 from server.http.access_log import request_id_of
 from server.store.object_store import StorageError
 
 MEDIA_TYPE: Final = "application/problem+json"
-DISK_ERRORS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG})
+DISK_ERRORS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 DATABASE_RETRY_S: Final = 5
 STORAGE_RETRY_S: Final = 5
 log = logging.getLogger("foldback.web")
@@ -115,10 +124,22 @@ def response_of(error: ServiceError) -> JSONResponse:
     return Problem.of(error).response()
 
 
+def answer_of(
+    request: HTTPConnection, problem: Problem, page: Callable[[Problem], Response]
+) -> Response:
+    """Return the answer that is a problem: a page where a browser asks for one, else JSON."""
+    asked = request.headers.get("accept", "")
+    if request.url.path.startswith("/api/") or "text/html" not in asked:
+        return problem.response()
+    return page(problem)
+
+
 def of_trouble(error: BaseException | None) -> ServiceError | None:
     """The error that the database does not answer or the disk is full, if it is one."""
     if isinstance(error, OperationalError) and "disk is full" in str(error.orig):
         return _disk()
+    if isinstance(error, OperationalError) and "readonly database" in str(error.orig):
+        return read_only()
     fault = isinstance(error, DataError | IntegrityError | ProgrammingError)
     if isinstance(error, DBAPIError | PoolTimeoutError) and not fault:
         return Unavailable(
@@ -126,6 +147,8 @@ def of_trouble(error: BaseException | None) -> ServiceError | None:
             f"The database does not answer; nothing was lost. Try again in {DATABASE_RETRY_S} s.",
             retry_after_s=DATABASE_RETRY_S,
         )
+    if isinstance(error, OSError) and error.errno == errno.EROFS:
+        return read_only()
     if isinstance(error, OSError) and error.errno in DISK_ERRORS:
         return _disk()
     return None
@@ -148,10 +171,7 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
     """
 
     def answer(request: Request, problem: Problem) -> Response:
-        asked = request.headers.get("accept", "")
-        if request.url.path.startswith("/api/") or "text/html" not in asked:
-            return problem.response()
-        return page(problem)
+        return answer_of(request, problem, page)
 
     async def on_error(request: Request, error: Exception) -> Response:
         assert isinstance(error, ServiceError)

@@ -15,8 +15,10 @@ from typing import Any, Final
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
-from planner.errors import InputError
+from planner.errors import DamagedError, InputError
 from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.verification.integrity import check
+from server.errors import Damaged
 from server.jobs.progress import JobProgress
 from server.jobs.retry import patiently
 from server.processes.children import ChildError
@@ -49,6 +51,9 @@ class MovieJobs:
         except (InputError, ChildError) as error:
             where = error.where if isinstance(error, InputError) else None
             self._fail(job, error.code, error.detail, where, about)
+        except DamagedError as error:
+            damaged = Damaged.of(error)
+            self._fail(job, damaged.code, damaged.detail, str(error.path), about)
         except NoSuchFoldError:
             log.info("a movie's fold was deleted", extra=about)
         except Exception as error:
@@ -68,6 +73,7 @@ class MovieJobs:
             if not patiently(progress.last):
                 return
             files = patiently(lambda: self._store.directory(fold_id))
+            check(files, TIMELINE)
             timeline = result(files, TIMELINE)
             ask_for_movie(place, row.wishes, timeline, PART, on_table=is_on_table(files))
 

@@ -20,6 +20,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.verification.integrity import check
 from server.errors import Conflict, NoRoom, NoSuch, NotFound, TooMany, Unavailable
 from server.jobs.queue import Jobs
 from server.limits.networks import networks_of
@@ -121,6 +122,7 @@ class Movies:
                 f"the fold is {row.status}; a movie can be made once it is over.",
                 retry_after_s=RETRY_AFTER_S,
             )
+        check(self._store.directory(fold_id), TIMELINE)
         if not (result(self._store.directory(fold_id), TIMELINE) / "zarr.json").is_file():
             raise NotFound("no-such-artifact", "This fold ended without a timeline to film.")
         try:

@@ -102,6 +102,7 @@ def _client(settings: Settings) -> DBOSClient:
         system_database_url=settings.queue_url,
         application_name=APPLICATION,
         retry_connection_errors=False,
+        lazy=settings.read_only,
     )
 
 
@@ -109,7 +110,8 @@ class Jobs:
     """The server's end of the queue."""
 
     def __init__(self, settings: Settings) -> None:
-        prepare(settings)
+        if not settings.read_only:
+            prepare(settings)
         self._client = _client(settings)
 
     def close(self) -> None:

@@ -6,6 +6,7 @@ the first step that has no result. The worker's name is what its unfinished fold
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import secrets
@@ -252,6 +253,8 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     if not leashed:  # who holds the leash has said so
         warn_of_unknown_names(log)
     with starting("worker"):
+        if settings.read_only:
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(settings.root))
         store = Store(settings)
         runner = Runner(settings, store)
         runner.prewarm()

@@ -15,6 +15,7 @@ from typing import Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from planner.pipeline.compiling_lock import compiling_fraction
+from server.errors import READ_ONLY_WORDS
 from server.settings import Settings
 from server.store.object_store import StorageError
 from server.store.stats import Stats
@@ -76,7 +77,9 @@ class Readiness:
             for name, found in (("database", database), ("disk", disk), ("storage", storage))
             if found != OK
         ]
-        if database == OK and not workers and self._settings.workers:
+        if self._settings.read_only:
+            reasons.insert(0, READ_ONLY_WORDS)
+        elif database == OK and not workers and self._settings.workers:
             reasons.append("no worker lives")
         if compiled is not None:
             reasons.append(f"kernels are being compiled ({compiled:.0%})")

@@ -11,6 +11,7 @@ from fastapi.responses import HTMLResponse, Response
 
 from planner.chain.chain import Chain
 from server.api.context import context_of
+from server.errors import READ_ONLY_WORDS
 from server.pages.cards import cards, selected
 from server.pages.page import origin_of, page, templates
 from server.pages.pictures import picture_answer
@@ -48,6 +49,7 @@ async def landing(request: Request) -> Response:
         kept=who_and_how_long(context.settings),
         origin=origin_of(request),
         preparing=await asyncio.to_thread(context.leases.preparing),
+        read_only=READ_ONLY_WORDS if context.settings.read_only else None,
         still=still or isometric_svg(PAWN),
     )
 

@@ -16,6 +16,7 @@ from planner.pipeline.attempt_folders import CHAIN, result
 from planner.verification.integrity import check
 from server.api.context import Context, context_of
 from server.api.finding import find_fold
+from server.errors import read_only
 from server.files.artifacts import newer
 from server.http.client_address import address_of
 from server.http.security import LISTED
@@ -63,7 +64,10 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     if found is None:
         return _no_picture()
     path, over = found.directory / EXPORTS_DIR / NAME, found.row.status not in RUNNING
-    data = await asyncio.to_thread(_stored_picture, path) if over else None
+    data = None
+    if over:
+        await asyncio.to_thread(check, found.directory, CHAIN)
+        data = await asyncio.to_thread(_stored_picture, path)
     if data is None:
         # A crowd that comes with a link waits for the first one's.
         context = context_of(request)
@@ -114,11 +118,11 @@ def _stored_picture(path: Path) -> bytes | None:
 def _picture_of(context: Context, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
     """Return the picture of the chain in a fold's directory; None where it cannot be drawn."""
     store = context.store
-    if keep:
-        check(path.parent.parent, CHAIN)
     try:
         data = context.pictures.drawn(result(path.parent.parent, CHAIN))
-    except (InputError, ChildError, OSError):
+    except (InputError, ChildError, OSError) as error:
+        if context.settings.read_only:
+            raise read_only() from error
         return None
     if keep:
         with contextlib.suppress(OSError):  # a full disk takes no picture from anybody

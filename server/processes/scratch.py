@@ -32,7 +32,6 @@ class Scratch:
 
     def __init__(self, root: Path) -> None:
         self._root = root
-        root.mkdir(parents=True, exist_ok=True)
 
     @contextmanager
     def directory(self) -> Generator[Path]:
@@ -41,6 +40,7 @@ class Scratch:
         Raises:
             OSError: When there is no room.
         """
+        self._root.mkdir(parents=True, exist_ok=True)
         with _locked(self._root):
             made = Path(tempfile.mkdtemp(dir=self._root))
             lock = os.open(made, os.O_RDONLY)
@@ -53,6 +53,8 @@ class Scratch:
 
     def sweep(self) -> None:
         """Removes what processes have left that died."""
+        if not self._root.is_dir():
+            return
         with _locked(self._root):
             for left in list(self._root.iterdir()):
                 try:

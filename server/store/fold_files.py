@@ -65,7 +65,7 @@ class Folders:
         self._looked: dict[str, tuple[float, bool]] = {}
         self._tidied = 0.0
         settings.make_directories()
-        if self.storage is not None:
+        if self.storage is not None and not settings.read_only:
             for directory in (settings.work_dir, settings.cache_dir):
                 directory.mkdir(parents=True, exist_ok=True)
 

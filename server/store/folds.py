@@ -32,7 +32,8 @@ from server.store.tables import (
     CounterRow,
     FoldRow,
     SecretRow,
-    engine_for,
+    engine_of,
+    is_read_only,
     migrate,
 )
 
@@ -79,7 +80,7 @@ class Store:
         self._first_slice_s = settings.slice_seconds
         self.admitting = threading.Lock()
         """Held from the look at the queue until a fold is in it."""
-        self._engine = engine_for(settings.store_url)
+        self._engine = engine_of(settings)
         migrate(self._engine)
         self._sessions = sessionmaker(self._engine, expire_on_commit=False)
 
@@ -330,6 +331,8 @@ class Store:
             known = session.get(SecretRow, name)
         if known is None:
             try:
+                if is_read_only(self._engine):
+                    return made
                 with self.changing() as session:
                     session.add(SecretRow(name=name, value=made))
                 return made

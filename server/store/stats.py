@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 
 from server.settings import Settings
 from server.store.leases import Leases
-from server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_for
+from server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_of
 
 KEPT_S: Final = 2.0
 SUM_KEPT_S: Final = 60.0
@@ -57,7 +57,7 @@ class Stats:
 
     def __init__(self, settings: Settings, leases: Leases) -> None:
         self._leases = leases
-        self._engine = engine_for(settings.store_url)
+        self._engine = engine_of(settings)
         self._lock = threading.Lock()
         self._kept: tuple[float, Figures] | None = None
         self._bytes: tuple[float, int] | None = None

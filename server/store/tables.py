@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import quote
 
 import sqlalchemy as sa
 from sqlalchemy import event
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+if TYPE_CHECKING:
+    from server.settings import Settings
 
 
 class Base(DeclarativeBase):
@@ -207,8 +212,41 @@ class SecretRow(Base):
     value: Mapped[bytes] = mapped_column(sa.LargeBinary)
 
 
+READ_ONLY: Final = "mode=ro&uri=true"
+"""Parameters of a SQLite database that is only read."""
+NO_LOG: Final = ("unable to open", "readonly database")
+"""Words of SQLite's error where a read-only directory lacks the files of a write-ahead log."""
 MIGRATING = 0x666F6C65
 """Key of PostgreSQL's advisory lock under which tables are migrated."""
+
+
+def engine_of(settings: Settings) -> sa.Engine:
+    """Return the engine of a service; on a read-only disk it changes no SQLite database."""
+    url = settings.store_url
+    read_only = settings.read_only and url.startswith("sqlite")
+    return read_only_engine(url) if read_only else engine_for(url)
+
+
+def read_only_engine(url: str) -> sa.Engine:
+    """Return an engine that writes nothing, not even the write-ahead log of a SQLite database."""
+    path = quote(sa.make_url(url).database or "")
+    engine = sa.create_engine(f"sqlite:///file:{path}?{READ_ONLY}", hide_parameters=True)
+    try:
+        with engine.connect() as connection:
+            connection.exec_driver_sql("SELECT count(*) FROM sqlite_master")
+    except OperationalError as error:
+        if not any(words in str(error.orig) for words in NO_LOG):
+            return engine
+        engine.dispose()
+        return sa.create_engine(
+            f"sqlite:///file:{path}?{READ_ONLY}&immutable=1", hide_parameters=True
+        )
+    return engine
+
+
+def is_read_only(engine: sa.Engine) -> bool:
+    """Return True for an engine of ``read_only_engine``."""
+    return engine.url.query.get("mode") == "ro"
 
 
 def engine_for(url: str) -> sa.Engine:
@@ -263,7 +301,7 @@ def migrate(engine: sa.Engine) -> None:
 
     alembic = config()
     with engine.begin() as connection:
-        if engine.dialect.name == "sqlite":
+        if engine.dialect.name == "sqlite" and not is_read_only(engine):
             connection.exec_driver_sql("BEGIN IMMEDIATE")
         elif engine.dialect.name == "postgresql":
             connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
@@ -272,6 +310,9 @@ def migrate(engine: sa.Engine) -> None:
         schema.check()
         if not schema.behind:
             return
+        if is_read_only(engine):
+            words = "a read-only disk, and tables that an earlier foldback wrote, or none"
+            raise OSError(errno.EROFS, words, engine.url.database)
         alembic.attributes["connection"] = connection
         command.upgrade(alembic, "head")
 

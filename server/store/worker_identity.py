@@ -29,15 +29,16 @@ class WorkerIdentities:
 
     def __init__(self, settings: Settings) -> None:
         self._directory = settings.root / "workers"
-        self._directory.mkdir(parents=True, exist_ok=True)
         # Machines may have the same name, as containers of the same image do.
         mark = self._directory / "id"
-        if not mark.exists():
+        if not mark.exists() and not settings.read_only:
+            self._directory.mkdir(parents=True, exist_ok=True)
             with open(self._directory / "id.lock", "w") as lock:
                 flock(lock, LOCK_EX)
                 if not mark.exists():
                     write_whole(mark, secrets.token_hex(4).encode())
-        self._prefix = f"{socket.gethostname()[:100]}/{mark.read_text()}/"
+        here = mark.read_text() if mark.exists() else ""
+        self._prefix = f"{socket.gethostname()[:100]}/{here}/"
 
     def take(self) -> WorkerIdentity:
         """The identity of the lowest number whose lock nobody holds.

@@ -10,6 +10,7 @@ import sqlalchemy as sa
 
 from planner.pipeline import manifest
 from planner.plan.packed import unpack
+from planner.verification.integrity import damaged_among
 from planner.verification.verify import verify
 from server.api.finished import FOLDER, import_finished
 from server.pages.cards import included_folds
@@ -53,6 +54,9 @@ def test_finished_folds_hold_files_as_they_were_certified(
         row.name: manifest.changed_fields(store.directory(row.id)) for row in store.list_public()
     }
     assert set(map(str, changed.values())) == {"[]"}
+    for row in store.list_public():
+        directory = store.directory(row.id)
+        assert not damaged_among(directory, [path.name for path in directory.iterdir()])
 
 
 def test_import_of_finished_folds_twice_and_after_deletion_brings_nothing(

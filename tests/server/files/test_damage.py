@@ -9,7 +9,15 @@ from itertools import cycle
 from pathlib import Path
 
 import pytest
+from websockets.sync.client import connect
 
+from planner.checked_zarr import CHECKSUMS, DIGEST
+from planner.errors import DamagedError
+from planner.files import zarr_group
+from planner.plan.packed import unpack
+from planner.verification.integrity import check
+from server.api.finished import FOLDER
+from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service
 
 MOTION = "The stored motion of this fold is damaged"
@@ -150,3 +158,60 @@ def test_fold_with_any_damaged_file_is_answered_in_sentences(
         path.write_bytes(whole)
     lines = [line[-400:] for line in service.log.read_text().splitlines() if "Traceback" in line]
     assert not lines
+
+
+@pytest.fixture(scope="module")
+def shipped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceHere]:
+    data_dir = tmp_path_factory.mktemp("shipped") / "data"
+    with ServiceHere(data_dir, finished_folds=True).start() as here:
+        yield here
+
+
+@pytest.mark.parametrize(
+    ("source", "method", "routes"),
+    [
+        ("plan.npz", "GET", ("trajectory", "motors?module_mass=1", "exports/csv")),
+        ("chain.json", "GET", ("picture.png",)),
+        ("timeline.zarr/joint_angles_rad/c/0/0", "POST", ("movies",)),
+    ],
+)
+def test_route_that_makes_something_of_damaged_source_refuses(
+    shipped: ServiceHere, source: str, method: str, routes: tuple[str, ...]
+) -> None:
+    """Also where an export or a picture was stored before."""
+    fold_id = shipped.http.get("/api/folds").json()["folds"][0]["id"]
+    place = shipped.directory(fold_id)
+    (place / "exports").mkdir(exist_ok=True)
+    for name in ("picture.png", "plan.csv"):
+        (place / "exports" / name).write_bytes(b"stored")
+    whole = (place / source).read_bytes()
+    truncate(place / source)
+    for route in routes:
+        path = f"{'' if route == 'picture.png' else '/api'}/folds/{fold_id}/{route}"
+        more = {"json": {}} if method == "POST" else {}
+        answer = shipped.http.request(method, path, **more)
+        assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data"), route
+    if source == "plan.npz":
+        with connect(
+            f"{shipped.http.base_url}/api/folds/{fold_id}/play".replace("http", "ws", 1)
+        ) as robot:
+            assert "damaged-data" in robot.recv()
+    (place / source).write_bytes(whole)
+
+
+def test_timeline_of_earlier_version_is_compared_with_the_manifest(tmp_path: Path) -> None:
+    """Its chunks and attributes carry no checksums."""
+    unpack((FOLDER / "tetra-cube-2.fold").read_bytes(), tmp_path)
+    path = tmp_path / "timeline.zarr"
+    sealed = zarr_group(path)
+    arrays = {name: array[:] for name, array in sealed.arrays()}
+    attributes = {k: v for k, v in sealed.attrs.asdict().items() if k not in (CHECKSUMS, DIGEST)}
+    group = zarr_group(path, "w")
+    group.attrs.put(attributes)
+    for name, values in arrays.items():
+        group.create_array(name, data=values)
+    check(tmp_path, path.name)
+    chunk = next(file for file in (path / "joint_angles_rad" / "c").rglob("*") if file.is_file())
+    chunk.unlink()
+    with pytest.raises(DamagedError, match="joint_angles_rad"):
+        check(tmp_path, path.name)

@@ -1,0 +1,37 @@
+"""Read-only disk: what is stored is shown, and every change is refused before its body is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from starlette.requests import HTTPConnection
+from starlette.responses import Response
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from server.errors import read_only
+from server.http.problems import Problem, answer_of
+
+READING: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+"""Methods of HTTP that change nothing."""
+
+
+class ReadOnly:
+    """Refuses all requests that would change something.
+
+    Args:
+        app: Application behind it.
+        page: Maker of a page that says what is wrong, for browsers.
+    """
+
+    def __init__(self, app: ASGIApp, *, page: Callable[[Problem], Response]) -> None:
+        self._app = app
+        self._page = page
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request."""
+        if scope["type"] != "http" or scope["method"] in READING:
+            await self._app(scope, receive, send)
+            return
+        problem = Problem.of(read_only())
+        await answer_of(HTTPConnection(scope), problem, self._page)(scope, receive, send)

@@ -1,0 +1,132 @@
+"""Data on a read-only disk: what is stored is shown, and all else is refused in one sentence."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from server.doctor.data import database, directory
+from server.settings import Settings
+from server.store.tables import read_only_engine
+from tests.server.files.test_damage import ROUTES
+from tests.server.here import ServiceHere
+
+WORDS = "New folds cannot be accepted: the disk is read-only."
+
+
+@contextmanager
+def read_only(place: Path) -> Generator[None]:
+    """Make a directory and all in it read-only: by a mount for root, else by modes."""
+    if os.getuid() == 0:
+        mount = ["mount", "--bind", "-o", "ro", str(place), str(place)]
+        if subprocess.run(mount, capture_output=True).returncode:
+            pytest.skip("root may mount nothing here, and no mode keeps it from writing")
+        undo = ["umount", "--lazy", str(place)]
+    else:
+        subprocess.run(["chmod", "-R", "a-w", str(place)], check=True)
+        undo = ["chmod", "-R", "u+w", str(place)]
+    try:
+        yield
+    finally:
+        subprocess.run(undo, check=True)
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ServiceHere, str]]:
+    """A service that was started on a read-only disk, and a fold that it has."""
+    data_dir = tmp_path_factory.mktemp("read-only") / "data"
+    with ServiceHere(data_dir, finished_folds=True).start() as writing:
+        fold_id = writing.http.get("/api/folds").json()["folds"][0]["id"]
+    with read_only(data_dir), ServiceHere(data_dir, finished_folds=True).start() as here:
+        yield here, fold_id
+
+
+def tree(place: Path) -> list[str]:
+    return sorted(str(path) for path in place.rglob("*"))
+
+
+def test_service_on_read_only_disk_shows_folds_and_writes_nothing(
+    stored: tuple[ServiceHere, str],
+) -> None:
+    service, fold_id = stored
+    before = tree(service.data_dir)
+    for route in ROUTES:
+        answer = service.http.get(route.format(id=fold_id))
+        made = any(part in route for part in ("exports/", "picture", "standalone", "recording"))
+        assert answer.status_code == 200 or (made and "read-only" in answer.text), (
+            f"{route} {answer.status_code} {answer.text[:300]}"
+        )
+    assert WORDS in service.http.get("/").text
+    assert tree(service.data_dir) == before
+    log = service.log.read_text()
+    assert WORDS in log
+    assert "Traceback" not in log
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("POST", "/api/folds"),
+        ("POST", "/api/shapes/preview"),
+        ("POST", "/gallery/wrench-160"),
+        ("POST", "/api/folds/{}/movies"),
+        ("POST", "/api/folds/{}/cancel"),
+        ("PATCH", "/api/folds/{}"),
+        ("DELETE", "/api/folds/{}"),
+    ],
+)
+def test_change_on_read_only_disk_is_refused_in_the_same_words(
+    stored: tuple[ServiceHere, str], method: str, path: str
+) -> None:
+    service, fold_id = stored
+    answer = service.http.request(method, path.format(fold_id), data={"x": "y"})
+    assert (answer.status_code, answer.json()["code"]) == (507, "read-only")
+    assert answer.json()["detail"] == WORDS
+    assert answer.headers["content-type"] == "application/problem+json"
+    page = service.http.request(method, path.format(fold_id), headers={"Accept": "text/html"})
+    assert page.status_code == 507
+    assert WORDS in page.text
+
+
+def test_readiness_and_doctor_on_read_only_disk_say_why(stored: tuple[ServiceHere, str]) -> None:
+    service, _ = stored
+    ready = service.http.get("/ready")
+    assert (ready.status_code, ready.json()["reasons"][0]) == (503, WORDS)
+    settings = Settings(data_dir=service.data_dir)
+    assert WORDS[:-1] in directory(settings).found
+    assert database(settings).verdict == "ok"
+
+
+def test_worker_on_read_only_disk_ends_in_one_line(stored: tuple[ServiceHere, str]) -> None:
+    service, _ = stored
+    worker = [sys.executable, "-P", "-m", "server.jobs.worker"]
+    ended = subprocess.run(worker, env=service.environment, capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr.count("\n")) == (1, 1), ended.stderr
+    assert "Read-only file system" in ended.stderr
+
+
+def test_database_with_unfinished_log_on_read_only_disk_is_read(tmp_path: Path) -> None:
+    """The write-ahead log of a service that was killed holds what it wrote last."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    with sqlite3.connect(here / "rows.db") as live:
+        live.execute("PRAGMA journal_mode=WAL")
+        live.execute("CREATE TABLE folds (id TEXT)")
+        live.execute("INSERT INTO folds VALUES ('latest')")
+        live.commit()
+        shutil.copytree(here, there)
+    live.close()
+    with read_only(there):
+        engine = read_only_engine(f"sqlite:///{there / 'rows.db'}")
+        with engine.connect() as connection:
+            rows = connection.exec_driver_sql("SELECT id FROM folds").all()
+        engine.dispose()
+    assert [row.id for row in rows] == ["latest"]
