@@ -1,0 +1,111 @@
+"""Write docs/licences.md: the licence of every package that an installation brings.
+
+The packages are those that foldback needs at run time, with all that they need in turn, in the
+versions of ``constraints.txt``. Run it where these are installed: ``python -m docs.make_licences``.
+"""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import Distribution, distribution
+from pathlib import Path
+from typing import Final
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT: Final = Path(__file__).parents[1]
+PAGE: Final = ROOT / "docs" / "licences.md"
+BLAS: Final = "OpenBLAS, BSD-3-Clause; libgfortran and libgcc, GPL-3.0 WITH GCC-exception-3.1"
+BUNDLED: Final = {
+    "imageio-ffmpeg": "a program: FFmpeg with x264, GPL-3.0-or-later; their sources are at "
+    "ffmpeg.org and code.videolan.org/videolan/x264",
+    "llvmlite": "LLVM, Apache-2.0 WITH LLVM-exception",
+    "numpy": BLAS,
+    "scipy": BLAS,
+    "psycopg-binary": "libpq, PostgreSQL; OpenSSL, Apache-2.0; MIT Kerberos, MIT; OpenLDAP, "
+    "OLDAP-2.8; Cyrus SASL, BSD",
+    "ortools": "SCIP, Apache-2.0; HiGHS, MIT; COIN-OR, EPL-2.0",
+    "pillow": "libavif, libjpeg-turbo, libpng, libtiff, libwebp, FreeType and others, as its "
+    "LICENSE lists them",
+    "mujoco": "small libraries that its LICENSES_THIRD_PARTY.md lists",
+    "numcodecs": "Blosc, Zstandard and LZ4, BSD",
+    "zstandard": "Zstandard, BSD-3-Clause",
+}
+"""Native libraries and programs inside of wheels, by package, as their licence files list them."""
+TEXT: Final = """\
+# Licences
+
+foldback itself is under the [MIT licence](../LICENSE). `make run` and the container image install
+these packages too. Each brings the text of its licence, in `site-packages/NAME.dist-info`.
+`python -m docs.make_licences` writes this page.
+
+foldback starts the FFmpeg of imageio-ffmpeg as a program of its own, to encode movies. It is under
+the GNU General Public License, version 3 or later: if you distribute the image, you distribute
+FFmpeg under that licence. The image also contains Debian packages; their licences are in
+`/usr/share/doc`.
+
+| package | version | licence | contains |
+|---|---|---|---|
+"""
+
+
+def page() -> str:
+    """Return the text of the page."""
+    return TEXT + "".join(f"{row}\n" for row in rows())
+
+
+def rows() -> list[str]:
+    """Return a row of the table for each package, by name."""
+    return [
+        f"| {name} | {found.version} | {licence_of(found)} | {BUNDLED.get(name, '')} |"
+        for name, found in sorted(installed("foldback").items())
+        if name != "foldback"
+    ]
+
+
+def installed(root: str) -> dict[str, Distribution]:
+    """Return a package and all that it needs at run time, by canonical name."""
+    found: dict[str, Distribution] = {}
+    waiting: list[tuple[str, frozenset[str]]] = [(root, frozenset())]
+    seen: set[tuple[str, frozenset[str]]] = set()
+    while waiting:
+        name, extras = waiting.pop()
+        if (name, extras) in seen:
+            continue
+        seen.add((name, extras))
+        found[name] = distribution(name)
+        for text in found[name].requires or ():
+            needed = Requirement(text)
+            if needed.marker is None or any(
+                needed.marker.evaluate({"extra": extra}) for extra in ("", *extras)
+            ):
+                waiting.append((canonicalize_name(needed.name), frozenset(needed.extras)))
+    return found
+
+
+def licence_of(package: Distribution) -> str:
+    """Return the licence that a package states: its expression, its classifiers or its first line.
+
+    Raises:
+        ValueError: If it states none.
+    """
+    about = package.metadata
+    if stated := about.get("License-Expression"):
+        return stated
+    classifiers = [
+        line.rsplit(" :: ", 1)[1]
+        for line in about.get_all("Classifier") or ()
+        if line.startswith("License :: ") and line.count(" :: ") > 1
+    ]
+    if classifiers:
+        return ", ".join(sorted(set(classifiers)))
+    if stated := re.sub(r"\s+", " ", (about.get("License") or "").strip())[:60]:
+        return stated
+    if package.read_text("licenses/LICENSE.txt") or package.read_text("LICENSE"):
+        return "see its licence file"
+    raise ValueError(f"{about['Name']} states no licence; look it up and add it here.")
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
