@@ -50,8 +50,10 @@ def test_websocket_holds_its_connection_until_it_is_closed(
     service: Service, finished: dict[str, Any]
 ) -> None:
     # A second service on the same folds, to which 127.0.0.1 is a visitor.
-    bounds = {"trusted_proxies": "192.0.2.0/24", "max_connections_of_visitor": 2}
-    with ServiceHere(service.data_dir, **bounds).start() as other, ExitStack() as stack:
+    other = ServiceHere(
+        service.data_dir, trusted_proxies="192.0.2.0/24", max_connections_of_visitor=2
+    )
+    with other.start(), ExitStack() as stack:
         for _ in range(2):
             upgraded(stack.enter_context(connected(other)), finished["id"])
         assert status_of(stack.enter_context(connected(other)), b"/api/shapes") == 503
