@@ -148,6 +148,18 @@ def unpin(ids: Ids, data_dir: DataDir = None) -> None:
 
 
 @admin.command()
+def damaged(data_dir: DataDir = None) -> None:
+    """List folds whose files are missing or changed; exits with 1 if there are any."""
+    with _tasks(data_dir) as tasks:
+        rows = [(row.id, row.name, ", ".join(names)) for row, names in tasks.damaged()]
+    if not rows:
+        typer.echo("no fold is damaged")
+        return
+    _table(("id", "name", "damaged files"), rows)
+    raise typer.Exit(1)
+
+
+@admin.command()
 def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
     """Show who computes."""
     with _tasks(data_dir) as tasks:

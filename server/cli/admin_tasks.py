@@ -12,6 +12,8 @@ import sqlalchemy as sa
 from dbos import DBOSClient
 from sqlalchemy.orm import Session
 
+from planner.pipeline.manifest import FILES
+from planner.verification.integrity import damaged_among
 from server.api.base_folds import BROUGHT
 from server.jobs.queue import APPLICATION, Jobs
 from server.processes.scratch import Scratch
@@ -85,6 +87,12 @@ class AdminTasks:
             query = query.where(used < before, FoldRow.created_at < before)
         with self._store.reading() as session:
             return session.scalars(query).all()
+
+    def damaged(self) -> Generator[tuple[FoldRow, list[str]]]:
+        """Yield each fold that is over and has damaged files, with their names."""
+        for row in self.folds():
+            if row.over and (names := damaged_among(self._store.directory(row.id), FILES)):
+                yield row, names
 
     def fold(self, fold_id: str) -> FoldRow:
         """The row of a fold.

@@ -268,13 +268,16 @@ class Previews:
         return (self._root / preview_id / UPLOAD).is_file() or self._elsewhere.there(preview_id)
 
     def remove(self, preview_id: str) -> None:
-        """Forgets an upload and all that came of it.
+        """Forget an upload and all that came of it; the next sweep removes its files.
 
         Raises:
             StorageError: When the storage does not answer.
         """
-        _remove(self._root / preview_id)
+        _set_aside(self._root / preview_id)
         self._elsewhere.remove(preview_id)
+        with self._lock:
+            self._swept = -SWEEP_EVERY_S
+        self._sweep_soon()
 
     def cells(self, preview_id: str, options: ShapeOptions) -> list[list[int]] | None:
         """The cells of cubes that came of an upload with these options, if that has been computed.
@@ -366,22 +369,42 @@ def _measure(
         if known is not None and known[1].touched == touched and known[0] > touched + SETTLED_S:
             return known
         about = directory / UPLOAD
+        own, foreign = _sizes(directory)
         return now, HeldPreview(
             name=directory.name,
             touched=touched,
-            size=sum(path.lstat().st_blocks * BLOCK_BYTES for path in directory.rglob("*")),
+            size=own,
+            foreign=foreign,
             visitor=visitor_noted(about.read_bytes() if about.is_file() else None),
         )
     except OSError:
         return None
 
 
+def _sizes(directory: Path) -> tuple[int, int]:
+    """Return the bytes of an upload with its owner's options, and those of strangers' options."""
+    strangers = {path.parent for path in directory.glob(f"*/{STRANGER}")}
+    own = foreign = 0
+    for path in directory.rglob("*"):
+        size = path.lstat().st_blocks * BLOCK_BYTES
+        if strangers & {path, path.parent}:
+            foreign += size
+        else:
+            own += size
+    return own, foreign
+
+
 def _remove(directory: Path) -> None:
     """Remove a preview; readers see all of it or nothing."""
+    shutil.rmtree(_set_aside(directory), ignore_errors=True)
+
+
+def _set_aside(directory: Path) -> Path:
+    """Give a preview a name under which no reader sees it; return that path."""
     going = directory.with_name(f"{GOING}{directory.name}-{new_id()}")
     with suppress(OSError):  # another process has removed it
         directory.rename(going)
-    shutil.rmtree(going, ignore_errors=True)
+    return going
 
 
 def _problem(error: ChildError, seconds: float) -> ServiceError:

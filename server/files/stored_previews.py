@@ -39,12 +39,14 @@ class HeldPreview:
         touched: When somebody looked at it last, in seconds of the clock.
         size: Its bytes.
         visitor: Whose upload it is.
+        foreign: Bytes of options that strangers asked for, which the owner is not charged for.
     """
 
     name: str
     touched: float
     size: int
     visitor: str
+    foreign: int = 0
 
 
 def superfluous(
@@ -83,12 +85,14 @@ def superfluous(
             go(preview)
         else:
             kept.setdefault(preview.visitor, []).append(preview)
-    total_bytes, total = sizes.total(), counts.total()
+    left = [preview for previews in kept.values() for preview in previews]
+    total_bytes, total = sum(preview.size + preview.foreign for preview in left), len(left)
     while kept and (total_bytes > settings.previews_bytes or total > settings.most_previews):
         weights = sizes if total_bytes > settings.previews_bytes else counts
         most = max(kept, key=lambda name: weights[name])
-        total_bytes, total = total_bytes - kept[most][0].size, total - 1
-        go(kept[most].pop(0))
+        oldest = kept[most].pop(0)
+        total_bytes, total = total_bytes - oldest.size - oldest.foreign, total - 1
+        go(oldest)
         if not kept[most]:
             del kept[most]
     return gone

@@ -12,12 +12,14 @@ import sqlalchemy as sa
 from click.testing import Result
 from typer.testing import CliRunner
 
+from server.api.finished import import_finished
 from server.cli.admin import admin
 from server.cli.admin_tasks import AdminTasks
 from server.files.cancelled import sweep_cancelled
 from server.jobs.queue import prepare
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store, hash_of
+from server.store.gallery import Gallery
 from server.store.tables import FoldRow, MovieRow
 from tests.server.rows import a_fold, a_movie
 from tests.server.service import SNAKE, Service, over, owner
@@ -221,3 +223,17 @@ def test_a_cancelled_fold_is_computed_after_all(service: Service) -> None:
         assert [worker.pid for worker in admin_tasks.workers()]
     finally:
         admin_tasks.close()
+
+
+def test_damaged_lists_folds_with_changed_files(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path)
+    store = Store(settings)
+    import_finished(settings, store, Gallery())
+    assert run(tmp_path, "damaged").exit_code == 0
+    fold_id = store.list_public()[0].id
+    (store.directory(fold_id) / "plan.json").write_text("{}")
+    store.close()
+    found = run(tmp_path, "damaged")
+    assert found.exit_code == 1
+    assert f"{fold_id}" in found.stdout and "plan.json" in found.stdout
+    assert len(found.stdout.splitlines()) == 2

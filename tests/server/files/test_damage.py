@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
+import sqlite3
 from collections.abc import Callable, Iterator
 from itertools import cycle
 from pathlib import Path
 
+import numpy as np
 import pytest
+from fastapi.routing import APIRoute
 from websockets.sync.client import connect
 
 from planner.checked_zarr import CHECKSUMS, DIGEST
@@ -17,6 +21,7 @@ from planner.files import zarr_group
 from planner.plan.packed import unpack
 from planner.verification.integrity import check
 from server.api.finished import FOLDER
+from server.app import ROUTERS
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service
 
@@ -188,14 +193,13 @@ def test_route_that_makes_something_of_damaged_source_refuses(
     truncate(place / source)
     for route in routes:
         path = f"{'' if route == 'picture.png' else '/api'}/folds/{fold_id}/{route}"
-        more = {"json": {}} if method == "POST" else {}
-        answer = shipped.http.request(method, path, **more)
+        answer = shipped.http.request(method, path, json={} if method == "POST" else None)
         assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data"), route
     if source == "plan.npz":
         with connect(
             f"{shipped.http.base_url}/api/folds/{fold_id}/play".replace("http", "ws", 1)
         ) as robot:
-            assert "damaged-data" in robot.recv()
+            assert "damaged-data" in str(robot.recv())
     (place / source).write_bytes(whole)
 
 
@@ -209,9 +213,39 @@ def test_timeline_of_earlier_version_is_compared_with_the_manifest(tmp_path: Pat
     group = zarr_group(path, "w")
     group.attrs.put(attributes)
     for name, values in arrays.items():
-        group.create_array(name, data=values)
+        group.create_array(name, data=np.asarray(values))
     check(tmp_path, path.name)
     chunk = next(file for file in (path / "joint_angles_rad" / "c").rglob("*") if file.is_file())
     chunk.unlink()
     with pytest.raises(DamagedError, match="joint_angles_rad"):
         check(tmp_path, path.name)
+
+
+def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceHere) -> None:
+    """Every route that names a fold and answers GET, but the endless stream of events."""
+    fold_id = shipped.http.get("/api/folds").json()["folds"][1]["id"]
+    with sqlite3.connect(shipped.data_dir / "foldback.db", timeout=60) as database:
+        database.execute("UPDATE folds SET public = 0 WHERE id = ?", (fold_id,))
+    database.close()
+    (shipped.directory(fold_id) / "exports").mkdir(exist_ok=True)
+    (shipped.directory(fold_id) / "exports" / "picture.png").write_bytes(b"stored")
+    routes = {
+        route.path
+        for module in ROUTERS
+        for route in module.router.routes
+        if isinstance(route, APIRoute)
+        and "{fold_id}" in route.path
+        and "GET" in (route.methods or ())
+    }
+    assert len(routes) > 20
+    values = {"fold_id": fold_id, "name": "csv", "export": "csv", "movie_id": "abc", "kind": "csv"}
+    paths = [
+        re.sub(r"{(\w+)[^}]*}", lambda found: values.get(found[1], "csv"), route)
+        for route in routes
+        if not route.endswith("/events")
+    ]
+    for path in [*paths, f"/compare?a={fold_id}&b={fold_id}"]:
+        answer = shipped.http.get(path)
+        allowed = answer.headers.get("Cache-Control", "")
+        assert "private" in allowed or "no-store" in allowed, f"{path}: {allowed!r}"
+        assert "public" not in allowed and "s-maxage" not in allowed, path

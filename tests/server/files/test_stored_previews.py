@@ -13,7 +13,13 @@ import pytest
 
 from server.errors import TooMany
 from server.files import previews as previews_module
-from server.files.previews import MOST_OPTION_SETS, NoSuchPreviewError, Previews, ShapeOptions
+from server.files.previews import (
+    MOST_OPTION_SETS,
+    NoSuchPreviewError,
+    Previews,
+    ShapeOptions,
+    _measure,
+)
 from server.files.stored_previews import (
     UPLOAD,
     HeldPreview,
@@ -74,6 +80,24 @@ def test_previews_of_an_upload_by_strangers_leave_the_owner_its_own(tmp_path: Pa
     with pytest.raises(TooMany):
         ask(1000, "another")
     ask(1001, "owner")
+    uploads.close()
+    measured = _measure(tmp_path / "previews" / preview_id, None)
+    assert measured is not None
+    assert measured[1].size < 64 * 1024 < MOST_OPTION_SETS * 4096 <= measured[1].foreign
+
+
+def test_remove_of_preview_leaves_its_files_to_the_sweep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    previews, uploads = Previews(Settings(data_dir=tmp_path)), Uploads(Settings(data_dir=tmp_path))
+    monkeypatch.setattr(previews, "_sweep_soon", lambda coming=0: None)
+    with uploads.stored(BytesIO(b"[]"), "thing.stl") as upload:
+        preview_id = previews.add(upload, "owner")
+    previews.remove(preview_id)
+    assert not previews.there(preview_id)
+    assert len(list((tmp_path / "previews").iterdir())) == 1
+    previews.sweep()
+    assert list((tmp_path / "previews").iterdir()) == []
     uploads.close()
 
 
