@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import ast
 import importlib
+import importlib.util
 from pathlib import Path
+from types import ModuleType
 
+import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
+from planner.inner_kernels import InnerLibrary
 from planner.pipeline import compiling_lock
 from planner.pipeline.compiling_lock import FIRST, FIRST_BYTES, CompilingLock, compiling_fraction
 
@@ -61,3 +65,54 @@ def test_kernels_without_a_way_in_from_python_are_imported_by_kernels_only() -> 
 
 def _is_inner(value: object) -> bool:
     return isinstance(value, Dispatcher) and "no_cpython_wrapper" in value.targetoptions
+
+
+TWO_CALLERS = """
+from numba import njit
+from planner.kernels import INNER, KERNEL
+
+@njit(**INNER)
+def inner(values, last):
+    if last < 0:
+        raise ValueError("below 0")
+    total = 0.0
+    for k in range(last):
+        total += values[k]
+    return total
+
+@njit(**KERNEL)
+def one(values, last):
+    return inner(values, last)
+
+@njit(**KERNEL)
+def other(values, last):
+    return 2.0 * inner(values, last)
+"""
+
+
+def _module(path: Path, name: str) -> ModuleType:
+    found = importlib.util.spec_from_file_location(name, path)
+    assert found is not None and found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+def test_inner_kernel_has_no_machine_code_and_serves_a_second_caller_from_the_cache(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "two_callers.py"
+    path.write_text(TWO_CALLERS)
+    values = np.arange(4.0)
+    compiled = _module(path, "two_callers")
+    assert compiled.one(values, 4) == 6.0
+    (result,) = compiled.inner.overloads.values()
+    assert isinstance(result.library, InnerLibrary)
+    machine_code = result.library._get_compiled_object()  # pyright: ignore[reportPrivateUsage]
+    assert result.fndesc.llvm_func_name.encode() not in machine_code
+    loaded = _module(path, "two_callers")
+    assert loaded.one(values, 4) == 6.0
+    assert loaded.other(values, 4) == 12.0
+    assert len(loaded.inner.stats.cache_hits) == 1
+    with pytest.raises(ValueError, match="below 0"):
+        loaded.other(values, -1)
