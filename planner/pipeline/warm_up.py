@@ -61,7 +61,9 @@ def warm_up(
         with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
             plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
         warm_up_motions()
-        clearances_of(plan.chain, np.tile(plan.chain.folded_rad, (2, 1)), size=0.95)
+        still = np.tile(plan.chain.folded_rad, (2, 1))
+        exempt_pairs(plan.chain, (still,), size=0.95)
+        clearances_of(plan.chain, still, size=0.95)
     if soon and compiling.told:
         beside("all", place)
         return
@@ -75,11 +77,10 @@ def warm_up(
 
 
 def warm_up_motions() -> None:
-    """Compute torques and linked modules of a motion, which share little with what folds."""
+    """Compute torques of a motion, which share hardly a kernel with the clearance."""
     chain = warm_up_chains()
     still = np.tile(chain.folded_rad, (2, 1))
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
-    exempt_pairs(chain, (still,), size=0.95)
 
 
 def _explode_as_published() -> None:

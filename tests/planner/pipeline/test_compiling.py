@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import gc
 import importlib
 import importlib.util
 from pathlib import Path
@@ -10,10 +11,12 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 from planner.inner_kernels import InnerLibrary
 from planner.pipeline import compiling_lock
+from planner.pipeline.compiling import YOUNG_OBJECTS, Compiling
 from planner.pipeline.compiling_lock import FIRST, FIRST_BYTES, CompilingLock, compiling_fraction
 
 ROOT = Path(__file__).parents[3]
@@ -35,6 +38,15 @@ def test_lock_held_by_another_shows_its_fraction_and_waits_no_longer_than_its_bo
     holder.release()
     assert compiling_fraction(tmp_path) is None
     other.release()
+
+
+def test_compiling_looks_for_unused_cycles_rarely_from_its_first_kernel_to_its_end() -> None:
+    before = gc.get_threshold()
+    with Compiling():
+        assert gc.get_threshold() == before
+        njit(lambda: 0)()
+        assert gc.get_threshold() == (YOUNG_OBJECTS, *before[1:])
+    assert gc.get_threshold() == before
 
 
 def test_lock_file_is_for_its_user_alone_and_a_link_is_not_followed(tmp_path: Path) -> None:
