@@ -11,6 +11,10 @@ from typing import Any, Final, cast
 
 import numpy as np
 
+from planner.inner_kernels import leave_inner_kernels_to_callers
+
+leave_inner_kernels_to_callers()
+
 ZERO: Final = cast(int, np.int64(0))
 """A 0 of the type that kernels hand to each other, so that no second version is compiled."""
 

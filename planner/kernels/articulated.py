@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL, ZERO
 from planner.kernels.dynamics import joint_axes
+from planner.kernels.kinematics import copy_matrix, copy_vector
 from planner.kernels.module import Joint
 from planner.kernels.velocities import cross
 
@@ -278,7 +279,7 @@ def free_accelerations(
         _centripetal(spins[i], arm, c[i, 3:])
         if j >= 0:
             joint_axes(rotations[i - 1], axes, angles[j : j + hinges], s[i, :, :3])
-            spin[:] = spins[i - 1]
+            copy_vector(spins[i - 1], spin)
             for h in range(hinges):
                 cross(spin, s[i, h, :3], work)
                 for r in range(3):
@@ -292,7 +293,7 @@ def free_accelerations(
             bias[row] = b[row]
             for k in range(6):
                 bias[row] += a[row, k] * c[i, k]
-        without[:] = a
+        copy_matrix(a, without)
         if j >= 0:
             for h in range(hinges):
                 u[i, h] = torques[j + h]
@@ -332,11 +333,11 @@ def free_accelerations(
     if fixed:
         a = HELD * np.eye(6)
     else:
-        moved[:] = np.linalg.solve(a, -b)
-    found.base[:] = a
-    found.first[:] = moved
+        copy_vector(np.linalg.solve(a, -b), moved)
+    copy_matrix(a, found.base)
+    copy_vector(moved, found.first)
     if root == 0:
-        root_out[:] = moved
+        copy_vector(moved, root_out)
     for i in range(1, n):
         for r in range(3):
             arm[r] = positions[i, r] - positions[i - 1, r]
@@ -358,7 +359,7 @@ def free_accelerations(
                 for h in range(hinges):
                     moved[row] += s[i, h, row] * hinges_out[j + h]
         if i == root:
-            root_out[:] = moved
+            copy_vector(moved, root_out)
 
 
 @njit(**INNER)

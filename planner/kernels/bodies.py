@@ -23,7 +23,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL, ZERO
-from planner.kernels.kinematics import axis_rotation, multiply
+from planner.kernels.kinematics import axis_rotation, copy_matrix, copy_vector, multiply
 from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
@@ -79,8 +79,8 @@ def rod_body(
     """
     frame = last[ROTATION:VELOCITY].reshape((3, 3))
     multiply(frame, rotation, turned)
-    body[:] = last
-    body[ROTATION:VELOCITY] = turned.ravel()
+    copy_vector(last, body)
+    copy_matrix(turned, body[ROTATION:VELOCITY].reshape((3, 3)))
     rx = frame[0, 0] * place[0] + frame[0, 1] * place[1] + frame[0, 2] * place[2]
     ry = frame[1, 0] * place[0] + frame[1, 1] * place[1] + frame[1, 2] * place[2]
     rz = frame[2, 0] * place[0] + frame[2, 1] * place[1] + frame[2, 2] * place[2]
@@ -122,9 +122,9 @@ def _outwards(
     while here != last:
         there = here + step
         a = bodies[here]
-        state[:] = a
+        copy_vector(a, state)
         link = min(here, there) - rigid_links
-        frame[:, :] = a[ROTATION:VELOCITY].reshape((3, 3))
+        copy_matrix(a[ROTATION:VELOCITY].reshape((3, 3)), frame)
         arm = anchor if step > 0 else offset
         for r in range(3):
             reach = frame[r, 0] * arm[0] + frame[r, 1] * arm[1] + frame[r, 2] * arm[2]
@@ -135,7 +135,7 @@ def _outwards(
         _carry(a, work[0, 0], work[0, 1], work[0, 2], centre, 3)
         if step < 0:
             multiply(frame, turn.T, work)
-            frame[:, :] = work
+            copy_matrix(work, frame)
         if link >= 0:
             w, u = a[MOST_SPIN], a[MOST_TURNING]
             jerk = a[MOST_JERK]
@@ -181,13 +181,13 @@ def _outwards(
                 if angle != 0.0:
                     axis_rotation(axes[k], angle * step, hinge)
                     multiply(frame, hinge, work)
-                    frame[:, :] = work
+                    copy_matrix(work, frame)
         if step > 0:
             multiply(frame, turn, work)
-            frame[:, :] = work
+            copy_matrix(work, frame)
         b = bodies[there]
-        b[:] = state
-        b[ROTATION:VELOCITY] = frame.ravel()
+        copy_vector(state, b)
+        copy_matrix(frame, b[ROTATION:VELOCITY].reshape((3, 3)))
         arm = offset if step > 0 else anchor
         for r in range(3):
             reach = frame[r, 0] * arm[0] + frame[r, 1] * arm[1] + frame[r, 2] * arm[2]

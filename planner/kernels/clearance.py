@@ -188,7 +188,8 @@ def separation_along(
         )
         if separation > best:
             best = separation
-            best_axis[:] = axis
+            for r in range(3):
+                best_axis[r] = axis[r]
             if best >= enough:
                 return best
     return best

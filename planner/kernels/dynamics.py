@@ -10,7 +10,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL
-from planner.kernels.kinematics import Matrix, axis_rotation, multiply, product, rodrigues
+from planner.kernels.kinematics import (
+    Matrix,
+    axis_rotation,
+    copy_matrix,
+    multiply,
+    product,
+    rodrigues,
+)
 from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
@@ -30,7 +37,7 @@ def joint_axes(rotation: Array, axes: Array, angles: Array, out: Array) -> None:
                 out[k, r] += frame[r, c] * axes[k, c]
         axis_rotation(axes[k], angles[k], hinge)
         multiply(frame, hinge, work)
-        frame[:, :] = work
+        copy_matrix(work, frame)
 
 
 @njit(**INNER)

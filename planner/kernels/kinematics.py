@@ -81,6 +81,24 @@ def _multiply_by(out: Array, b: Matrix) -> None:
 
 
 @njit(**INNER)
+def copy_vector(a: Array, out: Array) -> None:
+    """Write the elements of one vector into another one of the same size.
+
+    ``out[:] = a`` compiles a check of both shapes and the text of its error, seconds in all.
+    """
+    for i in range(out.shape[0]):
+        out[i] = a[i]
+
+
+@njit(**INNER)
+def copy_matrix(a: Array, out: Array) -> None:
+    """Write the elements of one matrix into another one of the same size; see ``copy_vector``."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = a[i, j]
+
+
+@njit(**INNER)
 def step_rotation(axes: Array, turn: Array, angles: Array, jointed: bool, out: Array) -> None:
     """Writes the rotation from one module's frame to the next one's into ``out`` (3, 3)."""
     for i in range(3):
@@ -130,8 +148,8 @@ def chain_poses(
     n = positions.shape[0]
     hinges = axes.shape[0]
     step = np.empty((3, 3))
-    positions[root] = root_position
-    rotations[root] = root_rotation
+    copy_vector(root_position, positions[root])
+    copy_matrix(root_rotation, rotations[root])
     for i in range(root, n - 1):
         j = (i - rigid_links) * hinges
         step_rotation(axes, turn, angles[max(j, 0) : max(j, 0) + hinges], j >= 0, step)

@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL
+from planner.kernels.kinematics import copy_vector
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -123,7 +124,7 @@ def _without(points: Array, following: Whole) -> Array:
     count = 0
     for i in range(points.shape[0]):
         if following[i] >= 0:
-            left[count] = points[i]
+            copy_vector(points[i], left[count])
             count += 1
     return left[:count].copy()
 
@@ -144,9 +145,9 @@ def _pass(points: Array) -> Array:
         if left <= 3:
             break
         after = following[i]
-        triangle[0] = points[before]
-        triangle[1] = points[i]
-        triangle[2] = points[after]
+        copy_vector(points[before], triangle[0])
+        copy_vector(points[i], triangle[1])
+        copy_vector(points[after], triangle[2])
         if _is_free(points, following, boxes, triangle, before, i):
             following[before] = after
             following[i] = -1
@@ -196,17 +197,17 @@ def tightened(polygon: Array, pull: float) -> Array:
         part = pull
         for _ in range(3):
             moved = points[i] + part * (0.5 * (points[before] + points[after]) - points[i])
-            one[0] = points[before]
-            one[1] = points[i]
-            one[2] = moved
-            other[0] = points[after]
-            other[1] = points[i]
-            other[2] = moved
+            copy_vector(points[before], one[0])
+            copy_vector(points[i], one[1])
+            copy_vector(moved, one[2])
+            copy_vector(points[after], other[0])
+            copy_vector(points[i], other[1])
+            copy_vector(moved, other[2])
             # First the edge before swings about its start, then the one after about its end.
             if _is_free(points, following, boxes, one, before, i) and _is_free(
                 points, following, boxes, other, before, i
             ):
-                points[i] = moved
+                copy_vector(moved, points[i])
                 break
             part *= 0.5
     return points

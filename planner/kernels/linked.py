@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL
 from planner.kernels.clearance import pair_separation
+from planner.kernels.kinematics import copy_vector
 from planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
@@ -94,10 +95,10 @@ def _depth(link: Link, angles: Array) -> float:
     column = np.empty(3)
     gap = np.zeros(3)
     for r in range(3):
-        column[:] = rotation[:, r]
+        copy_vector(rotation[:, r], column)
         for k in range(angles.shape[0] - 1, -1, -1):
             _turned(link.joint.axes[k], angles[k], column, column)
-        rotation[:, r] = column
+        copy_vector(column, rotation[:, r])
         for i in range(3):
             gap[i] += column[i] * link.joint.offset[r]
     gap += link.joint.anchor

@@ -28,7 +28,9 @@ def append_pair(pairs: Pairs, count: int, i: int, j: int) -> Pairs:
     """Writes one pair behind ``count`` others, in a larger array when it is full."""
     if count == pairs.shape[0]:
         larger = np.empty((2 * count, 2), dtype=np.int64)
-        larger[:count] = pairs
+        for k in range(count):
+            larger[k, 0] = pairs[k, 0]
+            larger[k, 1] = pairs[k, 1]
         pairs = larger
     pairs[count, 0] = i
     pairs[count, 1] = j

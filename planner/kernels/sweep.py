@@ -27,6 +27,7 @@ from planner.kernels.bodies import (
     rod_body,
 )
 from planner.kernels.clearance import pair_separation, separation_along
+from planner.kernels.kinematics import copy_vector
 from planner.kernels.module import Hull, Joint
 from planner.kernels.pairs import append_pair, near_pairs
 
@@ -238,7 +239,7 @@ def _near(
     m = bodies.shape[0]
     drift = 0.0
     for k in range(m):
-        points[k] = bodies[k, :3]
+        copy_vector(bodies[k, :3], points[k])
         drift = max(drift, bodies[k, DRIFT])
     if drift > WILD:
         pairs, count, wild = _near_along(bodies, drift, half, low, reach, shape.apart, pairs)
@@ -411,7 +412,8 @@ def rigid_clearances(
     for j in range(1, n):
         if least[j - 1] <= least[j]:
             least[j] = least[j - 1]
-            who[j] = who[j - 1]
+            who[j, 0] = who[j - 1, 0]
+            who[j, 1] = who[j - 1, 1]
     return least, who
 
 
@@ -581,7 +583,7 @@ def sweep_frames(
             rigid = max(0, shape.joint.rigid_links - low)
             root = max(0, shape.root)
             bodies, points = room[: high - low + 1], place[: high - low + 1]
-            bodies[root] = shape.core[low + root]
+            copy_vector(shape.core[low + root], bodies[root])
             begin = max(0, low - shape.joint.rigid_links) * hinges
             origin = np.empty(max(0, high - low - rigid) * hinges)
             rates = np.empty_like(origin)

@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL
-from planner.kernels.kinematics import product, rodrigues
+from planner.kernels.kinematics import copy_vector, product, rodrigues
 from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
@@ -71,8 +71,8 @@ def chain_velocities(
     arm = np.empty(3)
     turn = np.empty(3)
     pivot = np.empty(3)
-    velocities[root] = root_velocity
-    spins[root] = root_spin
+    copy_vector(root_velocity, velocities[root])
+    copy_vector(root_spin, spins[root])
     for step in range(n - 1):
         # From the root to the end, then from the root back; i is the module that holds the joint.
         ahead = step < n - 1 - root

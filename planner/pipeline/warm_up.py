@@ -61,6 +61,9 @@ def warm_up(
         with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
             plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
         warm_up_motions()
+        still = np.tile(plan.chain.folded_rad, (2, 1))
+        exempt_pairs(plan.chain, (still,), size=0.95)
+        clearances_of(plan.chain, still, size=0.95)
     if soon and compiling.told:
         beside("all", place)
         return
@@ -74,12 +77,10 @@ def warm_up(
 
 
 def warm_up_motions() -> None:
-    """Looks at a motion as the playback and the certificate do; not at its clearance in between."""
+    """Compute torques of a motion, which share hardly a kernel with the clearance."""
     chain = warm_up_chains()
     still = np.tile(chain.folded_rad, (2, 1))
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
-    exempt_pairs(chain, (still,), size=0.95)
-    clearances_of(chain, still, size=0.95)
 
 
 def _explode_as_published() -> None:

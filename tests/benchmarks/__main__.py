@@ -18,6 +18,7 @@ from tests.benchmarks.peeling import peeling
 from tests.benchmarks.plan_files import plan_files
 from tests.benchmarks.portfolio import portfolio
 from tests.benchmarks.scaling import scaling
+from tests.benchmarks.service.compiling import compiling
 from tests.benchmarks.service.movies import movies
 from tests.benchmarks.service.remaining import remaining
 from tests.benchmarks.service.weights import weights
@@ -57,6 +58,7 @@ SECTIONS = {
     "plan-files": plan_files,
     "page": page,
     "long-folds": long_folds,
+    "compiling": compiling,
     "movies": movies,
     "remaining": remaining,
     "weights": weights,

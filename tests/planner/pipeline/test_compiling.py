@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import ast
+import gc
 import importlib
+import importlib.util
 from pathlib import Path
+from types import ModuleType
 
+import numpy as np
 import pytest
+from numba import njit
 from numba.core.dispatcher import Dispatcher
 
+from planner.inner_kernels import InnerLibrary
 from planner.pipeline import compiling_lock
+from planner.pipeline.compiling import YOUNG_OBJECTS, Compiling
 from planner.pipeline.compiling_lock import FIRST, FIRST_BYTES, CompilingLock, compiling_fraction
 
 ROOT = Path(__file__).parents[3]
@@ -31,6 +38,15 @@ def test_lock_held_by_another_shows_its_fraction_and_waits_no_longer_than_its_bo
     holder.release()
     assert compiling_fraction(tmp_path) is None
     other.release()
+
+
+def test_compiling_looks_for_unused_cycles_rarely_from_its_first_kernel_to_its_end() -> None:
+    before = gc.get_threshold()
+    with Compiling():
+        assert gc.get_threshold() == before
+        njit(lambda: 0)()
+        assert gc.get_threshold() == (YOUNG_OBJECTS, *before[1:])
+    assert gc.get_threshold() == before
 
 
 def test_lock_file_is_for_its_user_alone_and_a_link_is_not_followed(tmp_path: Path) -> None:
@@ -61,3 +77,54 @@ def test_kernels_without_a_way_in_from_python_are_imported_by_kernels_only() -> 
 
 def _is_inner(value: object) -> bool:
     return isinstance(value, Dispatcher) and "no_cpython_wrapper" in value.targetoptions
+
+
+TWO_CALLERS = """
+from numba import njit
+from planner.kernels import INNER, KERNEL
+
+@njit(**INNER)
+def inner(values, last):
+    if last < 0:
+        raise ValueError("below 0")
+    total = 0.0
+    for k in range(last):
+        total += values[k]
+    return total
+
+@njit(**KERNEL)
+def one(values, last):
+    return inner(values, last)
+
+@njit(**KERNEL)
+def other(values, last):
+    return 2.0 * inner(values, last)
+"""
+
+
+def _module(path: Path, name: str) -> ModuleType:
+    found = importlib.util.spec_from_file_location(name, path)
+    assert found is not None and found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+def test_inner_kernel_has_no_machine_code_and_serves_a_second_caller_from_the_cache(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "two_callers.py"
+    path.write_text(TWO_CALLERS)
+    values = np.arange(4.0)
+    compiled = _module(path, "two_callers")
+    assert compiled.one(values, 4) == 6.0
+    (result,) = compiled.inner.overloads.values()
+    assert isinstance(result.library, InnerLibrary)
+    machine_code = result.library._get_compiled_object()  # pyright: ignore[reportPrivateUsage]
+    assert result.fndesc.llvm_func_name.encode() not in machine_code
+    loaded = _module(path, "two_callers")
+    assert loaded.one(values, 4) == 6.0
+    assert loaded.other(values, 4) == 12.0
+    assert len(loaded.inner.stats.cache_hits) == 1
+    with pytest.raises(ValueError, match="below 0"):
+        loaded.other(values, -1)

@@ -1,0 +1,52 @@
+"""Processor time of compiling: from no compiled kernels to a fold, and to all of them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from typing import Final
+
+from tests.benchmarks.first import OWN_SHAPE
+from tests.benchmarks.tables import Section
+
+MAX_FIRST_CPU_S: Final = 45.0
+"""Bar for the kernels that a first fold needs, in seconds of the processor."""
+UNTIL_A_FOLD: Final = """
+import sys
+from tempfile import TemporaryDirectory
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
+
+warm_up(soon=True, directory=Path(sys.argv[1]))
+with TemporaryDirectory() as folder:
+    write_request(Path(folder), Request(filename="own.json"), Path(sys.argv[2]).read_bytes())
+    assert run_stages(Path(folder))["status"] == "verified"
+"""
+
+
+def compiling(reference_seconds: float) -> Section:
+    """Compile what a first fold of 24 cubes needs, fold it, and compile the rest."""
+    del reference_seconds
+    section = Section(name="compiling")
+    with tempfile.TemporaryDirectory(prefix="foldback-kernels-") as cache:
+        first = _processor_s(cache, "-c", UNTIL_A_FOLD, cache, str(OWN_SHAPE))
+        rest = _processor_s(cache, "-m", "planner.pipeline.warm_up")
+    section.rows.append({"first_s": first, "rest_s": rest})
+    bar = f"< {MAX_FIRST_CPU_S:.0f} s of the processor"
+    section.add("own fold, nothing compiled", f"{first:.1f} s", bar, first < MAX_FIRST_CPU_S)
+    section.add("all other kernels", f"{rest:.1f} s")
+    return section
+
+
+def _processor_s(cache: str, *arguments: str) -> float:
+    """Return the processor time of a Python process and of those that it waits for, s."""
+    before = os.times()
+    environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
+    subprocess.run([sys.executable, *arguments], env=environment, check=True)
+    after = os.times()
+    user = after.children_user - before.children_user
+    return user + after.children_system - before.children_system
