@@ -13,13 +13,15 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 from urllib.parse import urlsplit
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from planner.files import refuses_writing
 
 MIB = 1024 * 1024
 PREFIX: Final = "FOLDBACK_"
+MIN_TOKEN_LENGTH: Final = 16
+"""Characters of an operator's token. A shorter one could be guessed. Chosen."""
 
 
 class Settings(BaseSettings):
@@ -94,8 +96,14 @@ class Settings(BaseSettings):
     )
     metrics_public: bool = Field(
         default=False,
-        description="Whether `/metrics` answers everybody, not only programs on this machine that "
-        "ask without a proxy.",
+        description="Whether `/metrics` answers everybody, not only programs that send the token "
+        "below.",
+    )
+    metrics_token: SecretStr | None = Field(
+        default=None,
+        description="Token, of 16 characters or more, that opens `/metrics` to programs that send "
+        "it as `Authorization: Bearer …`. Without it `/metrics` is closed, on this machine as "
+        "well.",
     )
     leave_s: float = Field(
         default=0.0,
@@ -209,8 +217,8 @@ class Settings(BaseSettings):
     lists_per_second_of_visitor: float = Field(
         default=5.0,
         gt=0,
-        description="Lists of what one has made (`/api/mine`) that one visitor gets in a second, "
-        "on average; 20 times as many at once.",
+        description="Lists (`/api/mine`, `/api/folds`, `/gallery`, `/`) that one visitor gets in a "
+        "second, on average; 20 times as many at once.",
     )
     max_modules: int = Field(default=12_000, ge=3, description="Longest chain that is accepted.")
     min_free_disk_bytes: int = Field(
@@ -327,6 +335,17 @@ class Settings(BaseSettings):
                     "without a path."
                 )
         return value
+
+    @field_validator("metrics_token")
+    @classmethod
+    def _token(cls, value: SecretStr | None) -> SecretStr | None:
+        length = len(value.get_secret_value()) if value else 0
+        if value and length < MIN_TOKEN_LENGTH:
+            raise ValueError(
+                f"got a token of {length} characters, expected {MIN_TOKEN_LENGTH} or more; make "
+                "one by `openssl rand -hex 32`."
+            )
+        return value or None
 
     @field_validator("database_url", "jobs_url")
     @classmethod

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import ipaddress
+from secrets import compare_digest
 
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
+from fastapi.security import HTTPAuthorizationCredentials
 from pydantic import BaseModel, Field
 from sqlalchemy.exc import SQLAlchemyError
 
-from server.api.folds import Here, problems
+from server.api.context import Context
+from server.api.folds import Bearer, Here, problems
 from server.api.schemas import PreparingBody
 from server.errors import Forbidden
 from server.ops.metrics import MEDIA_TYPE
@@ -18,7 +20,6 @@ from server.ops.readiness import Readiness
 from server.store.stats import Stats
 
 router = APIRouter(tags=["operation"])
-PASSED_ON = ("forwarded", "x-forwarded-for", "x-real-ip", "via")
 
 
 @router.get("/health", summary="Is it alive?")
@@ -65,13 +66,13 @@ def get_preparing(context: Here, response: Response) -> PreparingState:
     response_class=PlainTextResponse,
     responses=problems(403),
 )
-async def get_metrics(request: Request, context: Here) -> Response:
-    """Figures in Prometheus' text format, for this machine alone unless `metrics_public` is set."""
-    if not (context.settings.metrics_public or _from_here(request)):
+async def get_metrics(request: Request, context: Here, credentials: Bearer) -> Response:
+    """Figures in Prometheus' text format, for who sends the operator's token."""
+    if not _may_read(context, credentials):
         raise Forbidden(
             "not-public",
-            "The figures are for this machine alone; an operator opens them with "
-            "FOLDBACK_METRICS_PUBLIC=true.",
+            "The figures are for operators; send the value of FOLDBACK_METRICS_TOKEN as "
+            "'Authorization: Bearer …'.",
         )
     stats: Stats = request.app.state.stats
     streams, robots = len(context.streams), len(context.robots)
@@ -83,11 +84,15 @@ async def get_metrics(request: Request, context: Here) -> Response:
     return Response(text, media_type=MEDIA_TYPE)
 
 
-def _from_here(request: Request) -> bool:
-    """Whether a program of this machine asks, and no proxy for somebody else."""
-    if request.client is None or any(name in request.headers for name in PASSED_ON):
+def _may_read(context: Context, credentials: HTTPAuthorizationCredentials | None) -> bool:
+    """Return True if the figures are public, or the request brings the operator's token.
+
+    The address of a request says nothing here: it is that of a proxy on this machine as well.
+    """
+    token = context.settings.metrics_token
+    if context.settings.metrics_public:
+        return True
+    if token is None or credentials is None:
         return False
-    try:
-        return ipaddress.ip_address(request.client.host).is_loopback
-    except ValueError:
-        return False
+    expected = token.get_secret_value()
+    return compare_digest(credentials.credentials.encode(), expected.encode())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import shutil
 import tempfile
@@ -22,6 +23,7 @@ from server.store.stats import Stats
 
 KEPT_S: Final = 2.0
 OK: Final = "ok"
+log = logging.getLogger("foldback.web")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +71,8 @@ class Readiness:
         try:
             workers = self._stats.workers()
         except SQLAlchemyError as error:
-            database = f"does not answer: {type(error).__name__}"
+            log.warning("database: %r", error)
+            database = "does not answer"
         disk, storage = self._places()
         compiled = compiling_fraction(self._settings.root)
         reasons = [
@@ -108,7 +111,8 @@ class Readiness:
             else:
                 self._storage()
         except (OSError, StorageError) as error:
-            return f"cannot be used: {type(error).__name__}"
+            log.warning("storage: %r", error)
+            return "cannot be used"
         return OK
 
 

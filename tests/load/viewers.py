@@ -44,7 +44,7 @@ def viewers(short: bool = False) -> Section:
         peak = _resident_mb(service)
         time.sleep(0.5 if short else 5)
         after = _resident_mb(service)
-        left = service.http.get("/metrics").text
+        left = service.metrics().text
     section.rows.append(
         {"viewers": count, "before, MB": before, "at the end, MB": peak, "then, MB": after}
     )

@@ -20,6 +20,7 @@ import httpx
 import psutil
 
 PATIENCE_S = 120.0
+METRICS_TOKEN = "operator-token-of-tests"
 KINDS = ("stages", "reader", "preparer", "movies", "retimer", "pictures")
 """Of processes that compute."""
 STAIRS = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [3, 2, 0], [3, 3, 0], [4, 3, 0]]
@@ -56,9 +57,11 @@ class Service:
             "FOLDBACK_PREWARM": "false",
             # Lists and counts begin empty.
             "FOLDBACK_FINISHED_FOLDS": "false",
+            "FOLDBACK_METRICS_TOKEN": METRICS_TOKEN,
             # All visitors of a test come from one address, unless it says otherwise.
             "FOLDBACK_REQUESTS_PER_SECOND_OF_VISITOR": "100000",
             "FOLDBACK_REQUESTS_AT_ONCE_OF_VISITOR": "1000000",
+            "FOLDBACK_LISTS_PER_SECOND_OF_VISITOR": "100000",
             **{f"FOLDBACK_{name.upper()}": str(value) for name, value in settings.items()},
             **(environment or {}),
         }
@@ -162,6 +165,10 @@ class Service:
     def directory(self, fold_id: str) -> Path:
         """Where the files of a fold are."""
         return self.data_dir / "folds" / fold_id
+
+    def metrics(self) -> httpx.Response:
+        """The operator's figures."""
+        return self.http.get("/metrics", headers=bearer(METRICS_TOKEN))
 
     def state(self, fold_id: str) -> dict[str, Any]:
         answer = self.http.get(f"/api/folds/{fold_id}")

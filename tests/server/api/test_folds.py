@@ -232,7 +232,7 @@ def test_figures_and_health(service: Service, finished: dict[str, Any]) -> None:
     }.items() <= ready.json().items()
     figures = dict(
         line.rsplit(" ", 1)
-        for line in service.http.get("/metrics").text.splitlines()
+        for line in service.metrics().text.splitlines()
         if not line.startswith("#")
     )
     assert float(figures['foldback_folds{status="verified"}']) >= 1

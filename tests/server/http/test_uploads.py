@@ -66,7 +66,7 @@ BAD: dict[str, tuple[bytes, str, str | None]] = {
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_is_refused_with_code_and_where(desk: Service, name: str) -> None:
     data, code, where = BAD[name]
-    before = desk.http.get("/metrics").text
+    before = desk.metrics().text
     answer = desk.http.post("/api/folds", files={"file": ("shape.json", data)})
     problem = answer.json()
     assert answer.status_code == 422, answer.text
@@ -76,7 +76,7 @@ def test_bad_input_is_refused_with_code_and_where(desk: Service, name: str) -> N
     if where is not None:
         assert where in (problem["where"] or ""), problem
         assert where or problem["where"]
-    assert _folds(before) == _folds(desk.http.get("/metrics").text)
+    assert _folds(before) == _folds(desk.metrics().text)
 
 
 def _folds(metrics: str) -> list[str]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 import uuid
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
 from prometheus_client.parser import text_string_to_metric_families
+from pydantic import SecretStr
 from sqlalchemy.orm import Session
 
 from server.settings import Settings
@@ -19,12 +21,12 @@ from server.store.stats import Stats
 from server.store.tables import WorkerRow, engine_for
 from tests.server.postgres import DATABASES
 from tests.server.rows import a_fold
-from tests.server.service import SNAKE, Service
+from tests.server.service import METRICS_TOKEN, SNAKE, Service
 
 
 def figures(service: Service) -> dict[tuple[str, tuple[tuple[str, str], ...]], float]:
     """All samples, by name and labels."""
-    answer = service.http.get("/metrics")
+    answer = service.metrics()
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("text/plain; version=0.0.4")
     found: dict[tuple[str, tuple[tuple[str, str], ...]], float] = {}
@@ -91,12 +93,41 @@ def test_open_streams_are_counted(desk: Service) -> None:
         assert value(found, "requests_in_progress") == 2
 
 
-@pytest.mark.parametrize("header", ["X-Forwarded-For", "Forwarded", "X-Real-IP", "Via"])
-@pytest.mark.parametrize("source", ["203.0.113.9", "127.0.0.1"])
-def test_the_world_does_not_read_them(desk: Service, header: str, source: str) -> None:
-    answer = desk.http.get("/metrics", headers={header: source})
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {},
+        {"Connection": "close"},
+        {"X-Forwarded-For": "203.0.113.9"},
+        {"X-Forwarded-For": "127.0.0.1"},
+        {"Forwarded": "for=127.0.0.1"},
+        {"Authorization": "Bearer"},
+        {"Authorization": f"Bearer {METRICS_TOKEN}x"},
+        {"Authorization": f"Basic {METRICS_TOKEN}"},
+        {"Authorization": b"Bearer \xff\xfe"},
+    ],
+    ids=str,
+)
+def test_metrics_without_the_token_are_closed_from_any_address(
+    desk: Service, headers: dict[str, str]
+) -> None:
+    answer = desk.http.get("/metrics", headers=headers)
     assert answer.status_code == 403
     assert answer.json()["code"] == "not-public"
+    assert METRICS_TOKEN not in answer.text
+
+
+def test_metrics_of_a_service_without_a_token_are_closed(here_with: Callable[..., Service]) -> None:
+    service = here_with(metrics_token="").start()
+    assert service.metrics().status_code == 403
+    assert service.http.get("/metrics", headers={"Authorization": "Bearer"}).status_code == 403
+
+
+def test_metrics_token_that_is_short_is_refused_without_repeating_it() -> None:
+    with pytest.raises(ValueError, match="got a token of 5 characters") as refused:
+        Settings(metrics_token=SecretStr("12a45"))
+    assert "12a45" not in str(refused.value)
+    assert METRICS_TOKEN not in repr(Settings(metrics_token=SecretStr(METRICS_TOKEN)))
 
 
 def test_reading_them_often_asks_the_database_seldom(tmp_path: Path) -> None:
