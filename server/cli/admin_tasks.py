@@ -12,7 +12,6 @@ import sqlalchemy as sa
 from dbos import DBOSClient
 from sqlalchemy.orm import Session
 
-from planner.pipeline.manifest import FILES
 from planner.verification.integrity import damaged_among
 from server.api.base_folds import BROUGHT
 from server.jobs.queue import APPLICATION, Jobs
@@ -90,6 +89,9 @@ class AdminTasks:
 
     def damaged(self) -> Generator[tuple[FoldRow, list[str]]]:
         """Yield each fold that is over and has damaged files, with their names."""
+        # It brings compiled kernels along, which other tasks do without.
+        from planner.pipeline.manifest import FILES
+
         for row in self.folds():
             if row.over and (names := damaged_among(self._store.directory(row.id), FILES)):
                 yield row, names
