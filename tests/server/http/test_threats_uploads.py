@@ -133,7 +133,7 @@ def test_a_visitor_has_few_uploads_at_once_and_all_have_not_many(
         # Of the addresses of version 6 one has many, but they are all of one visitor.
         begin(second, "2001:db8::1")
         refused("2001:db8:0:0:1:2:3:4", "of yours")
-        refused("203.0.113.3", "in all")
+        refused("198.51.100.3", "in all")
     _until(lambda: _status(service, "203.0.113.1") == 202)
 
 
