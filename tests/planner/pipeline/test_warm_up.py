@@ -114,6 +114,14 @@ def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
     assert (beside, here) == (["motions", "all"], [])
 
 
+def test_warm_up_from_the_shell_compiles_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    options: list[dict[str, object]] = []
+    monkeypatch.setattr(sys, "argv", ["warm_up"])
+    monkeypatch.setattr(module, "warm_up", lambda *_, **given: options.append(given))  # pyright: ignore[reportUnknownLambdaType, reportUnknownArgumentType]
+    module.main()
+    assert options == [{}]  # not ``soon``
+
+
 ORPHAN = """
 import os, signal, sys
 from pathlib import Path
