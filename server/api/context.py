@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 from typing import TYPE_CHECKING
 
 from fastapi import Request
 
 from server.api.fold_states import FoldStates
 from server.api.frame_waits import FrameWaits
+from server.errors import TooMany
 from server.files.artifacts import Artifacts
 from server.files.exports import Exports
 from server.files.pictures import Pictures
@@ -66,6 +68,20 @@ class Context:
     remaining: Remaining
     secret: bytes
 
+    def take_list(self, request: Request) -> None:
+        """Count one list that a visitor asks for.
+
+        Raises:
+            TooMany: If the visitor or its network asks for lists faster than they are answered.
+        """
+        if wait_s := self.lists.take(address_of(request)):
+            raise TooMany(
+                "too-many-lists",
+                "got more requests for lists from your address than are answered; try again in "
+                f"{ceil(wait_s)} s.",
+                retry_after_s=ceil(wait_s),
+            )
+
     def visitor(self, request: Request) -> str:
         """Return the visitor's name with its networks, without revealing the address."""
         return hidden(address_of(request), self.secret)
@@ -75,3 +91,8 @@ def context_of(request: Request) -> Context:
     """The context of the application that a request is for."""
     context: Context = request.app.state.context
     return context
+
+
+async def in_list_rate(request: Request) -> None:
+    """Count the request as one for a list: a dependency of routes that read many rows."""
+    context_of(request).take_list(request)

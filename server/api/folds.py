@@ -22,7 +22,7 @@ from planner.pipeline.request import Request as Asked
 from planner.pipeline.settings import LONGEST, SETTINGS, TABLE_SETTINGS, Setting
 from planner.readers.limits import quote
 from server.api.base_folds import beginning_noted, beginning_of
-from server.api.context import Context, context_of
+from server.api.context import Context, context_of, in_list_rate
 from server.api.schemas import (
     LONGEST_NAME,
     Accepted,
@@ -275,7 +275,12 @@ def post_fold(
     )
 
 
-@router.get("", summary="Folds of the gallery, and one's own")
+@router.get(
+    "",
+    summary="Folds of the gallery, and one's own",
+    dependencies=[Depends(in_list_rate)],
+    responses=problems(429),
+)
 def get_folds(context: Here, credentials: Bearer) -> Folds:
     """Others' folds are never listed; their links are for who was given them."""
     rows = {row.id: row for row in context.store.list_public()}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import datetime
-from math import ceil
 from typing import Annotated, Final
 from urllib.parse import urlencode
 
@@ -22,8 +21,7 @@ from server.api.schemas import (
     PreviewsMade,
     moment,
 )
-from server.errors import Forbidden, Malformed, TooMany
-from server.http.client_address import address_of
+from server.errors import Forbidden, Malformed
 from server.jobs.movies import MovieState
 from server.store.folds import new_token
 from server.store.owned import folds_made, forget_preview, previews_made, replace_token
@@ -53,13 +51,7 @@ async def holder(request: Request, response: Response, context: Here, credential
     """The token of who asks, which is all that says who that is; nobody keeps the answer."""
     response.headers["Cache-Control"] = "no-store"
     token = needed(credentials)
-    if wait_s := context.lists.take(address_of(request)):
-        raise TooMany(
-            "too-many-lists",
-            f"got more questions for lists from your address than are answered; try again in "
-            f"{ceil(wait_s)} s.",
-            retry_after_s=ceil(wait_s),
-        )
+    context.take_list(request)
     return token
 
 

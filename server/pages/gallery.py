@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
-from server.api.context import context_of
+from server.api.context import context_of, in_list_rate
 from server.api.folds import post_fold
 from server.errors import ServiceError
 from server.files.previews import ShapeOptions
@@ -31,7 +31,7 @@ from server.pages.quantities import sentence
 router = APIRouter(include_in_schema=False)
 
 
-@router.get("/gallery", response_class=HTMLResponse)
+@router.get("/gallery", response_class=HTMLResponse, dependencies=[Depends(in_list_rate)])
 async def gallery_page(request: Request) -> Response:
     """All example shapes; the address says which of them are wanted."""
     context = context_of(request)

@@ -6,11 +6,11 @@ import asyncio
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, Response
 
 from planner.chain.chain import Chain
-from server.api.context import context_of
+from server.api.context import context_of, in_list_rate
 from server.errors import READ_ONLY_WORDS
 from server.pages.cards import cards, selected
 from server.pages.page import origin_of, page, templates
@@ -34,7 +34,7 @@ BATCH: Final = STATIC.parent / "featured.batch"
 FEATURED: Final = "wrench-160"
 
 
-@router.get("/", response_class=HTMLResponse)
+@router.get("/", response_class=HTMLResponse, dependencies=[Depends(in_list_rate)])
 async def landing(request: Request) -> Response:
     """The first page."""
     context = context_of(request)
