@@ -60,7 +60,7 @@ def warm_up(
         warm_up_chains()
         with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
             plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
-        warm_up_motions()
+        warm_up_motions(plan.chain)
         still = np.tile(plan.chain.folded_rad, (2, 1))
         exempt_pairs(plan.chain, (still,), size=0.95)
         clearances_of(plan.chain, still, size=0.95)
@@ -76,9 +76,8 @@ def warm_up(
         warm_up_paths()
 
 
-def warm_up_motions() -> None:
+def warm_up_motions(chain: Chain) -> None:
     """Compute torques of a motion, which share hardly a kernel with the clearance."""
-    chain = warm_up_chains()
     still = np.tile(chain.folded_rad, (2, 1))
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
 
@@ -106,7 +105,7 @@ def main() -> None:
     end_with_parent()
     if part == "motions":
         with Compiling(lock=CompilingLock(_locks_in(directory) / FIRST), joined=True):
-            warm_up_motions()
+            warm_up_motions(warm_up_chains())
     else:
         os.nice(STEPPING_BACK)
         warm_up(directory=directory)
