@@ -26,7 +26,7 @@ class Supervisor:
     """
 
     def __init__(self, settings: Settings) -> None:
-        self._environment = {**os.environ, **_environment(settings)}
+        self._environment = {**os.environ, **environment_of_worker(settings)}
         self._workers: list[_Worker] = [_Worker() for _ in range(settings.workers)]
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
@@ -93,9 +93,10 @@ class _Worker:
             )
 
 
-def _environment(settings: Settings) -> dict[str, str]:
+def environment_of_worker(settings: Settings) -> dict[str, str]:
+    """Return settings as environment variables, without the secret that workers do not use."""
     found: dict[str, str] = {}
-    for name, value in settings.model_dump(mode="json").items():
+    for name, value in settings.model_dump(mode="json", exclude={"metrics_token"}).items():
         if isinstance(value, list):
             import json
 

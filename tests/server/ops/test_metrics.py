@@ -14,6 +14,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from pydantic import SecretStr
 from sqlalchemy.orm import Session
 
+from server.ops.supervisor import environment_of_worker
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
@@ -190,3 +191,10 @@ def test_the_stats_count_rows(kind: str, tmp_path: Path, request: pytest.Fixture
     stats.close()
     store.close()
     engine.dispose()
+
+
+def test_metrics_token_is_not_passed_to_workers() -> None:
+    settings = Settings(metrics_token=SecretStr(METRICS_TOKEN))
+    environment = environment_of_worker(settings)
+    assert environment["FOLDBACK_PORT"] == str(settings.port)
+    assert "FOLDBACK_METRICS_TOKEN" not in environment
