@@ -7,19 +7,35 @@ Kernels therefore call each other with ``ZERO``, and callers pass writable, cont
 
 from __future__ import annotations
 
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
-
-from planner.inner_kernels import leave_inner_kernels_to_callers
-
-leave_inner_kernels_to_callers()
 
 ZERO: Final = cast(int, np.int64(0))
 """A 0 of the type that kernels hand to each other, so that no second version is compiled."""
 
-KERNEL: Final[dict[str, Any]] = {"cache": True, "no_cfunc_wrapper": True}
-"""Options of ``njit`` for a kernel that Python calls. Nothing calls kernels from C."""
-INNER: Final[dict[str, Any]] = {**KERNEL, "no_cpython_wrapper": True}
-"""Options of ``njit`` for a kernel that only other kernels call, which saves a quarter of the time
-that compiling takes. A call from Python crashes the process; a test looks for such imports."""
+_OPTIONS: Final[dict[str, dict[str, Any]]] = {
+    "KERNEL": {"cache": True, "no_cfunc_wrapper": True},
+    "INNER": {"cache": True, "no_cfunc_wrapper": True, "no_cpython_wrapper": True},
+}
+
+if TYPE_CHECKING:
+    KERNEL: dict[str, Any]
+    """Options of ``njit`` for a kernel that Python calls. Nothing calls kernels from C."""
+    INNER: dict[str, Any]
+    """Options of ``njit`` for a kernel that only other kernels call, which saves a quarter of the
+    time that compiling takes. A call from Python crashes the process; a test looks for such
+    imports."""
+
+
+def __getattr__(name: str) -> Any:
+    """Return options of ``njit``; the first module of kernels that takes them prepares numba.
+
+    This package is imported by processes that compute nothing, and must not import numba itself.
+    """
+    if name not in _OPTIONS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from planner.inner_kernels import leave_inner_kernels_to_callers
+
+    leave_inner_kernels_to_callers()
+    return _OPTIONS[name]
