@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fastapi.routing import APIRoute
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from planner.checked_zarr import CHECKSUMS, DIGEST
@@ -196,10 +197,10 @@ def test_route_that_makes_something_of_damaged_source_refuses(
         answer = shipped.http.request(method, path, json={} if method == "POST" else None)
         assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data"), route
     if source == "plan.npz":
-        with connect(
-            f"{shipped.http.base_url}/api/folds/{fold_id}/play".replace("http", "ws", 1)
-        ) as robot:
-            assert "damaged-data" in str(robot.recv())
+        address = f"{shipped.http.base_url}/api/folds/{fold_id}/play".replace("http", "ws", 1)
+        with pytest.raises(InvalidStatus) as refused:
+            connect(address)
+        assert "damaged-data" in str(refused.value.response.body)
     (place / source).write_bytes(whole)
 
 
