@@ -18,8 +18,6 @@ ROOT: Final = Path(__file__).parents[1]
 PAGE: Final = ROOT / "docs" / "licences.md"
 BLAS: Final = "OpenBLAS, BSD-3-Clause; libgfortran and libgcc, GPL-3.0 WITH GCC-exception-3.1"
 BUNDLED: Final = {
-    "imageio-ffmpeg": "a program: FFmpeg with x264, GPL-3.0-or-later; their sources are at "
-    "ffmpeg.org and code.videolan.org/videolan/x264",
     "llvmlite": "LLVM, Apache-2.0 WITH LLVM-exception",
     "numpy": BLAS,
     "scipy": BLAS,
@@ -40,10 +38,12 @@ foldback itself is under the [MIT licence](../LICENSE). `make run` and the conta
 these packages too. Each brings the text of its licence, in `site-packages/NAME.dist-info`.
 `python -m docs.make_licences` writes this page.
 
-foldback starts the FFmpeg of imageio-ffmpeg as a program of its own, to encode movies. It is under
-the GNU General Public License, version 3 or later: if you distribute the image, you distribute
-FFmpeg under that licence. The image also contains Debian packages; their licences are in
-`/usr/share/doc`.
+The image also contains Debian packages; their licences are in `/usr/share/doc`. One of them is
+FFmpeg with x264, which foldback starts as a program of its own to encode MP4 movies. Debian's build
+is under the GNU General Public License, version 2 or later: if you distribute the image, you
+distribute FFmpeg under that licence. Its source is the Debian source package `ffmpeg`. `make run`
+installs no FFmpeg. The extra `foldback[movies]` installs a build under the GNU General Public
+License, version 3 or later.
 
 | package | version | licence | contains |
 |---|---|---|---|

@@ -11,7 +11,7 @@ import sys
 from typing import Final
 
 from server.doctor.finding import Finding
-from server.processes.movie_task import GL_SETTING, NO_GL, backends
+from server.processes.movie_task import GL_SETTING, NO_FFMPEG, NO_GL, backends
 from server.settings import Settings
 
 DRAWING_TIMEOUT_S: Final = 60.0
@@ -23,10 +23,14 @@ model = mujoco.MjModel.from_xml_string("<mujoco/>")
 mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
 """
 _ENCODE: Final = """
-import subprocess, imageio_ffmpeg
-path = imageio_ffmpeg.get_ffmpeg_exe()
+import subprocess, sys
+from web.movies.encoding import NoEncoderError, find_ffmpeg
+try:
+    path = find_ffmpeg()
+except NoEncoderError as error:
+    sys.exit(error)
 answer = subprocess.run([path, "-hide_banner", "-encoders"], capture_output=True, text=True)
-print(path, [n for n in ("libx264 ", "libx264rgb ") if f" {n}" not in answer.stdout])
+print(path, "with" if " libx264 " in answer.stdout else "without", "x264")
 """
 _COMPILE: Final = """
 from planner.kernels.trails import one_circuit
@@ -53,17 +57,16 @@ def gl(settings: Settings) -> Finding:
 
 
 def encoder(settings: Settings) -> Finding:
-    """Whether movies can be encoded."""
+    """Check that movies can be encoded: GIF always can, MP4 by ffmpeg."""
     del settings
     code, words = run_python(_ENCODE)
-    path, _, missing = words.partition(" [")
-    if code == 0 and missing == "]":
-        return Finding(name="encoder", verdict="ok", found=f"{path} with x264")
+    if code == 0 and words.endswith(" with x264"):
+        return Finding(name="encoder", verdict="ok", found=words)
     return Finding(
         name="encoder",
         verdict="warning",
-        found="no movies: " + (words if code else f"{path} lacks x264"),
-        remedy="Unset IMAGEIO_FFMPEG_EXE, or install imageio-ffmpeg anew: it brings an encoder.",
+        found=f"movies are GIF only: {words}",
+        remedy=f"Unset IMAGEIO_FFMPEG_EXE if it is set. {NO_FFMPEG}.",
     )
 
 

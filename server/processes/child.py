@@ -204,7 +204,7 @@ def _preparer(*, warm: bool) -> Task:
 def _movies(*, warm: bool) -> Task:
     del warm  # it draws, and computes nothing
     from planner.errors import TimelineError
-    from web.movies.encoding import EncodingError
+    from web.movies.encoding import EncodingError, NoEncoderError
     from web.movies.make_movie import make_movie
     from web.movies.movie import Movie
     from web.movies.renderer import NoGLError
@@ -233,6 +233,8 @@ def _movies(*, warm: bool) -> Task:
             )
         except NoGLError as error:
             return {"status": "no-gl", "reason": str(error)}
+        except NoEncoderError as error:
+            return {"status": "no-encoder", "reason": str(error)}
         except EncodingError as error:
             return {"status": "not-encoded", "reason": str(error)}
         except TimelineError as error:

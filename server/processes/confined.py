@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import pkgutil
+import shutil
 import sys
 import tempfile
 import threading
@@ -114,6 +115,7 @@ def _with_programs(work: Allowed, *, drawing: bool) -> Allowed:
     readable = [Path(place) for place in (*SYSTEM, *(DRAWING if drawing else ()))]
     devices = [Path("/dev/null")]
     if drawing:
+        readable += _ffmpeg()
         devices += [*map(Path, DEVICES), *Path("/dev").glob("nvidia*")]
     return Allowed(
         readable=(*readable, *_programs(work), *work.readable),
@@ -139,6 +141,15 @@ def _programs(work: Allowed) -> list[Path]:
         if place.name in INSTALLED or not any(p.is_relative_to(place.resolve()) for p in closed)
     ]
     return [*ours, *python, kernels, *added]
+
+
+def _ffmpeg() -> list[Path]:
+    """Return ffmpeg, which encodes movies, and its own libraries: it may be outside of ``/usr``."""
+    program = shutil.which("ffmpeg")
+    if program is None:
+        return []
+    path = Path(program).resolve()
+    return [path, *([path.parents[1] / "lib"] if path.parent.name == "bin" else [])]
 
 
 def load_kernels() -> None:

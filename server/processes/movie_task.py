@@ -20,6 +20,10 @@ NO_GL: Final = (
     "no OpenGL is there that draws without a screen. Install one on the machine of the service: on "
     "Debian or Ubuntu 'apt-get install libegl1 libgl1 libgl1-mesa-dri' (or 'libosmesa6')"
 )
+NO_FFMPEG: Final = (
+    "MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or pip install 'foldback[movies]'; "
+    "or ask for a .gif"
+)
 
 
 def is_on_table(directory: Path) -> bool:
@@ -57,7 +61,8 @@ def run_movie(
 
     Raises:
         InputError: When the movie cannot be made of that timeline.
-        ChildError: When there is no OpenGL (``no-gl``), or something went wrong.
+        ChildError: When there is no OpenGL (``no-gl``), no ffmpeg (``no-encoder``), or something
+            went wrong.
     """
     said: list[str] = []
     for backend in backends():
@@ -75,6 +80,8 @@ def run_movie(
                 return False
             case "no-gl":
                 said.append(str(result["reason"]))
+            case "no-encoder":
+                raise ChildError("no-encoder", f"{NO_FFMPEG}.")
             case code:
                 raise ChildError(code, f"the movie could not be made: {result['reason']}")
     found = "; ".join(said)[:300] or f"it is switched off by {GL_SETTING}"

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -44,6 +45,16 @@ def here_with(tmp_path: Path) -> Iterator[Callable[..., ServiceHere]]:
     for service in reversed(made):  # each puts back what it found
         if service.running:
             assert service.stop() == 0
+
+
+@pytest.fixture
+def without_ffmpeg(tmp_path: Path) -> dict[str, str]:
+    """Return an environment whose processes have neither ffmpeg nor imageio-ffmpeg."""
+    place = tmp_path / "without-ffmpeg"
+    place.mkdir()
+    (place / "sitecustomize.py").write_text("import sys; sys.modules['imageio_ffmpeg'] = None\n")
+    pythonpath = f"{place}:{os.environ.get('PYTHONPATH', '')}"
+    return {"PATH": str(place), "PYTHONPATH": pythonpath, "IMAGEIO_FFMPEG_EXE": ""}
 
 
 @pytest.fixture

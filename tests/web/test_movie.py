@@ -3,17 +3,24 @@ from __future__ import annotations
 import json
 import re
 import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from imageio_ffmpeg import get_ffmpeg_exe
+from PIL import Image
 
 from planner.chain.chain import Chain
 from planner.errors import InputError
-from web.movies.encoding import Encoder, EncodingError
+from web.movies.encoding import (
+    EncodingError,
+    Mp4Encoder,
+    NoEncoderError,
+    find_ffmpeg,
+    open_encoder,
+)
 from web.movies.make_movie import frame_numbers, make_movie
 from web.movies.movie import Movie
 from web.movies.renderer import NoGLError, Stage
@@ -45,7 +52,7 @@ def made(
 
 def read(path: Path) -> tuple[str, np.ndarray]:
     """What ffmpeg says of a movie's picture stream, and (K, H, W, 3) sRGB bytes."""
-    command = [get_ffmpeg_exe(), "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    command = [find_ffmpeg(), "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24"]
     found = subprocess.run(
         [*command, "-fps_mode", "passthrough", "-"], capture_output=True, check=True
     )
@@ -197,9 +204,53 @@ def test_an_encoder_that_fails_says_why(tmp_path: Path) -> None:
     movie = Movie.of(SMALL)
     with (
         pytest.raises(EncodingError, match="exit code"),
-        Encoder(movie, tmp_path / "missing.mp4") as encoder,
+        Mp4Encoder(movie, tmp_path / "missing.mp4") as encoder,
     ):
         encoder._process.kill()
         encoder._process.wait()
         for _ in range(50):
             encoder.add(np.zeros((180, 320, 3), np.uint8))
+
+
+def test_find_ffmpeg_takes_the_setting_then_path_then_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("IMAGEIO_FFMPEG_EXE", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert "imageio_ffmpeg" in find_ffmpeg()
+    on_path = tmp_path / "ffmpeg"
+    on_path.write_text("#!/bin/sh\n")
+    on_path.chmod(0o755)
+    assert find_ffmpeg() == str(on_path)
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "/opt/other")
+    assert find_ffmpeg() == "/opt/other"
+    with pytest.raises(EncodingError, match="/opt/other cannot be started: No such file"):
+        open_encoder(Movie.of(SMALL), tmp_path / "fold.mp4")
+    assert list(tmp_path.iterdir()) == [on_path]
+
+
+def test_gif_without_ffmpeg_has_its_pictures_colours_and_times(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("IMAGEIO_FFMPEG_EXE", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(NoEncoderError, match="no ffmpeg is on PATH"):
+        open_encoder(Movie.of(SMALL), tmp_path / "fold.mp4")
+    movie = Movie.of({"format": "gif", "width": 66, "height": 64, "seconds": 2.0, "fps": 15})
+    ramp = np.add.outer(np.arange(64), np.arange(66)).astype(np.uint8)
+    given = [np.stack([ramp, ramp + 2 * k, 255 - ramp], axis=-1) for k in range(movie.count)]
+    with open_encoder(movie, tmp_path / "fold.gif") as encoder:
+        for picture in given:
+            encoder.add(picture)
+    with Image.open(tmp_path / "fold.gif") as gif:
+        assert gif.info["loop"] == 0
+        ends = [0]
+        for k in range(movie.count):
+            gif.seek(k)
+            ends.append(ends[-1] + gif.info["duration"])
+            shown = np.asarray(gif.convert("RGB")).astype(int)
+            assert np.abs(shown - given[k]).mean() < 6
+        assert ends == pytest.approx(1000 / 15 * np.arange(movie.count + 1), abs=5.01)
+        with pytest.raises(EOFError):
+            gif.seek(movie.count)

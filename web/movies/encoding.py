@@ -1,66 +1,132 @@
-"""Encoding: pictures into MP4 and GIF files, by the ffmpeg that imageio-ffmpeg brings along."""
+"""Encoding: pictures into MP4 files by an installed ffmpeg, into GIF files by Pillow."""
 
 from __future__ import annotations
 
 import contextlib
+import os
+import shutil
 import subprocess
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Final
+from typing import IO, TYPE_CHECKING, Final, Protocol, Self
 
 import numpy as np
-from imageio_ffmpeg import get_ffmpeg_exe
+import zstandard
 from numpy.typing import NDArray
 
 from web.movies.movie import Movie
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 QUALITY: Final = 19
 """Constant rate factor of x264, at which no coding can be seen."""
 PRESET: Final = "veryfast"
 """Preset of x264: twice as quick as the next, files no larger with pictures as plain as these."""
+FFMPEG_SETTING: Final = "IMAGEIO_FFMPEG_EXE"
+"""Environment variable with the path of an ffmpeg that goes before that on PATH."""
+MAX_PALETTE_COLOURS: Final = 255
+"""Colours of a GIF. A picture can have 256; one is left to Pillow for unchanged pixels."""
+PALETTE_STRIDE: Final = 4
+"""Step between the rows, columns and pictures that the palette of a GIF is chosen from. Chosen."""
+DITHER_AMPLITUDE: Final = 8.0
+"""Width of the pattern that is added before the colours of a GIF are rounded, in levels of 256.
+
+Larger values hide the borders between colours better, and show the pattern more. Chosen.
+"""
+_BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 
 
 class EncodingError(Exception):
     """The encoder did not do its work."""
 
 
-class Encoder:
+class NoEncoderError(EncodingError):
+    """There is no program that encodes this format."""
+
+
+class Encoder(Protocol):
     """Takes the pictures of a movie one by one; its file is whole once it is closed in order."""
 
-    def __init__(self, movie: Movie, out: Path) -> None:
-        """Starts the encoder.
-
-        Args:
-            movie: Size, pace and format.
-            out: The file to write; a GIF needs room for another one beside it for a while.
-        """
-        self._out = out
-        self._raw = out if movie.format == "mp4" else out.with_name(f"{out.name}.mkv")
-        # ffmpeg's words go to a file: a pipe that nobody reads would stop it one day.
-        self._words: IO[bytes] = open(out.with_name(f"{out.name}.log"), "w+b")  # noqa: SIM115
-        self._process = subprocess.Popen(
-            [*_start(), *_pictures_in(movie), *_video(movie), str(self._raw)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=self._words,
-        )
-
     def add(self, picture: NDArray[np.uint8]) -> None:
-        """Adds a picture.
+        """Add a picture.
 
         Args:
             picture: (H, W, 3) sRGB bytes, from the top.
 
         Raises:
-            EncodingError: When the encoder has ended.
+            EncodingError: If the encoder has ended.
         """
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+def open_encoder(movie: Movie, out: Path) -> Encoder:
+    """Return the encoder of a movie's format.
+
+    Args:
+        movie: Size, pace and format.
+        out: The file to write.
+
+    Raises:
+        NoEncoderError: If the format is MP4 and there is no ffmpeg.
+    """
+    return GifEncoder(movie, out) if movie.format == "gif" else Mp4Encoder(movie, out)
+
+
+def find_ffmpeg() -> str:
+    """Return the path of ffmpeg: the one on PATH, else that of imageio-ffmpeg.
+
+    Raises:
+        NoEncoderError: If there is none.
+    """
+    if path := os.environ.get(FFMPEG_SETTING) or shutil.which("ffmpeg"):
+        return path
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe  # the extra `movies`
+
+        return get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        raise NoEncoderError("no ffmpeg is on PATH, and imageio-ffmpeg is not installed") from None
+
+
+class Mp4Encoder:
+    """Encode an MP4 file by ffmpeg, as ``Encoder`` has it."""
+
+    def __init__(self, movie: Movie, out: Path) -> None:
+        """Starts ffmpeg.
+
+        Raises:
+            EncodingError: If it cannot be started.
+        """
+        command = [find_ffmpeg(), *_options(movie), str(out)]
+        # ffmpeg's words go to a file: a pipe that nobody reads would stop it one day.
+        self._words: IO[bytes] = open(out.with_name(f"{out.name}.log"), "w+b")  # noqa: SIM115
+        try:
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self._words
+            )
+        except OSError as error:
+            self._close_words()
+            raise EncodingError(f"{command[0]} cannot be started: {error.strerror}") from error
+
+    def add(self, picture: NDArray[np.uint8]) -> None:
+        """Add a picture."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(np.ascontiguousarray(picture).data)
         except BrokenPipeError:
             raise EncodingError(self._said(self._process.wait())) from None
 
-    def __enter__(self) -> Encoder:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
@@ -76,42 +142,14 @@ class Encoder:
             with contextlib.suppress(BrokenPipeError):  # its exit code says more
                 self._process.stdin.close()
             code = self._process.wait()
-            if error is None:
-                if code:
-                    raise EncodingError(self._said(code))
-                if self._raw != self._out:
-                    self._make_gif()
+            if error is None and code:
+                raise EncodingError(self._said(code))
         finally:
-            self._words.close()
-            for left in (Path(self._words.name), *([self._raw] * (self._raw != self._out))):
-                left.unlink(missing_ok=True)
+            self._close_words()
 
-    def _make_gif(self) -> None:
-        """In two goes, the first for the colours: in one, ffmpeg would hold all pictures at once.
-
-        An even pattern of dots shrinks better than noise, and does not swarm from frame to frame.
-        """
-        palette = self._out.with_name(f"{self._out.name}.png")
-        try:
-            self._run("-i", str(self._raw), "-vf", "palettegen=stats_mode=full", str(palette))
-            self._run(
-                *("-i", str(self._raw), "-i", str(palette)),
-                *("-lavfi", "paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle"),
-                *("-loop", "0", "-f", "gif", str(self._out)),
-            )
-        finally:
-            palette.unlink(missing_ok=True)
-
-    def _run(self, *arguments: str) -> None:
-        found = subprocess.run(
-            [*_start(), *arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=self._words,
-            check=False,
-        )
-        if found.returncode:
-            raise EncodingError(self._said(found.returncode))
+    def _close_words(self) -> None:
+        self._words.close()
+        Path(self._words.name).unlink(missing_ok=True)
 
     def _said(self, code: int) -> str:
         self._words.seek(0)
@@ -119,20 +157,74 @@ class Encoder:
         return f"the encoder ended with exit code {code}: {words or 'it said nothing'}"
 
 
-def _start() -> list[str]:
-    return [get_ffmpeg_exe(), "-hide_banner", "-loglevel", "error", "-nostats", "-y"]
+class GifEncoder:
+    """Encode a GIF file by Pillow, as ``Encoder`` has it.
+
+    All pictures share one palette, which depends on all of them: until the end they are held
+    compressed. An even pattern of dots shrinks better than noise, and does not swarm from frame to
+    frame.
+    """
+
+    def __init__(self, movie: Movie, out: Path) -> None:
+        self._movie = movie
+        self._out = out
+        self._packed: list[bytes] = []
+        self._samples: list[NDArray[np.uint8]] = []
+        rows, columns = -(-movie.height // 4), -(-movie.width // 4)
+        pattern = np.tile((_BAYER + 0.5) / 16 - 0.5, (rows, columns)) * DITHER_AMPLITUDE
+        self._pattern = pattern[: movie.height, : movie.width, None].round().astype(np.int16)
+
+    def add(self, picture: NDArray[np.uint8]) -> None:
+        """Add a picture."""
+        if len(self._packed) % PALETTE_STRIDE == 0:
+            self._samples.append(picture[::PALETTE_STRIDE, ::PALETTE_STRIDE].copy())
+        self._packed.append(zstandard.compress(np.ascontiguousarray(picture).data, 1))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is None and self._packed:
+            self._write()
+
+    def _write(self) -> None:
+        from PIL import Image  # not for MP4
+
+        samples = Image.fromarray(np.concatenate(self._samples))
+        palette = samples.quantize(MAX_PALETTE_COLOURS, Image.Quantize.MEDIANCUT)
+        pictures = (self._reduced(packed, palette) for packed in self._packed)
+        # A GIF counts hundredths of a second: each picture ends at the one nearest to its time.
+        ends = [round(100 * k / self._movie.fps) for k in range(len(self._packed) + 1)]
+        next(pictures).save(
+            self._out,
+            format="GIF",
+            save_all=True,
+            append_images=pictures,
+            duration=[10 * (end - begin) for begin, end in zip(ends, ends[1:], strict=False)],
+            loop=0,
+            optimize=False,
+        )
+
+    def _reduced(self, packed: bytes, palette: Image) -> Image:
+        """Return a picture in the colours of a palette."""
+        from PIL import Image
+
+        colours = np.frombuffer(zstandard.decompress(packed), np.uint8)
+        dotted = colours.reshape(self._movie.height, self._movie.width, 3) + self._pattern
+        picture = Image.fromarray(dotted.clip(0, 255).astype(np.uint8))
+        return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
-def _pictures_in(movie: Movie) -> list[str]:
-    size = f"{movie.width}x{movie.height}"
-    shape = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", size]
-    return [*shape, "-framerate", str(movie.fps), "-i", "-", "-an"]
-
-
-def _video(movie: Movie) -> list[str]:
-    if movie.format == "gif":  # on its way to one, without a loss
-        return ["-c:v", "libx264rgb", "-preset", "ultrafast", "-qp", "0", "-f", "matroska"]
+def _options(movie: Movie) -> list[str]:
     return [
+        *("-hide_banner", "-loglevel", "error", "-nostats", "-y"),
+        *("-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", f"{movie.width}x{movie.height}"),
+        *("-framerate", str(movie.fps), "-i", "-", "-an"),
         *("-c:v", "libx264", "-preset", PRESET, "-crf", str(QUALITY)),
         # What all players read, in the colours that they take such a file to have.
         *("-vf", "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p"),

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from web.movies.encoding import Encoder
+from web.movies.encoding import find_ffmpeg, open_encoder
 from web.movies.movie import Movie
 from web.movies.renderer import Shot, Stage
 from web.pictures.camera import few_points
@@ -54,8 +54,11 @@ def make_movie(
         InputError: When the timeline does not have the frames.
         TimelineError: When there is no timeline, or it is damaged.
         NoGLError: When this backend cannot draw here.
+        NoEncoderError: If the format is MP4 and there is no ffmpeg.
         EncodingError: When the encoder fails.
     """
+    if movie.format == "mp4":
+        find_ffmpeg()  # before the drawing starts, which takes seconds
     timeline = TimelineView(directory)
     frames = frame_numbers(timeline, movie)
     with Stage(
@@ -69,7 +72,7 @@ def make_movie(
         path = _path(timeline, movie, frames)
         if on_table:
             path = replace(path, grounds=np.full(len(frames), timeline.chain.table_height))
-        with Encoder(movie, out) as encoder:
+        with open_encoder(movie, out) as encoder:
             for k, frame in enumerate(frames):
                 if cancelled():
                     return False

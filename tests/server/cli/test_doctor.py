@@ -319,6 +319,17 @@ def test_an_opengl_that_crashes_does_not_take_the_doctor_along(
     assert "egl: it crashed (signal 11); osmesa: it crashed (signal 11)" in found.found
 
 
+def test_encoder_without_ffmpeg_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, without_ffmpeg: dict[str, str]
+) -> None:
+    for name, value in without_ffmpeg.items():
+        monkeypatch.setenv(name, value)
+    found = drawing.encoder(settings(tmp_path))
+    assert found.verdict == "warning"
+    assert found.found.startswith("movies are GIF only: no ffmpeg is on PATH")
+    assert "apt install ffmpeg" in (found.remedy or "")
+
+
 def test_no_encoder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
     assert drawing.encoder(settings(tmp_path)).verdict == "warning"
@@ -327,7 +338,7 @@ def test_no_encoder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     poor.chmod(0o755)
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(poor))
     found = drawing.encoder(settings(tmp_path))
-    assert found.verdict == "warning" and "lacks x264" in found.found
+    assert found.verdict == "warning" and "without x264" in found.found
 
 
 @pytest.mark.processes

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,7 @@ from server.cli.command_line import application
 from server.processes.movie_task import is_on_table
 from tests.server.service import PATIENCE_S, SNAKE, Service, owner
 from tests.tools import OPENGL
+from web.movies.encoding import find_ffmpeg
 
 SMALL = {"width": 128, "height": 72, "fps": 10, "seconds": 0.4}
 LONG = {"width": 128, "height": 72, "fps": 60, "seconds": 30}
@@ -246,6 +248,30 @@ def test_without_opengl_it_says_what_to_install(
     assert failed.stderr.count("no-gl: no OpenGL is there") == 1
     assert "apt-get install libegl1" in failed.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_movie_without_ffmpeg_says_how_to_get_it_and_gif_works(
+    service: Service, finished: dict[str, Any], tmp_path: Path, without_ffmpeg: dict[str, str]
+) -> None:
+    directory, out = service.directory(finished["id"]), tmp_path / "out"
+    out.mkdir()
+    failed = film(directory, out / "fold.mp4", **without_ffmpeg)
+    assert failed.exit_code == 1
+    assert "no-encoder: MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or" in (
+        failed.stderr
+    )
+    assert "pip install 'foldback[movies]'; or ask for a .gif." in failed.stderr
+    assert not list(out.iterdir())
+    size = ["--width", "128", "--height", "72", "--fps", "10", "--seconds", "0.3"]
+    assert film(directory, out / "fold.gif", *size, **without_ffmpeg).exit_code == 0
+    assert (out / "fold.gif").read_bytes().startswith(b"GIF89a")
+    # One outside of /usr and of Python: the process is confined, and may run it all the same.
+    program = tmp_path / "own" / "bin" / "ffmpeg"
+    program.parent.mkdir(parents=True)
+    shutil.copy(find_ffmpeg(), program)
+    environment = {**without_ffmpeg, "PATH": str(program.parent)}
+    done = film(directory, out / "fold.mp4", *size, **environment)
+    assert done.exit_code == 0, done.stderr
 
 
 @pytest.mark.parametrize(
