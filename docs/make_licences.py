@@ -23,7 +23,7 @@ BUNDLED: Final = {
     "scipy": BLAS,
     "psycopg-binary": "libpq, PostgreSQL; OpenSSL, Apache-2.0; MIT Kerberos, MIT; OpenLDAP, "
     "OLDAP-2.8; Cyrus SASL, BSD",
-    "ortools": "SCIP, Apache-2.0; HiGHS, MIT; COIN-OR, EPL-2.0",
+    "python-sat": "CaDiCaL, MIT; other SAT solvers, which foldback does not use",
     "pillow": "libavif, libjpeg-turbo, libpng, libtiff, libwebp, FreeType and others, as its "
     "LICENSE lists them",
     "mujoco": "small libraries that its LICENSES_THIRD_PARTY.md lists",

@@ -2,7 +2,7 @@
 
 A shape is drawn in a few lines of text or as boxes. Shapes that consist of 2×2×2 blocks get a path
 by merging the blocks' cycles along a breadth-first tree, which never knots and unfolds well. Others
-get one from OR-tools' CP-SAT. The seeds are those of some sixty tried whose
+get one from the SAT solver of python-sat. The seeds are those of some sixty tried whose
 chains came out straight in the fewest steps; the same seed makes the same file.
 """
 
@@ -77,7 +77,7 @@ def snake(cells: frozenset[Cell], rng: np.random.Generator) -> Cells:
 
 
 def solved(cells: frozenset[Cell], rng: np.random.Generator) -> Cells | None:
-    """A path with its ends on the surface, from CP-SAT with a random taste."""
+    """A path with its ends on the surface, from the SAT solver."""
     order = np.array(sorted(cells))
     found = circuit(order, rng, ends=surface(order)).order
     return None if found is None else order[found]

@@ -151,7 +151,6 @@ class _Search:
                 start=self.start,
                 effort=effort,
                 time_limit_s=max(0.1, left),
-                taste=False,
             )
             if found.status != "undecided":
                 return found.status, found.order

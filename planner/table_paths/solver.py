@@ -1,4 +1,4 @@
-"""Paths that climb, by constraint programming: for layers where trying does not do, and as proof.
+"""Paths that climb, by a SAT solver: for layers where trying does not do, and as proof.
 
 A circuit through a dummy node, as ``planner/pathfinding/circuits.py`` has it, with links that go up
 or lie flat, and three links each that may not come together.
@@ -7,11 +7,13 @@ or lie flat, and three links each that may not come together.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from itertools import pairwise
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.pathfinding.circuit_solver import CircuitSolver
 from planner.pathfinding.lattice import STEPS, neighbours
 from planner.table_paths.rules import hairpins
 
@@ -19,8 +21,6 @@ Ints = NDArray[np.int64]
 
 EFFORT: Final = 1.0
 """The solver's deterministic time for one call, about seconds: the same on every machine."""
-LEAST: Final = 0.01
-"""What a question costs at least."""
 UP, DOWN = 4, 5
 """Places of the vertical steps among ``STEPS``."""
 
@@ -58,57 +58,47 @@ def climbed(
         downs: Also links down, as few as can be found.
         effort: The solver's deterministic time, for all that it is asked.
     """
-    from ortools.sat.python import cp_model  # heavy, and needed here only
-
     near = neighbours(cells)
-    model: Any = cp_model.CpModel()
-    link: dict[tuple[int, int], Any] = {}
-    for a, row in enumerate(near.tolist()):
-        for step, b in enumerate(row):
-            if b >= 0 and (downs or step != DOWN):
-                link[a, b] = model.new_bool_var("")
-    arcs = [(a + 1, b + 1, used) for (a, b), used in link.items()]
-    for a, (_, _, z) in enumerate(cells.tolist()):
-        last = model.new_bool_var("")
-        arcs.append((a + 1, 0, last))
-        if z == 0:
-            first = model.new_bool_var("")
-            arcs.append((0, a + 1, first))
-            up = link.get((a, int(near[a, UP])))
-            if up is not None:
-                model.add_bool_or(first.negated(), up.negated())
-    model.add_circuit(arcs)
+    links = {
+        (a, b)
+        for a, row in enumerate(near.tolist())
+        for step, b in enumerate(row)
+        if b >= 0 and (downs or step != DOWN)
+    }
+    floor = np.flatnonzero(cells[:, 2] == 0).tolist()
+    arcs = [(a + 1, b + 1) for a, b in sorted(links)]
+    arcs += [(0, a + 1) for a in floor] + [(a + 1, 0) for a in range(len(cells))]
+    solver = CircuitSolver(len(cells) + 1, arcs, seed=seed, effort=effort)
+    for a in floor:
+        if (a, above := int(near[a, UP])) in links:
+            solver.forbid([(0, a + 1), (a + 1, above + 1)])
     if not hairpins_allowed:
-        for three in _hairpins(near, link):
-            model.add_bool_or([link[pair].negated() for pair in three])
-    if downs:
-        model.minimize(sum(used for (a, b), used in link.items() if cells[b, 2] < cells[a, 2]))
-    solver: Any = cp_model.CpSolver()
-    solver.parameters.num_workers = 1
-    solver.parameters.random_seed = seed % (1 << 31)
-    while effort > 0.0:
-        solver.parameters.max_deterministic_time = effort
-        status = solver.solve(model)
-        effort -= solver.response_proto.deterministic_time + LEAST
-        if status == cp_model.INFEASIBLE:
-            return Climbed(status="infeasible")
-        if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
+        for three in _hairpins(near, links):
+            solver.forbid((a + 1, b + 1) for a, b in three)
+    best: Ints | None = None
+    while True:
+        status, nodes = solver.solve()
+        if status != "found":
             break
-        order = _order(arcs, solver)
+        order = np.array(nodes[1:], dtype=np.int64) - 1
         bad = [] if hairpins_allowed else hairpins(cells[order])
-        if not bad:
-            return Climbed(status="found", order=order)
-        for first, last in bad:
-            run = order[first - 1 : last + 2].tolist()
-            pairs = zip(run, run[1:], strict=False)
-            model.add_bool_or([link[pair].negated() for pair in pairs])
-    return Climbed(status="undecided")
+        for begin, end in bad:
+            solver.forbid(pairwise(nodes[begin : end + 3]))
+        if bad:
+            continue
+        best = order
+        count = int((np.diff(cells[order, 2]) < 0).sum())
+        if not count:
+            break
+        falling = [arc for arc in arcs if min(arc) and cells[arc[1] - 1, 2] < cells[arc[0] - 1, 2]]
+        solver.allow_at_most(count - 1, falling)
+    return Climbed(status=status) if best is None else Climbed(status="found", order=best)
 
 
-def _hairpins(near: Ints, link: dict[tuple[int, int], Any]) -> list[list[tuple[int, int]]]:
+def _hairpins(near: Ints, link: set[tuple[int, int]]) -> list[list[tuple[int, int]]]:
     """Of each link up or down with opposite links before and after it the three."""
     found: list[list[tuple[int, int]]] = []
-    for a, b in link:
+    for a, b in sorted(link):
         if b not in (near[a, UP], near[a, DOWN]):
             continue
         for step in range(len(STEPS) - 2):
@@ -118,12 +108,3 @@ def _hairpins(near: Ints, link: dict[tuple[int, int], Any]) -> list[list[tuple[i
             if before >= 0 and after >= 0 and all(pair in link for pair in three):
                 found.append(three)
     return found
-
-
-def _order(arcs: list[tuple[int, int, Any]], solver: Any) -> Ints:
-    follows = {a: b for a, b, used in arcs if solver.boolean_value(used)}
-    order, node = list[int](), follows[0]
-    while node:
-        order.append(node - 1)
-        node = follows[node]
-    return np.array(order, dtype=np.int64)

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import os
+import signal
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import product
@@ -13,6 +16,7 @@ from numpy.typing import NDArray
 
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.pathfinding.circuit_solver import CircuitSolver
 from planner.pathfinding.circuits import circuit
 from planner.pathfinding.exact import exact_path
 from planner.pathfinding.lattice import neighbours, spread, surface
@@ -150,11 +154,10 @@ def test_a_buried_start_is_refused_where_ends_lie_on_the_surface() -> None:
     assert "surface" in search.reason
 
 
-@pytest.mark.parametrize("taste", [True, False])
-def test_the_solver_alone_finds_a_path(taste: bool) -> None:
+def test_the_solver_alone_finds_a_path() -> None:
     cells = np.array(box(3, 4, 3))
     ends = np.ones(len(cells), dtype=np.bool_)
-    found = circuit(cells, np.random.default_rng(0), ends=ends, taste=taste)
+    found = circuit(cells, np.random.default_rng(0), ends=ends)
     assert found.status == "found" and found.order is not None
     check(cells[found.order], cells)
 
@@ -164,6 +167,61 @@ def test_no_time_is_undecided_never_infeasible() -> None:
     ends = np.ones(len(cells), dtype=np.bool_)
     found = circuit(cells, np.random.default_rng(0), ends=ends, effort=1e-6)
     assert found.status == "undecided" and found.order is None
+
+
+# Colours rule out a path, which SAT solvers cannot prove in any time.
+ENDLESS = np.array([cell for cell in box(6, 6, 6) if cell not in {(0, 0, 0), (5, 5, 0), (5, 0, 5)}])
+
+
+def test_circuit_ends_with_its_time_limit() -> None:
+    ends = np.ones(len(ENDLESS), dtype=np.bool_)
+    found = circuit(
+        ENDLESS, np.random.default_rng(0), ends=ends, start=0, effort=1e6, time_limit_s=0.2
+    )
+    assert found.status == "undecided" and found.order is None
+
+
+def test_circuit_is_interrupted_by_ctrl_c() -> None:
+    ends = np.ones(len(ENDLESS), dtype=np.bool_)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+    try:
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            circuit(ENDLESS, np.random.default_rng(0), ends=ends, start=0, effort=1e6)
+    finally:
+        timer.cancel()
+        signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "arcs", "status"),
+    [
+        (2, [(0, 1), (1, 0)], "found"),
+        (3, [(0, 1), (1, 0)], "infeasible"),  # no arc at node 2
+        (4, [(0, 1), (1, 0), (2, 3), (3, 2)], "infeasible"),  # two circuits only
+        (3, [(0, 1), (1, 2), (2, 0), (1, 0)], "found"),
+    ],
+)
+def test_circuit_solver_small_graphs_are_found_or_infeasible(
+    nodes: int, arcs: list[tuple[int, int]], status: str
+) -> None:
+    found, order = CircuitSolver(nodes, arcs, seed=0, effort=1.0).solve()
+    assert found == status
+    assert order == (list(range(nodes)) if status == "found" else [])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_circuit_solver_counts_down_to_the_fewest_arcs(seed: int) -> None:
+    arcs = [(a, b) for a in range(6) for b in range(6) if a != b]
+    dear = [(a, b) for a, b in arcs if (b - a) % 6 not in (1, 2)]
+    solver = CircuitSolver(6, arcs, seed=seed, effort=1.0)
+    for count in (4, 2, 0):
+        solver.allow_at_most(count, dear)
+        status, order = solver.solve()
+        assert status == "found" and sorted(order) == list(range(6))
+        used = zip(order, [*order[1:], order[0]], strict=True)
+        assert sum(arc in dear for arc in used) <= count
 
 
 @pytest.mark.slow

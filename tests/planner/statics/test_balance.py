@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -16,21 +13,6 @@ from planner.statics.friction import rays
 from planner.statics.resting import resting_poses
 from tests.planner.chains import coil, line, random_angles
 from tests.planner.statics.standing import by_joint_wrenches, out_of_balance, standing, through
-
-
-@pytest.mark.parametrize("order", [("highspy", "ortools"), ("ortools", "highspy")])
-def test_both_solvers_live_in_one_process(order: tuple[str, str]) -> None:
-    lines = {
-        "highspy": "import highspy; highspy.Highs().run()",
-        "ortools": "from ortools.sat.python import cp_model; cp_model.CpModel()",
-    }
-    done = subprocess.run(
-        [sys.executable, "-c", "\n".join(lines[name] for name in order)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
 
 
 def test_what_lies_on_the_floor_asks_nothing() -> None:

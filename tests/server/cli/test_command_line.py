@@ -140,7 +140,7 @@ def test_a_path_is_folded_without_what_other_inputs_need(tmp_path: Path) -> None
     found = imported("fold", str(path), "--out", str(tmp_path / "fold"))
     assert found >= PHYSICS
     # Web servers, what searches for paths, what opens windows, what reads meshes and fills cells.
-    assert not found & {*WEB, "web", "ortools", "trimesh", "glfw", "PIL", "mcap"}
+    assert not found & {*WEB, "web", "pysat", "trimesh", "glfw", "PIL", "mcap"}
     assert not found & {
         f"planner.{name}"
         for name in (
@@ -152,7 +152,7 @@ def test_a_path_is_folded_without_what_other_inputs_need(tmp_path: Path) -> None
     }
 
 
-COMPUTING = {"llvmlite", "mujoco", "numba", "ortools", "scipy", "zarr", "planner.pipeline.stages"}
+COMPUTING = {"llvmlite", "mujoco", "numba", "pysat", "scipy", "zarr", "planner.pipeline.stages"}
 SHOWING = {"PIL", "trimesh", "viser"}
 
 
