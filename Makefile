@@ -29,7 +29,9 @@ define install
 	echo "foldback needs Python 3.11 or newer with its venv module, and found none." >&2; \
 	echo "Install it (Debian: apt install python3 python3-venv) or name it: make run PYTHON=/path/to/python3" >&2; \
 	exit 1; fi
-@test -x $(BIN)/python || { echo "Making $(VENV) with $(PYTHON) …"; "$(PYTHON)" -m venv $(VENV); }
+@# Python 3.11 puts setuptools into it, 10 MB that nothing here needs.
+@test -x $(BIN)/python || { echo "Making $(VENV) with $(PYTHON) …"; "$(PYTHON)" -m venv $(VENV) \
+	&& $(BIN)/python -m pip uninstall -qq --yes --disable-pip-version-check setuptools; }
 @echo "Installing foldback and $(2) into $(VENV), once …"
 @$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check \
 	--constraint constraints.txt --editable '$(1)'
