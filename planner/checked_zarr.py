@@ -85,6 +85,8 @@ def read_group(path: str | FilePath) -> zarr.Group:
                 raise DamagedError(root, "its attributes are not those that were written")
             store.strict = True
             store.checksums = attributes.get(CHECKSUMS, {})
+        elif attributes and any(_has_checksums(array) for _, array in group.arrays()):
+            raise DamagedError(root, "the digest of its attributes is missing")
     except (DamagedError, FileNotFoundError):
         raise
     except Exception as error:  # zarr, its codecs and JSON each have errors of their own
@@ -149,6 +151,13 @@ def check_chunks(path: str | FilePath) -> None:
             except OSError as error:
                 raise DamagedError(file, _reason(error)) from error
             _compare(file, data, _expected(checksums, name, number))
+
+
+def _has_checksums(array: zarr.Array[Any]) -> bool:
+    """Return True for an array that ``create_array`` made: its group is sealed."""
+    from zarr.codecs import Crc32cCodec
+
+    return any(isinstance(codec, Crc32cCodec) for codec in array.compressors)
 
 
 def _chunk_files(directory: FilePath, array: zarr.Array[Any]) -> Iterator[FilePath]:

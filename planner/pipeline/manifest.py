@@ -16,8 +16,8 @@ from typing import Any, Final, cast
 import numpy as np
 
 from planner.certificate.table_forces import FILE as FORCES
-from planner.checked_zarr import unsealed
-from planner.errors import UNREADABLE
+from planner.checked_zarr import DIGEST, read_group, unsealed
+from planner.errors import UNREADABLE, DamagedError
 from planner.files import write_json, zarr_group
 from planner.pipeline.attempt_folders import CANDIDATES
 from planner.playback.unfolding import START_CHAIN, START_PLAN
@@ -119,7 +119,18 @@ def changed_fields(directory: FilePath) -> list[str] | None:
             for field in dict.fromkeys((*theirs, *mine))
             if mine.get(field) != theirs.get(field)
         ]
-    return found
+    # The digests above leave out the attribute that the arrays' own checksums rest on.
+    return found + [f"{name}: attributes.{DIGEST}" for name in here if _seal_broken(directory / name)]
+
+
+def _seal_broken(path: FilePath) -> bool:
+    """Return True for a zarr group whose attributes are not those that were written."""
+    try:
+        if path.suffix == ".zarr":
+            read_group(path)
+    except (*UNREADABLE, DamagedError):
+        return True
+    return False
 
 
 def _fields(path: FilePath) -> Iterator[tuple[str, str]]:

@@ -62,7 +62,9 @@ SWEEP_BYTES: Final = 16 * 2**20
 """Bytes of uploads since the last sweep after which the next one is due, or an eighth of the bound
 of all previews if that is less. Chosen."""
 UNREAD_S: Final = 60.0
-"""Seconds for which an upload without a report is never swept: it is being read. Chosen."""
+"""Seconds for which an upload without a report is not swept: it is being read. Chosen."""
+MOST_UNREAD: Final = 4
+"""Newest uploads of one visitor to which this applies: with more, a flood would stay. Chosen."""
 log = logging.getLogger("foldback.web")
 
 
@@ -122,8 +124,9 @@ class Previews:
         self._sweeping = False
         self._coming = 0
         self._measured: dict[str, tuple[float, HeldPreview]] = {}
-        self._unread: dict[str, float] = {}
-        """Uploads without a report, and until when they are not swept (monotonic clock, s)."""
+        self._unread: dict[str, tuple[float, str]] = {}
+        """Uploads without a report: until when they are not swept (monotonic clock, s), and their
+        visitors."""
 
     def add(self, upload: Upload, visitor: str) -> str:
         """Moves an upload of a visitor here; its id, which nobody can guess.
@@ -133,7 +136,7 @@ class Previews:
         """
         preview_id = new_id()
         with self._lock:
-            self._unread[preview_id] = time.monotonic() + UNREAD_S
+            self._unread[preview_id] = time.monotonic() + UNREAD_S, visitor
         try:
             about = json.dumps({"filename": upload.filename, "visitor": visitor})
             (upload.directory / UPLOAD).write_text(about)
@@ -330,15 +333,22 @@ class Previews:
                 measured[entry.name] = found
         self._measured = measured
         held = [preview for _, preview in measured.values()]
-        now = time.monotonic()
-        with self._lock:
-            self._unread = {name: until for name, until in self._unread.items() if until > now}
-            unread = set(self._unread)
+        unread = self._being_read()
         for name in superfluous(held, self._settings, now=time.time()):
             if name in unread:
                 continue
             self._measured.pop(name, None)
             _remove(self._root / name)
+
+    def _being_read(self) -> set[str]:
+        """Return the uploads that are not swept, and forget those whose time is over."""
+        now = time.monotonic()
+        newest: dict[str, list[str]] = {}
+        with self._lock:
+            self._unread = {name: each for name, each in self._unread.items() if each[0] > now}
+            for name, (_, visitor) in self._unread.items():  # in the order of their arrival
+                newest.setdefault(visitor, []).append(name)
+        return {name for names in newest.values() for name in names[-MOST_UNREAD:]}
 
 
 def _option_sets(directory: Path, *, of_strangers: bool) -> int:

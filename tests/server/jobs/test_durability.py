@@ -11,6 +11,7 @@ import psutil
 import pytest
 
 from planner.motion.timeline import Timeline
+from planner.pipeline.attempt_folders import TIMELINE, last_frame, result
 from planner.plan.plan import Plan
 from server.api.schemas import PAUSED
 from server.jobs.runner import MAX_DEATHS, STAGES, Runner
@@ -97,15 +98,26 @@ def test_a_living_worker_takes_over_from_one_that_stays_dead(service_with) -> No
 
 
 def kill_each(service: Service, fold_id: str, kind: str, times: int) -> None:
-    """Kills what computes a fold, and each that takes its place."""
+    """Kill what computes a fold once it has recorded motion, and each that takes its place."""
     killed = set[int]()
+    directory = service.directory(fold_id)
+
+    def recorded_by(process: psutil.Process) -> bool:
+        timeline = result(directory, TIMELINE)
+        described = timeline / "zarr.json"
+        return (
+            described.exists()
+            and described.stat().st_mtime > process.create_time()
+            and last_frame(timeline) is not None
+        )
 
     def enough(state: dict[str, Any]) -> bool:
         found = [one for one in service.processes(kind) if one.pid not in killed]
         if state["stage"] == "explode" and len(killed) < times:
             for process in found:
-                process.kill()
-                killed.add(process.pid)
+                if recorded_by(process):
+                    process.kill()
+                    killed.add(process.pid)
         return len(killed) == times or over(state)
 
     service.wait(fold_id, enough)

@@ -56,7 +56,12 @@ def asked(store: Store, directory: Path, drawn: Drawn, times: int = 1) -> list[h
 
     async def ask() -> list[httpx.Response]:
         app = FastAPI()
-        app.state.context = SimpleNamespace(store=store, artifacts=Artifacts(store), pictures=drawn)
+        app.state.context = SimpleNamespace(
+            store=store,
+            artifacts=Artifacts(store),
+            pictures=drawn,
+            settings=SimpleNamespace(read_only=False),
+        )
         app.include_router(pictures.router)
         transport = httpx.ASGITransport(app)
         async with httpx.AsyncClient(transport=transport, base_url="http://here") as http:
