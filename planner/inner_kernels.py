@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from llvmlite import binding
 from numba.core.codegen import JITCodeLibrary
+from numba.core.targetconfig import TargetConfig
 from numba.core.typed_passes import BaseNativeLowering
 
 ENVIRONMENT: Final = "_ZN08NumbaEnv"
@@ -53,7 +54,8 @@ class InnerLibrary(JITCodeLibrary):
 def leave_inner_kernels_to_callers() -> None:
     """Have numba make no machine code of inner kernels from now on in this process.
 
-    They are the kernels with the options ``INNER``, and numba's own functions.
+    They are the kernels with the options ``INNER``, and numba's own functions. Options of
+    compilations are compared faster, too.
     """
     compile_pass: Any = BaseNativeLowering
     lower = compile_pass.run_pass
@@ -73,3 +75,23 @@ def leave_inner_kernels_to_callers() -> None:
         return lower(self, state)
 
     compile_pass.run_pass = run_pass
+    options: Any = TargetConfig
+    options.__hash__ = _hash_of_options
+    options.__eq__ = _equal_options
+
+
+def _hash_of_options(options: TargetConfig) -> int:
+    """Return one hash for all options of a compilation.
+
+    numba looks its functions up 80 000 times by arguments and options, which hardly differ: to sort
+    and hash all 40 of them each time takes a twentieth of the compilation.
+    """
+    return hash(TargetConfig)
+
+
+def _equal_options(options: Any, other: object) -> bool:
+    """Return True if all options are the same; most pairs are so in those that are set."""
+    if not isinstance(other, TargetConfig):
+        return NotImplemented
+    second: Any = other
+    return options._values == second._values or options.values() == second.values()

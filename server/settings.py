@@ -46,7 +46,8 @@ class Settings(BaseSettings):
     storage_url: str | None = Field(
         default=None,
         description="Where the files of folds are kept, as s3://bucket/prefix (the usual AWS_… "
-        "variables say the rest); in data_dir if not set.",
+        "variables say the rest), which needs pip install 'foldback[storage]'; in data_dir if not "
+        "set.",
     )
     cache_bytes: int = Field(
         default=2048 * MIB,

@@ -37,6 +37,8 @@ EXACT = 1e-10
 """Share of the largest acceleration lacking up to which one counts as zero."""
 MOST_GRADIENTS = 400
 """Steps of projected gradients."""
+LEAST_SOFTNESS = 1e-15
+"""Least element of the diagonal R: without one A may be singular."""
 NEARLY = 1e-3
 """Share of the largest acceleration lacking, below which they end."""
 
@@ -193,7 +195,9 @@ def _add_shifted(work: Array, b: Array, r: Array, a_out: Array, b_out: Array) ->
         work[0, column] += r[1] * z - r[2] * y
         work[1, column] += r[2] * x - r[0] * z
         work[2, column] += r[0] * y - r[1] * x
-    a_out += work
+    for row in range(6):
+        for column in range(6):
+            a_out[row, column] += work[row, column]
     x, y, z = b[3], b[4], b[5]
     b_out[0] += b[0] + r[1] * z - r[2] * y
     b_out[1] += b[1] + r[2] * x - r[0] * z
@@ -326,14 +330,24 @@ def free_accelerations(
         _add_shifted(without, bias, arm, inner_a, inner_b)
         a, inner_a = inner_a, a
         b, inner_b = inner_b, b
-    if not np.isfinite(b).all() or not np.isfinite(a).all():
+    moved = np.zeros(6)
+    finite = True
+    for row in range(6):
+        moved[row] = -b[row]
+        finite = finite and np.isfinite(b[row])
+        for k in range(6):
+            finite = finite and np.isfinite(a[row, k])
+    if not finite:
         hinges_out[:] = np.nan
         return
-    moved = np.zeros(6)
     if fixed:
-        a = HELD * np.eye(6)
+        for row in range(6):
+            moved[row] = 0.0
+            for k in range(6):
+                a[row, k] = HELD if row == k else 0.0
     else:
-        copy_vector(np.linalg.solve(a, -b), moved)
+        base: Array = np.linalg.solve(a, moved)  # pyright: ignore[reportAssignmentType]
+        copy_vector(base, moved)
     copy_matrix(a, found.base)
     copy_vector(moved, found.first)
     if root == 0:
@@ -422,7 +436,7 @@ def _respond(
     for k in range(6):
         for m in range(6):
             moved[k] += inverse[k, m] * (wrenches[0, m] - bias[m])
-    out[0] = moved
+    copy_vector(moved, out[0])
     for i in range(1, top + 1):
         for r in range(3):
             arm[r] = positions[i, r] - positions[i - 1, r]
@@ -441,7 +455,7 @@ def _respond(
                 moved[k] += s[i, 0, k] * x
                 if hinges == 2:
                     moved[k] += s[i, 1, k] * y
-        out[i] = moved
+        copy_vector(moved, out[i])
 
 
 @njit(**INNER)
@@ -485,32 +499,48 @@ def _complementary(a: Array, lack: Array, forces: Array) -> bool:
     ends for every positive definite (m, m) matrix A.
     """
     m = lack.shape[0]
-    pushing = lack < 0.0
+    pushing = np.empty(m, np.bool_)
+    wrong = np.empty(m, np.bool_)
+    chosen = np.empty(m, np.int64)
+    slack = 0.0
+    for k in range(m):
+        pushing[k] = lack[k] < 0.0
+        slack = max(slack, EXACT * abs(lack[k]))
     fewest, patience = m + 1, PATIENCE
     for _ in range(MOST_ROUNDS):
-        chosen = np.flatnonzero(pushing)
-        part = np.empty((chosen.size, chosen.size))
-        for r in range(chosen.size):
-            for c in range(chosen.size):
+        size = ZERO
+        for k in range(m):
+            forces[k] = 0.0
+            if pushing[k]:
+                chosen[size] = k
+                size += 1
+        part = np.empty((size, size))
+        push = np.empty(size)
+        for r in range(size):
+            push[r] = -lack[chosen[r]]
+            for c in range(size):
                 part[r, c] = a[chosen[r], chosen[c]]
-        forces[:] = 0.0
-        if chosen.size:
-            forces[chosen] = np.linalg.solve(part, -lack[chosen])
-        rest = lack + a @ forces
-        slack = EXACT * np.abs(lack).max()
-        wrong = np.where(pushing, forces < 0.0, rest < -slack)
-        count = wrong.sum()
+        if size:
+            push = np.linalg.solve(part, push)
+        for r in range(size):
+            forces[chosen[r]] = push[r]
+        answer = a @ forces
+        count = ZERO
+        last = ZERO
+        for k in range(m):
+            wrong[k] = forces[k] < 0.0 if pushing[k] else lack[k] + answer[k] < -slack
+            if wrong[k]:
+                count += 1
+                last = k
         if count == 0:
             return True
         if count < fewest:
             fewest, patience = count, PATIENCE
         else:
             patience -= 1
-        if patience >= 0:
-            pushing ^= wrong
-        else:
-            last = np.flatnonzero(wrong)[-1]
-            pushing[last] = not pushing[last]
+        for k in range(m):
+            if wrong[k] and (patience >= 0 or k == last):
+                pushing[k] = not pushing[k]
     return False
 
 
@@ -558,14 +588,12 @@ def _mobilities(
 
 
 @njit(**INNER)
-def _pushed(forces: Array, contacts: Contacts, positions: Array) -> Array:
-    """(n, 6) wrenches on the modules that (m,) forces in the contacts add up to."""
-    wrenches = np.zeros((positions.shape[0], 6))
+def _pushed(forces: Array, contacts: Contacts, positions: Array, wrenches: Array) -> None:
+    """Add to (n, 6) wrenches those that (m,) forces in the contacts add up to."""
     for k in range(forces.shape[0]):
         if forces[k] != 0.0:
             i, j = contacts.pairs[k, 0], contacts.pairs[k, 1]
             _push(i, j, contacts.normals[k], contacts.points[k], positions, forces[k], wrenches)
-    return wrenches
 
 
 @njit(**INNER)
@@ -584,7 +612,8 @@ def _answers(
     forces = unit * x
     answer = np.empty((positions.shape[0], 6))
     nowhere = np.zeros(found.motions.shape[0] * found.motions.shape[1])
-    wrenches = _pushed(forces, contacts, positions)
+    wrenches = np.zeros((positions.shape[0], 6))
+    _pushed(forces, contacts, positions, wrenches)
     _respond(wrenches, top, top, found, inverse, rigid_links, positions, answer, nowhere)
     out = softness[1] * forces
     for k in range(forces.shape[0]):
@@ -640,61 +669,25 @@ def _many_contacts(
     forces[:] = x * unit
 
 
-@njit(**KERNEL)
-def add_contacts(
-    pairs: Ints,
-    normals: Array,
-    points: Array,
-    depths: Array,
-    solref: tuple[float, float],
-    solimp: Array,
-    most_pivoted: int,
+@njit(**INNER)
+def _moved_freely(
     found: Articulated,
-    joint: Joint,
-    root: int,
-    positions: Array,
-    velocities: Array,
-    spins: Array,
     hinges_out: Array,
-    root_out: Array,
+    rigid_links: int,
+    positions: Array,
+    top: int,
+    moved: Array,
 ) -> None:
-    """Adds to the free accelerations what contacts without friction do.
+    """Write the (n, 6) accelerations of modules up to ``top`` where nothing touches.
 
-    MuJoCo's soft contacts (its documentation, "Computation", "Constraint model"): forces f ≥ 0
-    along the normals with (A + R) f + a − a_ref ≥ 0, one of both zero in each. a are the
-    accelerations at which the contacts would part without them, A the chain's answer to them.
-
-    Args:
-        pairs: (m, 2) modules that touch; the normal points to the second one.
-        normals, points: (m, 3) in the world.
-        depths: (m,) in pitches.
-        solref: Time constant and damping ratio.
-        solimp: (5,) impedance.
-        most_pivoted: Contacts up to which their system is written down and solved exactly.
-        found: From ``free_accelerations``.
-        joint: Of the module.
-        root: The module whose acceleration ``root_out`` is.
-        positions, velocities, spins: Of all modules, in the world.
-        hinges_out: (J,) from ``free_accelerations``.
-        root_out: (6,) likewise.
+    They lack what comes of velocities, as those of MuJoCo's rows do.
     """
-    n, m = positions.shape[0], pairs.shape[0]
-    rigid_links = joint.rigid_links
     hinges = found.motions.shape[1]
-    inverse: Array = np.linalg.inv(found.base)  # pyright: ignore[reportAssignmentType]
-    top = ZERO
-    for k in range(m):
-        top = max(top, pairs[k, 0], pairs[k, 1])
-    moved = np.zeros((n, 6))
-    answer = np.zeros((n, 6))
-    nowhere = np.zeros(hinges_out.shape[0])
-    wrenches = np.zeros((n, 6))
-    # Accelerations of the modules but for what comes of their velocities, as MuJoCo's rows have it.
     arm = np.empty(3)
     work = np.empty(3)
-    moved[0] = found.first
+    copy_vector(found.first, moved[0])
     for i in range(1, top + 1):
-        moved[i] = moved[i - 1]
+        copy_vector(moved[i - 1], moved[i])
         for r in range(3):
             arm[r] = positions[i, r] - positions[i - 1, r]
         _carry(moved[i], arm, work)
@@ -704,57 +697,196 @@ def add_contacts(
                     moved[i, k] += (
                         found.motions[i, h, k] * hinges_out[(i - 1 - rigid_links) * hinges + h]
                     )
-    many = m > most_pivoted
-    lack = np.empty(m)
-    a = np.empty((0, 0)) if many else np.empty((m, m))
-    softness = np.empty((2, m))
-    if many:
-        mobilities = np.empty((n, 6, 6))
-        _mobilities(found, inverse, rigid_links, positions, mobilities)
-    else:
-        mobilities = np.empty((0, 6, 6))
-    constant, ratio = solref
+
+
+@njit(**INNER)
+def _speeds_of(contacts: Contacts, spins: Array, velocities: Array, speeds: Array) -> None:
+    """Write the (n, 6) velocities of all modules that touch another one."""
+    for k in range(contacts.pairs.shape[0]):
+        for side in range(2):
+            module = contacts.pairs[k, side]
+            for r in range(3):
+                speeds[module, r] = spins[module, r]
+                speeds[module, 3 + r] = velocities[module, r]
+
+
+@njit(**INNER)
+def _impedance(depth: float, solimp: Array) -> float:
+    """Return the impedance of a contact of some depth: MuJoCo's documentation, "solimp"."""
     least, most, width, middle, power = solimp
+    x = min(depth / width, 1.0)
+    y = x**power / middle ** (power - 1.0)
+    if x > middle:
+        y = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
+    return least + y * (most - least)
+
+
+@njit(**INNER)
+def _lacking(
+    k: int,
+    contacts: Contacts,
+    depth: float,
+    impedance: float,
+    solref: tuple[float, float],
+    most: float,
+    positions: Array,
+    speeds: Array,
+    moved: Array,
+) -> float:
+    """Return how much the acceleration at which a contact parts exceeds the one it should have.
+
+    Args:
+        k: Number of the contact.
+        contacts: All contacts.
+        depth, impedance: Of this one.
+        solref: Time constant and damping ratio.
+        most: Largest impedance.
+        positions, speeds, moved: (n, 3), and (n, 6) velocities and free accelerations of modules.
+    """
+    constant, ratio = solref
+    i, j = contacts.pairs[k, 0], contacts.pairs[k, 1]
+    normal, point = contacts.normals[k], contacts.points[k]
+    wanted = -2.0 / (most * constant) * _closing(i, j, normal, point, positions, speeds)
+    wanted += impedance * depth / (most * constant * ratio) ** 2
+    return _closing(i, j, normal, point, positions, moved) - wanted
+
+
+@njit(**INNER)
+def _top(contacts: Contacts) -> int:
+    """Return the last module that touches another one."""
+    top = ZERO
+    for k in range(contacts.pairs.shape[0]):
+        top = max(top, contacts.pairs[k, 0], contacts.pairs[k, 1])
+    return top
+
+
+@njit(**KERNEL)
+def add_contacts(
+    contacts: Contacts,
+    depths: Array,
+    solref: tuple[float, float],
+    solimp: Array,
+    found: Articulated,
+    joint: Joint,
+    root: int,
+    positions: Array,
+    velocities: Array,
+    spins: Array,
+    hinges_out: Array,
+    root_out: Array,
+) -> bool:
+    """Add to the free accelerations what contacts without friction do, solved exactly.
+
+    MuJoCo's soft contacts (its documentation, "Computation", "Constraint model"): forces f ≥ 0
+    along the normals with (A + R) f + a − a_ref ≥ 0, one of both zero in each. a are the
+    accelerations at which the contacts would part without them, A the chain's answer to them.
+
+    Args:
+        contacts: m of them.
+        depths: (m,) in pitches.
+        solref: Time constant and damping ratio.
+        solimp: (5,) impedance.
+        found: From ``free_accelerations``.
+        joint: Of the module.
+        root: The module whose acceleration ``root_out`` is.
+        positions, velocities, spins: Of all modules, in the world.
+        hinges_out: (J,) from ``free_accelerations``.
+        root_out: (6,) likewise.
+
+    Returns:
+        False if no solution was found, and nothing is added.
+    """
+    pairs, normals, points = contacts
+    n, m = positions.shape[0], pairs.shape[0]
+    rigid_links = joint.rigid_links
+    inverse: Array = np.linalg.inv(found.base)  # pyright: ignore[reportAssignmentType]
+    top = _top(contacts)
+    moved = np.zeros((n, 6))
+    _moved_freely(found, hinges_out, rigid_links, positions, top, moved)
     speeds = np.empty((n, 6))
-    for k in range(m):
-        for module in (pairs[k, 0], pairs[k, 1]):
-            speeds[module, :3] = spins[module]
-            speeds[module, 3:] = velocities[module]
+    _speeds_of(contacts, spins, velocities, speeds)
+    answer = np.zeros((n, 6))
+    nowhere = np.zeros(hinges_out.shape[0])
+    wrenches = np.zeros((n, 6))
+    lack = np.empty(m)
+    a = np.empty((m, m))
+    softness = np.empty(m)
     for k in range(m):
         i, j = pairs[k, 0], pairs[k, 1]
         _push(i, j, normals[k], points[k], positions, 1.0, wrenches)
-        if many:  # as if the two modules knew nothing of each other
-            softness[0, k] = (wrenches[i] * (mobilities[i] @ wrenches[i])).sum()
-            softness[0, k] += (wrenches[j] * (mobilities[j] @ wrenches[j])).sum()
-        else:
-            _respond(
-                wrenches, max(i, j), top, found, inverse, rigid_links, positions, answer, nowhere
-            )
-            for g in range(m):
-                a[g, k] = _closing(
-                    pairs[g, 0], pairs[g, 1], normals[g], points[g], positions, answer
-                )
-            softness[0, k] = a[k, k]
+        _respond(wrenches, max(i, j), top, found, inverse, rigid_links, positions, answer, nowhere)
+        for g in range(m):
+            a[g, k] = _closing(pairs[g, 0], pairs[g, 1], normals[g], points[g], positions, answer)
+        for r in range(6):
+            wrenches[i, r] = 0.0
+            wrenches[j, r] = 0.0
+        impedance = _impedance(depths[k], solimp)
+        lack[k] = _lacking(
+            k, contacts, depths[k], impedance, solref, solimp[1], positions, speeds, moved
+        )
+        softness[k] = max(a[k, k] * (1.0 - impedance) / impedance, LEAST_SOFTNESS)
+    for k in range(m):
+        a[k, k] += softness[k]
+    forces = np.zeros(m)
+    if not _complementary(a, lack, forces):
+        return False
+    _pushed(forces, contacts, positions, wrenches)
+    _respond(wrenches, top, n - 1, found, inverse, rigid_links, positions, answer, hinges_out)
+    for r in range(6):
+        root_out[r] += answer[root, r]
+    return True
+
+
+@njit(**KERNEL)
+def add_many_contacts(
+    contacts: Contacts,
+    depths: Array,
+    solref: tuple[float, float],
+    solimp: Array,
+    found: Articulated,
+    joint: Joint,
+    root: int,
+    positions: Array,
+    velocities: Array,
+    spins: Array,
+    hinges_out: Array,
+    root_out: Array,
+) -> None:
+    """Do nearly as ``add_contacts`` without writing the contacts' matrix down.
+
+    R is that of two modules that know nothing of each other, and the forces are those of
+    ``_many_contacts``. The arguments are the same.
+    """
+    pairs, normals, points = contacts
+    n, m = positions.shape[0], pairs.shape[0]
+    rigid_links = joint.rigid_links
+    inverse: Array = np.linalg.inv(found.base)  # pyright: ignore[reportAssignmentType]
+    top = _top(contacts)
+    moved = np.zeros((n, 6))
+    _moved_freely(found, hinges_out, rigid_links, positions, top, moved)
+    speeds = np.empty((n, 6))
+    _speeds_of(contacts, spins, velocities, speeds)
+    mobilities = np.empty((n, 6, 6))
+    _mobilities(found, inverse, rigid_links, positions, mobilities)
+    wrenches = np.zeros((n, 6))
+    lack = np.empty(m)
+    softness = np.empty((2, m))
+    for k in range(m):
+        i, j = pairs[k, 0], pairs[k, 1]
+        _push(i, j, normals[k], points[k], positions, 1.0, wrenches)
+        softness[0, k] = (wrenches[i] * (mobilities[i] @ wrenches[i])).sum()
+        softness[0, k] += (wrenches[j] * (mobilities[j] @ wrenches[j])).sum()
         wrenches[i] = 0.0
         wrenches[j] = 0.0
-        x = min(depths[k] / width, 1.0)
-        y = x**power / middle ** (power - 1.0)
-        if x > middle:
-            y = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
-        impedance = least + y * (most - least)
-        speed = _closing(i, j, normals[k], points[k], positions, speeds)
-        wanted = -2.0 / (most * constant) * speed
-        wanted += impedance * depths[k] / (most * constant * ratio) ** 2
-        lack[k] = _closing(i, j, normals[k], points[k], positions, moved) - wanted
-        softness[1, k] = max(softness[0, k] * (1.0 - impedance) / impedance, 1e-15)
+        impedance = _impedance(depths[k], solimp)
+        lack[k] = _lacking(
+            k, contacts, depths[k], impedance, solref, solimp[1], positions, speeds, moved
+        )
+        softness[1, k] = max(softness[0, k] * (1.0 - impedance) / impedance, LEAST_SOFTNESS)
     forces = np.zeros(m)
-    if not many:
-        for k in range(m):
-            a[k, k] += softness[1, k]
-    contacts = Contacts(pairs, normals, points)
-    if many or not _complementary(a, lack, forces):
-        response = Response(found, inverse, rigid_links, positions, top)
-        _many_contacts(lack, softness, contacts, response, forces)
-    wrenches = _pushed(forces, contacts, positions)
+    response = Response(found, inverse, rigid_links, positions, top)
+    _many_contacts(lack, softness, contacts, response, forces)
+    _pushed(forces, contacts, positions, wrenches)
+    answer = np.zeros((n, 6))
     _respond(wrenches, top, n - 1, found, inverse, rigid_links, positions, answer, hinges_out)
     root_out += answer[root]

@@ -122,8 +122,9 @@ def _is_box(hull: Hull) -> bool:
     if vertices.shape[0] != 8 or normals.shape[0] != 3 or edges.shape[0] != 3:
         return False
     upright = normals[0, 0] == 1.0 and normals[1, 1] == 1.0 and normals[2, 2] == 1.0
-    off = np.abs(vertices[0] + vertices[7]).max()
-    return upright and off == 0.0
+    for r in range(3):
+        upright = upright and vertices[0, r] + vertices[7, r] == 0.0
+    return upright
 
 
 @njit(**INNER)
@@ -139,9 +140,10 @@ def separation_along(
     """``pair_separation`` that also writes the unit axis (3,) which shows the separation."""
     vertices, normals, edges = hull.vertices, hull.normals, hull.edges
     if _is_box(hull):
-        return _box_separation(
-            gap, rotation_a, rotation_b, np.abs(vertices[0]) * size, enough, best_axis
-        )
+        half = np.empty(3)
+        for r in range(3):
+            half[r] = abs(vertices[0, r]) * size
+        return _box_separation(gap, rotation_a, rotation_b, half, enough, best_axis)
     best = -np.inf
     axis = np.empty(3)
     local = np.empty(3)

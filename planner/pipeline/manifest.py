@@ -120,7 +120,9 @@ def changed_fields(directory: FilePath) -> list[str] | None:
             if mine.get(field) != theirs.get(field)
         ]
     # The digests above leave out the attribute that the arrays' own checksums rest on.
-    return found + [f"{name}: attributes.{DIGEST}" for name in here if _seal_broken(directory / name)]
+    return found + [
+        f"{name}: attributes.{DIGEST}" for name in here if _seal_broken(directory / name)
+    ]
 
 
 def _seal_broken(path: FilePath) -> bool:

@@ -18,8 +18,11 @@ from planner.chain.dynamics import floating_torques
 from planner.chain.module import CUBE
 from planner.chain.path import Path
 from planner.clearance.linked import exempt_pairs
+from planner.clearance.sweep import sweep
 from planner.cores import cores
 from planner.explosion.paper import explode_as_published
+from planner.explosion.simultaneous import explode
+from planner.kernels.articulated import Contacts, add_many_contacts, articulated
 from planner.kernels.trails import one_circuit
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.compiling import Compiling, beside, end_with_parent, motions_beside
@@ -33,7 +36,8 @@ from planner.pipeline.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_
 from planner.plan.formats import write_path
 from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
-from planner.simulation.parameters import PaperExplosionParameters
+from planner.simulation.model import SOLIMP
+from planner.simulation.parameters import ExplosionParameters, PaperExplosionParameters
 
 STEPPING_BACK: Final = 10
 """Niceness of what nobody waits for yet."""
@@ -57,13 +61,11 @@ def warm_up(
     """
     place = _locks_in(directory)
     with Compiling(progress, lock=CompilingLock(place / FIRST)) as compiling:
-        warm_up_chains()
+        chain = warm_up_chains()
         with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
-            plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
-        warm_up_motions(plan.chain)
-        still = np.tile(plan.chain.folded_rad, (2, 1))
-        exempt_pairs(plan.chain, (still,), size=0.95)
-        clearances_of(plan.chain, still, size=0.95)
+            warm_up_clearance(chain)
+        warm_up_motions(chain)
+        plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
     if soon and compiling.told:
         beside("all", place)
         return
@@ -71,15 +73,48 @@ def warm_up(
         retime(plan, 1.0, 1.0)
         smooth_plan(plan)
         table_certificate(plan.chain, plan.motion)
+        _many_contacts(plan.chain)
         _explode_as_published()
         _peel()
         warm_up_paths()
 
 
+def warm_up_clearance(chain: Chain) -> None:
+    """Look at a motion between two frames, which shares few kernels with what makes motions."""
+    still = np.tile(chain.folded_rad, (2, 1))
+    sweep(chain, still, size=0.95)
+    exempt_pairs(chain, (still,), size=0.95)
+    clearances_of(chain, still, size=0.95)
+
+
 def warm_up_motions(chain: Chain) -> None:
-    """Compute torques of a motion, which share hardly a kernel with the clearance."""
+    """Begin to explode a chain, and compute torques of a motion."""
+    explode(chain, ExplosionParameters(), cancelled=lambda: True)
     still = np.tile(chain.folded_rad, (2, 1))
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
+
+
+def _many_contacts(chain: Chain) -> None:
+    """Push two modules apart as if they touched in more points than are solved exactly."""
+    n, hinges = len(chain), len(chain.module.joint.axes)
+    found = articulated(n, hinges)
+    found.base[:] = np.eye(6)
+    found.hinges[:] = np.eye(hinges)
+    still = np.zeros((n, 3))
+    add_many_contacts(
+        Contacts(np.array([[0, 2]]), np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 3))),
+        np.full(1, 0.01),
+        (0.02, 1.0),
+        np.array(SOLIMP),
+        found,
+        chain.module.joint,
+        0,
+        still,
+        still,
+        still,
+        np.zeros(len(chain.folded_rad)),
+        np.zeros(6),
+    )
 
 
 def _explode_as_published() -> None:

@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import SimulationError
-from planner.kernels.articulated import NO_ROD, add_contacts, articulated, free_accelerations
+from planner.kernels.articulated import (
+    NO_ROD,
+    Contacts,
+    add_contacts,
+    add_many_contacts,
+    articulated,
+    free_accelerations,
+)
 from planner.kernels.kinematics import chain_poses
 from planner.kernels.velocities import chain_velocities
 from planner.simulation.model import Material
@@ -258,14 +265,11 @@ class ReducedChain:
         armature = np.where(held, HELD, self._armature)
         hinges, root = self._free(state, forces, armature)
         if contacts is not None:
-            add_contacts(
-                contacts.pairs,
-                contacts.normals,
-                contacts.points,
+            arguments = (
+                Contacts(contacts.pairs, contacts.normals, contacts.points),
                 contacts.depths,
                 contacts.solref,
                 contacts.solimp,
-                MOST_PIVOTED,
                 self._articulated,
                 self.chain.module.joint,
                 self.root,
@@ -275,6 +279,8 @@ class ReducedChain:
                 hinges,
                 root,
             )
+            if len(contacts.depths) > MOST_PIVOTED or not add_contacts(*arguments):
+                add_many_contacts(*arguments)
         return hinges, root
 
     def _free(self, state: State, forces: Array, armature: Array) -> tuple[Array, Array]:

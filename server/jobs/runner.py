@@ -124,11 +124,16 @@ class Runner:
             self._fork_server.start()
 
     def preparing(self) -> float | None:
-        """Return the compiled fraction of the kernels, 0 to 1; None unless they are compiling."""
-        told = None if self._fork_server is None else self._fork_server.told
-        if told is None or told["message"] != COMPILING:
+        """Return the compiled fraction of the kernels, 0 to 1; None unless they are compiling.
+
+        It is 0 while the fork server starts: only then it is known whether anything is to compile.
+        """
+        if self._fork_server is None:
             return None
-        return float(told["fraction"])
+        told = self._fork_server.told
+        if told is None:
+            return 0.0 if self._fork_server.starting else None
+        return float(told["fraction"]) if told["message"] == COMPILING else None
 
     def stop(self) -> None:
         """Ends all children; their folds go on elsewhere, or with the next start."""

@@ -133,6 +133,7 @@ class _Running:
         self._failed = False
         self.told: dict[str, Any] | None = None
         """The progress that it told last, for as long as it is not ready."""
+        self.ready = False
         threading.Thread(target=self._listen, name="fork-server", daemon=True).start()
 
     @property
@@ -201,6 +202,7 @@ class _Running:
                     self.told = progress
                 case {"ready": _}:
                     self.told = None
+                    self.ready = True
                 case {"failed": _}:
                     # Whoever has asked is told why; whoever asks from now on, asks another one.
                     self._failed = True
@@ -255,6 +257,12 @@ class ForkServer:
     def told(self) -> dict[str, Any] | None:
         """The progress that it told last; None once it is ready, and before it is started."""
         return None if self._running is None else self._running.told
+
+    @property
+    def starting(self) -> bool:
+        """True from its start until it can fork."""
+        running = self._running
+        return running is not None and running.alive and not running.ready
 
     def start(self) -> None:
         """Starts it ahead of the first child."""

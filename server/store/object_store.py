@@ -16,14 +16,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
-from typing import Any, Final, TypeVar
-
-import obstore
-from obstore.exceptions import BaseError
-from obstore.store import ObjectStore, from_url
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from planner.files import temporary_path, write_whole
 from server.settings import Settings
+
+if TYPE_CHECKING:  # the extra `storage`
+    from obstore.store import ObjectStore
 
 HEAD: Final = "timeline.zarr/zarr.json"
 """File that tells a timeline's length: stored last, fetched last."""
@@ -58,7 +57,10 @@ class Storage:
     """
 
     def __init__(self, store: ObjectStore, name: str) -> None:
+        import obstore
+
         self._store = store
+        self._obstore = obstore
         self._name = name
         self._lock = threading.Lock()
         self._known: dict[str, dict[str, tuple[int, int]]] = {}
@@ -72,13 +74,13 @@ class Storage:
         """
         with self._storage_errors():
             name = f"check/{secrets.token_hex(8)}"
-            obstore.put(self._store, name, b"foldback")
+            self._obstore.put(self._store, name, b"foldback")
             try:
-                if bytes(obstore.get(self._store, name).bytes()) != b"foldback":
+                if bytes(self._obstore.get(self._store, name).bytes()) != b"foldback":
                     raise StorageError(f"{self._name} gives back something else than it was given.")
                 list(self._list("check"))
             finally:
-                obstore.delete(self._store, name)
+                self._obstore.delete(self._store, name)
 
     def keep(self, key: str, directory: Path) -> int:
         """Brings what changed in a directory since the last time to the storage.
@@ -166,7 +168,7 @@ class Storage:
         aside = temporary_path(path)
         with self._storage_errors():
             try:
-                found = obstore.get(self._store, key)
+                found = self._obstore.get(self._store, key)
             except FileNotFoundError:
                 return False
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -186,7 +188,7 @@ class Storage:
             StorageError: When the storage does not answer.
         """
         with self._storage_errors():
-            obstore.put(self._store, key, path)
+            self._obstore.put(self._store, key, path)
 
     def remove_file(self, key: str) -> None:
         """Removes one file, if there is one.
@@ -220,7 +222,7 @@ class Storage:
             StorageError: When the storage does not answer.
         """
         with self._storage_errors():
-            found = obstore.list_with_delimiter(self._store, f"{key}/")
+            found = self._obstore.list_with_delimiter(self._store, f"{key}/")
         return [prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]]
 
     def ages(self, key: str) -> dict[str, tuple[float, int]]:
@@ -234,7 +236,7 @@ class Storage:
         """
         found: dict[str, tuple[float, int]] = {}
         with self._storage_errors():
-            for batch in obstore.list(self._store, f"{key}/"):
+            for batch in self._obstore.list(self._store, f"{key}/"):
                 for meta in batch:
                     name = str(meta["path"]).removeprefix(f"{key}/").partition("/")[0]
                     changed, size = found.get(name, (0.0, 0))
@@ -248,22 +250,24 @@ class Storage:
 
     def _put(self, key: str, name: str, data: bytes | None) -> None:
         if data is not None:  # it went away meanwhile, which the next time shows
-            obstore.put(self._store, f"{key}/{name}", data, use_multipart=len(data) > 64 * 2**20)
+            self._obstore.put(
+                self._store, f"{key}/{name}", data, use_multipart=len(data) > 64 * 2**20
+            )
 
     def _get(self, name: str) -> bytes | None:
         try:
-            return bytes(obstore.get(self._store, name).bytes())
+            return bytes(self._obstore.get(self._store, name).bytes())
         except FileNotFoundError:
             return None
 
     def _delete(self, name: str) -> None:
         try:
-            obstore.delete(self._store, name)
+            self._obstore.delete(self._store, name)
         except FileNotFoundError:
             return
 
     def _list(self, key: str) -> Iterator[StoredFile]:
-        for batch in obstore.list(self._store, f"{key}/"):
+        for batch in self._obstore.list(self._store, f"{key}/"):
             for meta in batch:
                 name = str(meta["path"]).removeprefix(f"{key}/")
                 mark = str(meta["e_tag"] or meta["last_modified"])
@@ -282,6 +286,8 @@ class Storage:
 
     @contextmanager
     def _storage_errors(self) -> Generator[None]:
+        from obstore.exceptions import BaseError
+
         try:
             yield
         except (BaseError, OSError) as error:
@@ -295,11 +301,19 @@ def open_storage(settings: Settings) -> Storage | None:
     """The storage that the settings name; None when files are kept on this machine.
 
     Raises:
-        StorageError: When the URL is of no kind that is known.
+        StorageError: If the URL is of no known kind, or obstore is not installed.
     """
     url = settings.storage_url
     if url is None:
         return None
+    try:
+        from obstore.exceptions import BaseError
+        from obstore.store import from_url
+    except ImportError:
+        raise StorageError(
+            f"FOLDBACK_STORAGE_URL={url!r} needs obstore, which is not installed; install it with "
+            "pip install 'foldback[storage]'"
+        ) from None
     try:
         store = from_url(
             url,

@@ -118,7 +118,8 @@ def test_requirements_layer_lists_the_dependencies(context: Path) -> None:
         check=True,
     )
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert done.stdout.splitlines() == project["dependencies"]
+    storage = project["optional-dependencies"]["storage"]
+    assert done.stdout.splitlines() == [*project["dependencies"], *storage]
 
 
 @pytest.mark.slow

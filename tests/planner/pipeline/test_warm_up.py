@@ -11,6 +11,7 @@ import psutil
 import pytest
 from numba import njit
 
+from planner.chain.chain import Chain
 from planner.pipeline import warm_up as module
 from planner.pipeline.compiling_lock import FIRST, FIRST_BYTES
 from planner.pipeline.warm_up import warm_up
@@ -100,7 +101,8 @@ def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
 
         monkeypatch.setattr(module, name, noting)
 
-    rest = ["retime", "smooth_plan", "_explode_as_published", "_peel", "warm_up_paths"]
+    rest = ["retime", "smooth_plan", "_many_contacts", "_explode_as_published", "_peel"]
+    rest.append("warm_up_paths")
     for name in rest:
         noted(name)
     monkeypatch.setattr(module, "beside", start)
@@ -109,7 +111,13 @@ def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
     warm_up(soon=True, directory=tmp_path)
     assert (beside, here, list(tmp_path.iterdir())) == ([], rest, [])  # and no lock was taken
     here.clear()
-    monkeypatch.setattr(module, "warm_up_chains", njit(lambda: 0))  # compiled at its first call
+    new_kernel, chains = njit(lambda: 0), module.warm_up_chains
+
+    def chains_by_new_kernel() -> Chain:
+        new_kernel()
+        return chains()
+
+    monkeypatch.setattr(module, "warm_up_chains", chains_by_new_kernel)
     warm_up(soon=True, directory=tmp_path)
     assert (beside, here) == (["motions", "all"], [])
 

@@ -31,10 +31,13 @@ from planner.errors import InputError
 from planner.exports import EXPORTS, Export, export_named, exports_of, glb
 from planner.exports.export import identifier
 from planner.exports.mjcf import PERCENTS
+from planner.exports.stl import hull_of
 from planner.exports.urdf import DRAKE_NAMESPACE, centre_of
 from planner.pipeline.fold import fold
 from planner.plan.plan import Plan
+from planner.readers import read
 from planner.readers.angle_strings import read_angle_string
+from planner.shapes.solid import Solid, signed_volume
 from tests.planner.plans import changed
 
 Array = NDArray[np.float64]
@@ -443,6 +446,19 @@ def test_the_scene_stands_folded_and_upright(plan: Plan) -> None:
     edge = plan.certificate.module_size * plan.chain.pitch_m
     assert mesh.is_watertight
     assert mesh.volume == pytest.approx(plan.chain.module.volume * edge**3, rel=1e-5)
+
+
+def test_glb_read_back_stands_as_the_folded_chain(plan: Plan) -> None:
+    solid = read(written("glb", plan), filename="scene.glb")
+    assert isinstance(solid, Solid)
+    poses = poses_of(plan, len(plan.time_s) - 1)
+    corners = hull_of(plan.chain.module, plan.certificate.module_size).vertices
+    placed = np.einsum("nij,kj->nki", poses.rotations, corners) + poses.positions[:, None]
+    expected = np.ptp(placed.reshape(-1, 3), axis=0)
+    assert solid.extents / solid.extents[0] == pytest.approx(expected / expected[0], rel=1e-3)
+    volume = len(plan.chain) * plan.chain.module.volume * plan.certificate.module_size**3
+    scale = solid.extents[0] / expected[0]
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(volume * scale**3, rel=1e-3)
 
 
 def test_the_scene_moves_as_the_plan(plan: Plan) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
@@ -110,6 +111,13 @@ def test_sweep_of_previews_measures_only_what_changed(
 ) -> None:
     """Blocks of the disk count: a file of one byte takes 4 KiB."""
     previews, uploads = Previews(Settings(data_dir=tmp_path)), Uploads(Settings(data_dir=tmp_path))
+    ids = []
+    for visitor in "ab":
+        with uploads.stored(BytesIO(b"0"), "thing.stl") as upload:
+            ids.append(previews.add(upload, visitor))
+    for thread in threading.enumerate():
+        if thread.name == "preview-sweep":
+            thread.join()
     measured: list[object] = []
 
     def measure(**values: Any) -> HeldPreview:
@@ -117,10 +125,6 @@ def test_sweep_of_previews_measures_only_what_changed(
         return HeldPreview(**values)
 
     monkeypatch.setattr(previews_module, "HeldPreview", measure)
-    ids = []
-    for visitor in "ab":
-        with uploads.stored(BytesIO(b"0"), "thing.stl") as upload:
-            ids.append(previews.add(upload, visitor))
     for preview_id in ids:  # used a while ago
         os.utime(tmp_path / "previews" / preview_id, (1e9, 1e9))
     settled = Previews(Settings(data_dir=tmp_path, preview_keep_s=1e10))

@@ -62,6 +62,21 @@ def before_others(place: Path) -> str:
     return os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
 
 
+def test_it_says_that_it_starts_until_it_can_fork(directory: Path) -> None:
+    server = ForkServer(["reader"], warm=False)
+    assert not server.starting
+    server.start()
+    try:
+        assert server.starting
+        child = Child("reader", LIMITS, fork_server=server)
+        assert child.call("check", directory, wall_s=60) == WHOLE
+        assert not server.starting
+        child.close()
+    finally:
+        server.close()
+    assert not server.starting
+
+
 def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> None:
     made = [Child("reader", LIMITS, fork_server=FORKS) for _ in range(2)]
     try:

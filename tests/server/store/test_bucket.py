@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from server.settings import Settings
-from server.store.object_store import open_storage
+from server.store.object_store import StorageError, open_storage
 from tests.server.bucket import Bucket
 
 
@@ -29,3 +30,11 @@ def test_each_test_has_a_bucket_of_its_own(
     assert (tmp_path / "copy" / "one").read_bytes() == b"1"
     assert there.below("folds") == []
     assert not there.fetch("folds/a/1", tmp_path / "other")
+
+
+def test_storage_without_obstore_says_how_to_install_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "obstore.exceptions", None)
+    with pytest.raises(StorageError, match=r"pip install 'foldback\[storage\]'"):
+        open_storage(Settings(data_dir=tmp_path, storage_url="s3://bucket"))
