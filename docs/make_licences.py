@@ -67,7 +67,7 @@ def rows() -> list[str]:
 def installed(root: str) -> dict[str, Distribution]:
     """Return a package and all that it needs at run time, by canonical name."""
     found: dict[str, Distribution] = {}
-    waiting: list[tuple[str, frozenset[str]]] = [(root, frozenset())]
+    waiting = [(root, frozenset({"storage"}))]  # which the image has
     seen: set[tuple[str, frozenset[str]]] = set()
     while waiting:
         name, extras = waiting.pop()
