@@ -13,7 +13,7 @@ DARK = "(dark) => document.documentElement.classList.contains('dark-mode') === d
 
 
 def test_the_api_is_shown_without_another_origin(visit: Callable[..., Page]) -> None:
-    page = visit("/", width=1440, height=844, color_scheme="light")
+    page = visit("/", view=False, width=1440, height=844, color_scheme="light")
     said: list[str] = []
     origins: set[str] = set()
     page.on("console", lambda message: said.append(message.text))

@@ -70,6 +70,7 @@ def looked_at(page: Page, name: str) -> list[int]:
     return found
 
 
+@pytest.mark.long
 def test_servoing_straight_to_a_shape_tangles(visit: Visit, service: Service) -> None:
     fold = service.fold(SPIRAL, preset="direct")["id"]
     state = service.wait_over(fold)

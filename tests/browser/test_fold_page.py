@@ -327,6 +327,7 @@ REST_MS = 2000
 """More than after what the view rests: see bridge.js."""
 
 
+@pytest.mark.long
 def test_a_view_at_rest_shows_what_comes_next_also_where_pictures_take_long(
     visit: Visit, wrench: str
 ) -> None:

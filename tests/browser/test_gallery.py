@@ -49,6 +49,7 @@ def test_it_is_sifted_and_the_address_says_how(visit: Visit) -> None:
     expect(page).to_have_url(re.compile("/gallery$"))
 
 
+@pytest.mark.long
 def test_a_card_folds_its_shape_and_then_shows_the_fold(visit: Visit, service: Service) -> None:
     page = visit(
         "/gallery?type=tetrahedron&modules=-12", width=390, height=844, view=False, has_touch=True

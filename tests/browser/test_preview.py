@@ -142,6 +142,7 @@ def test_without_webgl_the_drawing_stays_and_the_shape_can_be_folded(
     keep(page, "preview-drawing-390x844")
 
 
+@pytest.mark.long
 def test_a_3d_view_that_does_not_come_leaves_the_drawing_and_comes_later(
     visit: Visit, brick: dict[str, Any]
 ) -> None:

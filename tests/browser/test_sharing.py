@@ -80,6 +80,7 @@ def offered(service: Service, wrench: str) -> Iterator[Page]:
         yield page
 
 
+@pytest.mark.long
 def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_path: Path) -> None:
     offered.locator("#share").click()
     with offered.expect_download() as download:
@@ -173,6 +174,7 @@ def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrenc
     keep(page, "refold-ends")
 
 
+@pytest.mark.long
 def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     visit: Visit, service: Service, wrench: str
 ) -> None:

@@ -95,6 +95,7 @@ def test_plots_show_the_figures_and_lead_into_the_fold(beside: Page, figures: Fi
     keep(page, "plots")
 
 
+@pytest.mark.long
 def test_a_view_at_rest_costs_no_battery_and_wakes(visit: Visit, wrench: str) -> None:
     page = opened(visit, wrench, view=True, **SMALL)
     (view,) = (frame for frame in page.frames if "view" in frame.url)

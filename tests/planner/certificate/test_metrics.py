@@ -95,7 +95,9 @@ def test_clearances_are_those_of_all_pairs(module: str, size: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", ["wrench-24", "tetra-cube-2"])
+@pytest.mark.parametrize(
+    "shape", ["wrench-24", pytest.param("tetra-cube-2", marks=pytest.mark.long)]
+)
 def test_the_certificate_and_the_figures_agree(shape: str, folded: Callable[..., Any]) -> None:
     fold = folded(shape)
     figures = Figures.load(fold.directory / "figures.zarr")

@@ -52,6 +52,7 @@ def test_snapshots_follow_one_another_closely(shape: str, folded: Callable[..., 
     assert moved.max() <= 1.03 * max(DEFAULT.snapshot_distance, DEFAULT.body_cap)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_contacts_are_as_shallow_as_the_size_to_verify_wants() -> None:
     chain = Chain.from_path(read((SHAPES / "cactus.json").read_bytes()))

@@ -87,6 +87,7 @@ def test_a_module_that_is_bent_into_the_table_is_refused() -> None:
     assert any("in the table" in why for why in whys)
 
 
+@pytest.mark.long
 def test_friction_counts_in_the_guard() -> None:
     rubbing = replace(TableParameters(), friction=0.1, base="clamped", most_torque=20.0)
     chain = chain_of(BOX)

@@ -448,6 +448,7 @@ def test_a_strategy_that_cannot_be_had_is_refused(tmp_path: FilePath) -> None:
         run_stage("read", tmp_path)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_box_can_be_laid_joint_by_joint(tmp_path: FilePath) -> None:
     """Row by row, layer by layer: what is straight swings where nothing lies yet."""

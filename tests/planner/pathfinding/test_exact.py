@@ -225,7 +225,10 @@ def test_circuit_solver_counts_down_to_the_fewest_arcs(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("sets", "results"), [(feasible_sets, RESULTS), (hard_sets, HARD_RESULTS)])
+@pytest.mark.parametrize(
+    ("sets", "results"),
+    [(feasible_sets, RESULTS), pytest.param(hard_sets, HARD_RESULTS, marks=pytest.mark.long)],
+)
 def test_the_stored_sets_are_those_that_their_results_are_of(
     sets: Callable[[], Iterator[FeasibleSet]], results: FilePath
 ) -> None:

@@ -45,6 +45,7 @@ def test_a_ring_folds_and_a_second_look_agrees(folded_ring: Path) -> None:
     assert found.certificate.min_clearance > 0.0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_solid_folds(tmp_path: Path) -> None:
     plan = fold(cube(2), directory=tmp_path)

@@ -102,6 +102,7 @@ def test_what_is_ahead_is_what_comes_when_the_likely_happens() -> None:
     assert second == choice.after([buried, stuck(now, "buried"), straight])
 
 
+@pytest.mark.long
 def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
     tmp_path: FilePath,
 ) -> None:
@@ -299,7 +300,9 @@ with Tries(Path(sys.argv[1]), 3) as tries:
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize(
+    "how", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.long)]
+)
 def test_when_the_folds_process_ends_so_do_the_others(how: int, tmp_path: FilePath) -> None:
     fold = read(tmp_path / "fold", write_chain(knotted()))
     root = str(FilePath(__file__).parents[3])

@@ -375,7 +375,9 @@ def test_a_plan_that_is_always_refused_ends_as_a_failure(
     ]
 
 
-@pytest.mark.parametrize("at", [4, 5, 6])
+@pytest.mark.parametrize(
+    "at", [pytest.param(4, marks=pytest.mark.long), 5, pytest.param(6, marks=pytest.mark.long)]
+)
 def test_a_second_attempt_that_is_killed_comes_to_the_same(
     at: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

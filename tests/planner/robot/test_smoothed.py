@@ -97,6 +97,7 @@ def test_a_recorded_plan_says_nothing_of_it(mallet: Folded) -> None:
     assert mallet.plan.summary()["smoothing"] is None
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_plan(
     folded: Callable[..., Folded], tmp_path: FilePath
 ) -> None:
@@ -109,6 +110,7 @@ def test_the_same_seed_gives_the_same_plan(
     assert further.smoothing["before"]["frames"] == len(first.time_s)
 
 
+@pytest.mark.long
 def test_what_the_certificate_refuses_is_smoothed_less(
     folded: Callable[..., Folded], tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -155,6 +155,7 @@ def cli(*arguments: object) -> tuple[int, str]:
     return told.exit_code, told.output
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_two_examples_are_refolded_on_the_command_line(tmp_path: Path) -> None:
     code, told = cli("wrench-24", "mallet-24", "--out", tmp_path, "--json")

@@ -194,6 +194,7 @@ def cli(*arguments: object) -> tuple[int, str]:
     return told.exit_code, told.output
 
 
+@pytest.mark.long
 def test_a_plan_is_smoothed_on_the_command_line(
     service: Service, wrench: str, tmp_path: Path
 ) -> None:

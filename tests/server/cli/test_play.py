@@ -94,7 +94,9 @@ def test_its_pages_lead_to_none_that_are_not_there(directory: Path) -> None:
 
 @pytest.mark.processes
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
+)
 def test_viser_ends_by_signal_where_the_shell_ignores_sigint(
     directory: Path, number: signal.Signals
 ) -> None:

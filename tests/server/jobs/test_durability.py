@@ -48,6 +48,7 @@ def test_a_worker_killed_in_mid_explosion(service_with) -> None:
     assert successor.pid != worker.pid
 
 
+@pytest.mark.long
 def test_a_server_killed_in_mid_explosion(service_with) -> None:
     service = service_with()
     with ServiceHere(service.data_dir).start() as taking_in:
@@ -134,7 +135,7 @@ def stages_fork_server(service: Service) -> psutil.Process:
 
 
 def test_a_fold_goes_on_when_its_process_or_its_fork_server_is_killed(service: Service) -> None:
-    fold_id = service.fold(shape="wrench-160", seed="91")["id"]
+    fold_id = service.fold(shape="wrench-160", seed="91", settings="robots=0")["id"]
     service.wait_exploding(fold_id)
     kill_each(service, fold_id, "foldback stages", MAX_DEATHS - 1)
     service.wait(fold_id, lambda _: service.children("stages") != [])
@@ -187,7 +188,7 @@ def test_a_fold_makes_room_for_a_cheaper_one_and_goes_on_by_itself(
     service_with: Callable[..., Service],
 ) -> None:
     service = service_with(slice_seconds=0.2).start()
-    long = service.fold(shape="wrench-160")["id"]
+    long = service.fold(shape="wrench-160", settings="robots=0")["id"]
     service.wait_exploding(long)
     short = service.fold(STAIRS)["id"]
     paused = service.wait(long, lambda state: state["progress"]["paused"] or over(state))
