@@ -35,9 +35,11 @@ function counted() {
 }
 
 async function more() {
+  const mine = turn;
   get("more").disabled = true;
   try {
     const found = await list.more(PAGE);
+    if (mine !== turn) return; // the keys may be others by now
     const cards = found.map(({ fold, key }) => {
       if (!fold.public) keepToken(fold.id, key); // its page lets the owner cancel it
       return new FoldCard(fold, key, () => { list.forget(key); counted(); });
@@ -87,7 +89,7 @@ async function load() {
     get("movies").replaceChildren(...lines.map(({ item }) => item));
     changing = [...lines];
     await more();
-    look();
+    if (mine === turn) look();
   } catch (error) {
     get("found").textContent = "";
     trouble(wordsOf(error));
