@@ -37,7 +37,12 @@ from planner.plan.formats import write_path
 from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
 from planner.simulation.model import SOLIMP
-from planner.simulation.parameters import ExplosionParameters, PaperExplosionParameters
+from planner.simulation.parameters import (
+    ExplosionParameters,
+    PaperExplosionParameters,
+    RobotParameters,
+)
+from planner.simulation.robot import Robot, RobotBody
 
 STEPPING_BACK: Final = 10
 """Niceness of what nobody waits for yet."""
@@ -88,10 +93,17 @@ def warm_up_clearance(chain: Chain) -> None:
 
 
 def warm_up_motions(chain: Chain) -> None:
-    """Begin to explode a chain, and compute torques of a motion."""
+    """Begin to explode a chain, compute torques of a motion, and step a robot."""
     explode(chain, ExplosionParameters(), cancelled=lambda: True)
     still = np.tile(chain.folded_rad, (2, 1))
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
+    body = RobotBody(chain, geom_size=0.95, step_s=0.01)
+    robot = Robot(body, RobotParameters(), peak_torque=1.0, seed=[0])
+    robot.place(chain.folded_rad, chain.folded_position, chain.folded_wxyz)
+    robot.begin_step()
+    robot.follow(chain.folded_rad, 0.0 * chain.folded_rad, 0.0 * chain.folded_rad)
+    robot.end_step()
+    robot.stop_drifting()
 
 
 def _many_contacts(chain: Chain) -> None:

@@ -65,8 +65,11 @@ def first(reference_seconds: float) -> Section:
         wall, cpu = _installed(clone)
         bar = f"< {MAX_INSTALL_CPU_S:.0f} s of the processor"
         _add(section, "installation", wall, cpu, bar=bar, met=cpu < MAX_INSTALL_CPU_S)
-        size = sum(f.stat().st_size for f in (clone / ".venv").rglob("*") if f.is_file())
-        section.add("size of the environment", f"{size / 1e6:.0f} MB", "≤ 650 MB", size <= 650e6)
+        told = subprocess.run(
+            ["du", "-sm", clone / ".venv"], check=True, capture_output=True, text=True
+        )
+        size = int(told.stdout.split()[0])
+        section.add("size of the environment, du -sm", f"{size} MB", "≤ 650 MB", size <= 650)
         with _serving(clone, Path(folder)) as (watch, address):
             _watched(section, watch, address)
     return section

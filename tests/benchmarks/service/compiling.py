@@ -13,17 +13,23 @@ from tests.benchmarks.tables import Section
 
 MAX_FIRST_CPU_S: Final = 45.0
 """Bar for the kernels that a first fold needs, in seconds of the processor."""
-UNTIL_A_FOLD: Final = """
+FIRST_KERNELS: Final = """
 import sys
+from pathlib import Path
+from planner.pipeline.warm_up import warm_up
+
+warm_up(soon=True, directory=Path(sys.argv[1]))
+"""
+OWN_FOLD: Final = """
+import sys
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up import warm_up
 
-warm_up(soon=True, directory=Path(sys.argv[1]))
 with TemporaryDirectory() as folder:
-    write_request(Path(folder), Request(filename="own.json"), Path(sys.argv[2]).read_bytes())
+    write_request(Path(folder), Request(filename="own.json"), Path(sys.argv[1]).read_bytes())
     assert run_stages(Path(folder))["status"] == "verified"
 """
 
@@ -33,11 +39,13 @@ def compiling(reference_seconds: float) -> Section:
     del reference_seconds
     section = Section(name="compiling")
     with tempfile.TemporaryDirectory(prefix="foldback-kernels-") as cache:
-        first = _processor_s(cache, "-c", UNTIL_A_FOLD, cache, str(OWN_SHAPE))
+        first = _processor_s(cache, "-c", FIRST_KERNELS, cache)
+        fold = _processor_s(cache, "-c", OWN_FOLD, str(OWN_SHAPE))
         rest = _processor_s(cache, "-m", "planner.pipeline.warm_up")
-    section.rows.append({"first_s": first, "rest_s": rest})
+    section.rows.append({"first_s": first, "fold_s": fold, "rest_s": rest})
     bar = f"< {MAX_FIRST_CPU_S:.0f} s of the processor"
-    section.add("own fold, nothing compiled", f"{first:.1f} s", bar, first < MAX_FIRST_CPU_S)
+    section.add("kernels of a first fold", f"{first:.1f} s", bar, first < MAX_FIRST_CPU_S)
+    section.add("own fold of 24 cubes then", f"{fold:.1f} s")
     section.add("all other kernels", f"{rest:.1f} s")
     return section
 
