@@ -1,7 +1,7 @@
 """XYZ: triples separated by white space, plain or as chemists write them.
 
 The chemists' files begin with a line that holds the count and a line of comment; their rows may
-begin with the name of an element.
+begin with the name of an element. Other files may begin with a line that names the columns.
 """
 
 from __future__ import annotations
@@ -10,25 +10,34 @@ from typing import Final
 
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.readers.axis_names import AXES, columns_of
 from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import COMMENT, cells_array, coordinate, is_number, path_or_shape
 from planner.shapes.shape import Shape
 
-AXES: Final = ("x", "y", "z")
 DIGITS_OF_A_COUNT: Final = 9
 
 
 def is_xyz(text: str) -> bool:
-    """Return True if the first line of data is a count, or words of which two are numbers."""
+    """Return True if the first line of data is a count, or words of which two are numbers.
+
+    A line of columns' names may stand before it.
+    """
+    begins_with_names = False
     for line in text.splitlines():
         words = line.split()
-        if words and not _is_comment(words):
-            return _count(words) is not None or sum(map(is_number, words)) >= 2
+        if not words or _is_comment(words):
+            continue
+        if not begins_with_names and _named_columns(words) is not None:
+            begins_with_names = True
+            continue
+        is_count = _count(words) is not None and not begins_with_names
+        return is_count or sum(map(is_number, words)) >= 2
     return False
 
 
 def read_xyz(text: str, source: Source) -> Path | Shape:
-    """A path from white-space separated triples.
+    """Return a path from triples separated by white space.
 
     Raises:
         InputError: Naming the line.
@@ -36,7 +45,11 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
     lines = [line.split() for line in text.splitlines()]
     first = next((i for i, words in enumerate(lines) if words and not _is_comment(words)), 0)
     promised = _count(lines[first]) if lines else None
-    start = 0 if promised is None else first + 2
+    columns, start = _columns(lines, first)
+    if promised is not None:
+        following = sum(1 for words in lines[first + 1 :] if words and not _is_comment(words))
+        # Some programs leave the line of comment out.
+        start = first + 1 if following == promised else first + 2
     rows: list[list[float]] = []
     for index in range(start, len(lines)):
         words = lines[index]
@@ -44,6 +57,8 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
             continue
         if promised is not None and len(words) == 4 and words[0].isalnum():
             words = words[1:]
+        if columns is not None and len(words) > max(columns):
+            words = [words[column] for column in columns]
         if len(words) != 3:
             raise _wrong_width(words, index + 1)
         rows.append([coordinate(w, a, index + 1) for w, a in zip(words, AXES, strict=True)])
@@ -58,6 +73,28 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
             where=f"line {first + 1}",
         )
     return path_or_shape(cells_array(rows), source)
+
+
+def _columns(lines: list[list[str]], first: int) -> tuple[tuple[int, ...] | None, int]:
+    """Return the columns of x, y and z if a header names them, and the line where data begins.
+
+    Args:
+        lines: The words of all lines.
+        first: The first line that is no comment. The header may be a comment before it.
+    """
+    columns = _named_columns(lines[first]) if lines else None
+    if columns is not None:
+        return columns, first + 1
+    comments = [" ".join(words).lstrip("# ").split() for words in lines[:first]]
+    named = [columns_of(words) for words in comments if len(words) == len(AXES)]
+    return next((columns for columns in named if columns is not None), None), first
+
+
+def _named_columns(words: list[str]) -> tuple[int, ...] | None:
+    """Return the columns of x, y and z; None when the words are data, or name no axes."""
+    if any(map(is_number, words)):
+        return None
+    return columns_of([word for word in words if word[0] not in "[("])  # without units
 
 
 def _is_comment(words: list[str]) -> bool:

@@ -98,20 +98,94 @@ def test_read_what_is_not_read_is_refused_by_name(name: str, code: str, words: s
 
 @pytest.mark.parametrize(
     "header",
-    ["z [mm],y [mm],x [mm]", "Z_mm;Y_mm;X_mm", "pos z\tpos y\tpos x", "zmm,ymm,xmm", "k,j,i"],
+    [
+        *("z [mm],y [mm],x [mm]", "Z_mm;Y_mm;X_mm", "pos z\tpos y\tpos x", "zmm,ymm,xmm", "k,j,i"),
+        *(
+            "c,b,a",
+            "#z,y,x",
+            "# z, y, x",
+            "sep=;\nz;y;x",
+            "z y x",
+            "# z y x",
+            "z [mm] y [mm] x [mm]",
+        ),
+    ],
 )
-def test_read_csv_takes_columns_by_the_axis_they_name(header: str) -> None:
-    comma = next(c for c in ";\t," if c in header)
-    rows = [comma.join(map(str, row[::-1])) for row in STAIRS]
+def test_read_table_takes_columns_by_the_axis_they_name(header: str) -> None:
+    separator = next(c for c in ";\t, " if c in header)
+    rows = [separator.join(map(str, row[::-1])) for row in STAIRS]
     path = read("\n".join([header, *rows]).encode())
     assert isinstance(path, Path)
     assert path.cells.tolist() == STAIRS
 
 
-def test_read_csv_with_a_header_that_names_some_axes_is_refused() -> None:
+@pytest.mark.parametrize("separator", [",", " "])
+@pytest.mark.parametrize("headers", ["step x y z", "i j k value", "x y z r g b"])
+def test_read_table_of_more_columns_takes_those_that_the_header_names(
+    headers: str, separator: str
+) -> None:
+    words = headers.split()
+    first = next(words.index(axis) for axis in "xi" if axis in words)
+    rows = [[7] * first + row + [1] * (len(words) - first - 3) for row in STAIRS]
+    path = read("\n".join(separator.join(map(str, row)) for row in [words, *rows]).encode())
+    assert isinstance(path, Path)
+    assert path.cells.tolist() == STAIRS
+
+
+@pytest.mark.parametrize(
+    "header", ["x,y,height", "layer,row,column", "height,width,depth", "x,-y,z", "x,x,y,z"]
+)
+def test_read_csv_with_a_header_that_names_other_axes_is_refused(header: str) -> None:
     with pytest.raises(InputError) as refusal:
-        read(b"x,y,height\n0,0,0\n1,0,0\n1,1,0\n")
+        read(f"{header}\n0,0,0\n1,0,0\n1,1,0\n".encode())
     assert refusal.value.code == "bad-header"
+
+
+def test_read_csv_of_empty_cells_is_refused() -> None:
+    with pytest.raises(InputError) as refusal:
+        read(b"x,y,z,value\n0,0,0,1\n1,0,0,0\n", as_voxels=True)
+    assert refusal.value.code == "empty-cell"
+    assert refusal.value.where == "line 3"
+
+
+def test_read_xyz_without_the_line_of_comment_has_all_cells() -> None:
+    rows = "\n".join(" ".join(map(str, row)) for row in STAIRS)
+    path = read(f"{len(STAIRS)}\n{rows}\n".encode())
+    assert isinstance(path, Path)
+    assert path.cells.tolist() == STAIRS
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        *({"format": "foldback-path/1", key: 5} for key in ("units", "pitch_mm", "axes", "scale")),
+        {"format": "foldback-voxels/1", "origin": [1, 2, 3]},
+        {"format": "foldback-chain/1", "joint_angles_rad": [[0, 0], [1.57, 0]]},
+    ],
+)
+def test_read_json_with_unread_keys_of_form_is_refused_by_name(document: dict[str, object]) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(json.dumps({**document, "cells": STAIRS, "title": "Stairs", "tags": []}).encode())
+    assert refusal.value.code == "unknown-key"
+    assert list(document)[1] in refusal.value.detail
+
+
+@pytest.mark.parametrize(
+    ("start", "kind"),
+    [
+        (b"Kaydara FBX Binary  \0\x1a\0", "an FBX scene"),
+        (b"; FBX 7.3.0 project file\n", "an FBX scene"),
+        (b"  0\r\nSECTION\r\n  2\r\nHEADER\r\n", "a DXF drawing"),
+        (b"#VRML V2.0 utf8\nShape { point [0 0 0, 1 0 0] }", "a VRML scene"),
+        (b"<?xml version='1.0'?>\n<COLLADA version='1.4'/>", "a COLLADA scene"),
+        (b" " * 72 + b"S      1\n1H,,1H;,4HSLOT;", "an IGES model"),
+    ],
+)
+def test_read_models_of_other_programs_are_refused_by_name(start: bytes, kind: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(start)
+    assert refusal.value.code == "wrong-kind"
+    assert kind in refusal.value.detail
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t"])
@@ -235,6 +309,8 @@ def test_read_mesh_with_other_line_ends_and_long_heads(data: bytes, volume: floa
     [
         (b"0123012301", "digits"),
         (b"0\n1\n2\n3\n0\n1\n", "digits"),
+        (b"0 1 -1 0 1 1 -1 0", "digits"),
+        (b"0, 90, -90.0, 180, 0, 90", "digits"),
         (TETRAHEDRON + b"f 1 2\n", "damaged"),
         (b"v 0 0 0\nv 1 0 0\nl 1 2\n", "no-triangles"),
     ],
