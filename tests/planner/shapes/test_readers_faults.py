@@ -5,8 +5,12 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import struct
 import time
+import zipfile
+from collections.abc import Callable
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +20,7 @@ from planner.errors import InputError
 from planner.readers import read
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid, signed_volume
-from tests.planner.solids_made import box, exported
+from tests.planner.solids_made import box, chunk, exported, vox_file, vox_model, words
 
 DATA = FilePath(__file__).parent / "data"
 L_OBJ = (DATA / "b01_bom.obj").read_bytes().removeprefix(b"\xef\xbb\xbf")
@@ -319,3 +323,147 @@ def test_read_what_says_too_little_is_refused(data: bytes, code: str) -> None:
     with pytest.raises(InputError) as refusal:
         read(data)
     assert refusal.value.code == code
+
+
+def scene(edit: Callable[[dict[str, Any]], object]) -> bytes:
+    """Return a scene of one box of volume 24 after an edit."""
+    document = json.loads(exported("gltf", box(2, 3, 4)))
+    edit(document)
+    return json.dumps(document).encode()
+
+
+def other_scene(document: dict[str, Any]) -> None:
+    document["nodes"].append({"mesh": 0, "translation": [9, 0, 0]})
+    document["scenes"].append({"nodes": [len(document["nodes"]) - 1]})
+
+
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
+RELATIONSHIPS = (
+    "<Relationships><Relationship Target='/3D/main.model' Id='r' "
+    "Type='http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel'/></Relationships>"
+)
+CURA = '<metadatagroup><metadata name="cura:{}">True</metadata></metadatagroup>'
+
+
+def mesh_xml(*sides: float, inside: str = "", kind: str = "model", number: int = 1) -> str:
+    mesh = box(*sides)
+    points = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in mesh.vertices)
+    rows = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in mesh.faces)
+    return (
+        f'<object id="{number}" type="{kind}">{inside}<mesh><vertices>{points}</vertices>'
+        f"<triangles>{rows}</triangles></mesh></object>"
+    )
+
+
+def archive(objects: str, *items: int, required: str = "", **others: str) -> bytes:
+    """Return a 3MF archive; further models come before the main one."""
+    stream = io.BytesIO()
+    build = "".join(f'<item objectid="{number}"/>' for number in items)
+    names = f'xmlns="{CORE}" xmlns:p="{PRODUCTION}" {required}'
+    text = "<model {}><resources>{}</resources><build>{}</build></model>"
+    with zipfile.ZipFile(stream, "w") as file:
+        for name, other in others.items():
+            file.writestr(f"3D/{name}.model", text.format(names, other, '<item objectid="1"/>'))
+        file.writestr("3D/main.model", text.format(names, objects, build))
+        file.writestr("_rels/.rels", RELATIONSHIPS)
+    return stream.getvalue()
+
+
+OFF = exported("off", box(2, 3, 4)).rstrip() + b"\n"
+TEXT_PLY = exported("ply_ascii", box(2, 3, 4)).rstrip() + b"\n"
+TEXT_STL = exported("stl_ascii", box(2, 3, 4)).rstrip() + b"\n"
+FANS = b"element trifans 1\nproperty list int int vertex_indices\nend_header"
+
+
+@pytest.mark.parametrize(
+    ("data", "note"),
+    [
+        (scene(other_scene), "outside of the scene"),
+        (scene(lambda d: d["nodes"].append({"mesh": 0})), "outside of the scene"),
+        (scene(lambda d: d["meshes"].append(d["meshes"][0])), "outside of the scene"),
+        (scene(lambda d: d.update(animations=[{"channels": [], "samplers": []}])), "animations"),
+        (archive(mesh_xml(2, 3, 4) + mesh_xml(1, 1, 1, number=2), 1), "does not build"),
+        (archive(mesh_xml(2, 3, 4), 1, other=mesh_xml(9, 9, 9)), "does not build"),
+        (archive(mesh_xml(2, 3, 4) + mesh_xml(1, 1, 1, kind="mould", number=2), 1, 2), "cutters"),
+        *(
+            (
+                archive(
+                    mesh_xml(2, 3, 4) + mesh_xml(1, 9, 1, inside=CURA.format(role), number=2), 1, 2
+                ),
+                "cutters",
+            )
+            for role in ("infill_mesh", "support_mesh")
+        ),
+        (OFF + b"3 0 1 2\n", "lines after the last polygon"),
+        (TEXT_PLY + b"3 0 1 2\n", "after the last element"),
+        (exported("ply", box(2, 3, 4)) + b"more", "after the last element"),
+        (TEXT_PLY.replace(b"end_header", FANS, 1) + b"3 0 1 2\n", "trifans"),
+        (TEXT_STL + exported("stl", box(1, 1, 1)), "after the last triangle"),
+        (TEXT_STL + TEXT_STL.upper(), ""),
+        (TEXT_STL.upper() + TEXT_STL, ""),
+    ],
+)
+def test_read_mesh_with_more_content_notes_what_is_left_out(data: bytes, note: str) -> None:
+    solid = read(data)
+    assert isinstance(solid, Solid)
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(24)
+    assert bool(solid.notes) == bool(note)
+    assert note in "".join(solid.notes)
+
+
+@pytest.mark.parametrize(
+    ("data", "code", "words"),
+    [
+        (scene(lambda d: d.update(scene=-1)), "damaged", "scene -1 of 1"),
+        (scene(lambda d: d["asset"].update(version="1.0")), "wrong-version", "version 1.0"),
+        (scene(lambda d: d["asset"].update(version="3.0")), "wrong-version", "version 3.0"),
+        (scene(lambda d: d["asset"].update(minVersion="2.1")), "wrong-version", "version 2.1"),
+        (scene(lambda d: d["accessors"][1].pop("bufferView")), "unsupported", "compression"),
+        (
+            archive(mesh_xml(2, 3, 4), 1, required=f'xmlns:q="{CORE}x" requiredextensions="q"'),
+            "unsupported",
+            "core/2015/02x",
+        ),
+    ],
+)
+def test_read_mesh_of_other_versions_and_extensions_is_refused_by_name(
+    data: bytes, code: str, words: str
+) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(data)
+    assert refusal.value.code == code
+    assert words in refusal.value.detail
+
+
+def test_read_npz_is_refused_by_name() -> None:
+    stream = io.BytesIO()
+    np.savez(stream, cells=np.array(STAIRS))
+    with pytest.raises(InputError) as refusal:
+        read(stream.getvalue())
+    assert "numpy.save" in refusal.value.detail
+
+
+ONE_CELL = vox_model(np.array([[0, 0, 0]]))
+ONE_IN_SCENE = (
+    chunk(b"nTRN", struct.pack("<I", 0) + words() + struct.pack("<4i", 1, -1, -1, 1) + words()),
+    chunk(b"nSHP", struct.pack("<I", 1) + words() + struct.pack("<2I", 1, 0) + words()),
+)
+COLOURLESS = chunk(b"SIZE", struct.pack("<3I", 2, 1, 1)) + chunk(
+    b"XYZI", struct.pack("<I", 2) + bytes([0, 0, 0, 1, 1, 0, 0, 0])
+)
+
+
+@pytest.mark.parametrize(
+    ("chunks", "note"),
+    [
+        ((ONE_CELL, vox_model(np.array([[2, 0, 0]])), *ONE_IN_SCENE), "outside of the scene"),
+        ((COLOURLESS,), "colour 0"),
+        ((COLOURLESS, *ONE_IN_SCENE), "colour 0"),
+    ],
+)
+def test_read_vox_notes_what_it_leaves_out(chunks: tuple[bytes, ...], note: str) -> None:
+    shape = read(vox_file(*chunks))
+    assert isinstance(shape, Shape)
+    assert len(shape) == 1
+    assert note in "".join(shape.notes)
