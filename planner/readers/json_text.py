@@ -15,7 +15,7 @@ DIGITS_OF_AN_INTEGER: Final = 18
 HUGE: Final = 1e300
 SPARE_VALUES: Final = 1000
 KEYS_OF_FORM: Final = re.compile(
-    r"(?:unit|pitch|scale|ax[ei]s|order|origin|offset|rotat|transform|mirror|joint|angle|cell)"
+    r"(?:unit|pitch|scale|ax[ei]s|order|origin|offset|rotat|transform|mirror|joint|angle|cell|closed|module\b)"
 )
 """Beginnings of keys that would change a shape's form, place or size if they were read."""
 

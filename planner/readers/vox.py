@@ -19,6 +19,7 @@ HEAD_BYTES: Final = 8
 COLOURLESS: Final = "voxels of colour 0, which is empty, were left out."
 HIDDEN: Final = "hidden objects were left out."
 CHUNK_BYTES: Final = 12
+DIGITS_OF_A_FRAME: Final = 9
 
 Ints = NDArray[np.int64]
 
@@ -138,9 +139,9 @@ def _take(kind: bytes, reader: _Reader, found: _File) -> None:
             child = reader.number()
             reader.skip(4)
             found.layers[node] = reader.number()
-            frames = reader.number()
-            found.moves[node] = child, _placed(reader.words())
-            if frames > 1:
+            frames = [reader.words() for _ in range(reader.counted(4))]
+            found.moves[node] = child, _placed(min(frames, key=_frame, default={}))
+            if len(frames) > 1:
                 _note(found, "objects move in this file; they are read as in the first frame.")
         case b"nGRP":
             node = reader.number()
@@ -149,12 +150,9 @@ def _take(kind: bytes, reader: _Reader, found: _File) -> None:
         case b"nSHP":
             node = reader.number()
             _hide(node, reader.words(), found.hidden)
-            models: list[int] = []
-            for _ in range(reader.counted(8)):
-                models.append(reader.number())
-                reader.words()
-            found.shapes[node] = models[:1]
-            found.named.update(models)
+            models = [(reader.number(), reader.words()) for _ in range(reader.counted(8))]
+            found.shapes[node] = [model for model, _ in sorted(models, key=_frame_of_model)[:1]]
+            found.named.update(model for model, _ in models)
             if len(models) > 1:
                 _note(found, "an object has several frames; the first one is the shape.")
         case b"LAYR":
@@ -166,6 +164,18 @@ def _take(kind: bytes, reader: _Reader, found: _File) -> None:
 def _hide(number: int, words: dict[bytes, bytes], hidden: set[int]) -> None:
     if words.get(b"_hidden", b"0") == b"1":
         hidden.add(number)
+
+
+def _frame(words: dict[bytes, bytes]) -> int:
+    """Return the number of the frame that an object's state belongs to; 0 if it is not stated."""
+    word = words.get(b"_f", b"0")
+    if not word.isdigit():
+        raise _damaged("a frame is numbered by what is no number")
+    return int(word[:DIGITS_OF_A_FRAME])
+
+
+def _frame_of_model(model: tuple[int, dict[bytes, bytes]]) -> int:
+    return _frame(model[1])
 
 
 def _note(found: _File, note: str) -> None:

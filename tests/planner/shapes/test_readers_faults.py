@@ -163,6 +163,7 @@ def test_read_xyz_without_the_line_of_comment_has_all_cells() -> None:
     "document",
     [
         *({"format": "foldback-path/1", key: 5} for key in ("units", "pitch_mm", "axes", "scale")),
+        *({"format": "foldback-path/1", key: True} for key in ("closed", "module")),
         {"format": "foldback-voxels/1", "origin": [1, 2, 3]},
         {"format": "foldback-chain/1", "joint_angles_rad": [[0, 0], [1.57, 0]]},
     ],
@@ -467,3 +468,35 @@ def test_read_vox_notes_what_it_leaves_out(chunks: tuple[bytes, ...], note: str)
     assert isinstance(shape, Shape)
     assert len(shape) == 1
     assert note in "".join(shape.notes)
+
+
+def frames(*numbers: int) -> bytes:
+    """Return the count of some frames and their states, each moved by its own number."""
+    states = (words(_f=str(number), _t=f"{number} 0 0") for number in numbers)
+    return struct.pack("<I", len(numbers)) + b"".join(states)
+
+
+@pytest.mark.parametrize("numbers", [(0, 5), (5, 0), (7, 3, 5)])
+def test_read_vox_of_moving_objects_takes_the_earliest_frame(numbers: tuple[int, ...]) -> None:
+    still = vox_model(np.array([[0, 0, 0]]))
+    root, group = (struct.pack("<I", number) + words() for number in (0, 1))
+    moving = struct.pack("<I", 2) + words() + struct.pack("<3i", 4, -1, -1) + frames(*numbers)
+    resting = struct.pack("<I", 3) + words() + struct.pack("<4i", 5, -1, -1, 1) + words(_t="0 1 0")
+    models = b"".join(struct.pack("<I", 0) + words(_f=str(number)) for number in numbers)
+    shape = read(
+        vox_file(
+            still,
+            chunk(b"nTRN", root + struct.pack("<4i", 1, -1, -1, 1) + words()),
+            chunk(b"nGRP", group + struct.pack("<3I", 2, 2, 3)),
+            chunk(b"nTRN", moving),
+            chunk(b"nTRN", resting),
+            chunk(
+                b"nSHP",
+                struct.pack("<I", 4) + words() + struct.pack("<I", len(numbers)) + models,
+            ),
+            chunk(b"nSHP", struct.pack("<I", 5) + words() + struct.pack("<2I", 1, 0) + words()),
+        )
+    )
+    assert isinstance(shape, Shape)
+    assert np.ptp(shape.cells, axis=0).tolist() == [min(numbers), 1, 0]
+    assert "first frame" in "".join(shape.notes)
