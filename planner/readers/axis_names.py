@@ -6,9 +6,17 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
+from planner.errors import InputError
+from planner.readers.limits import quote
+from planner.readers.text import is_number
+
 AXES: Final = ("x", "y", "z")
 OTHER_AXES: Final = ("ijk", "abc", "uvw")
 """Other names of x, y and z, read where a header has none of these."""
+OCCUPANCY: Final = frozenset(
+    ("value", "filled", "occupied", "occupancy", "solid", "voxel", "active")
+)
+"""Names of columns in which 0 marks an empty cell."""
 WORD: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 MINUS_SIGNS: Final = ("-", "\u2212")
 
@@ -40,3 +48,24 @@ def _axis_of(header: str, names: Sequence[str]) -> str:
     words = [word.casefold() for word in WORD.findall(header)]
     axes = [AXES[names.index(word)] for word in words if word in names]
     return axes[0] if len(axes) == 1 else ""
+
+
+def check_filled(fields: Sequence[str], headers: Sequence[str], line: int) -> None:
+    """Refuse a row that says its cell is empty.
+
+    Args:
+        fields: A row.
+        headers: The columns' names.
+        line: Number of its line.
+
+    Raises:
+        InputError: ``empty-cell``.
+    """
+    for header, field in zip(headers, fields, strict=False):
+        if header.casefold() in OCCUPANCY and is_number(field) and float(field) == 0.0:
+            raise InputError(
+                "empty-cell",
+                f"got 0 in the column {quote(header)!r}, expected filled cells alone; leave out "
+                "the rows of empty ones.",
+                where=f"line {line}",
+            )

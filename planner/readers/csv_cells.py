@@ -8,7 +8,7 @@ from typing import Final
 
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.readers.axis_names import AXES, columns_of
+from planner.readers.axis_names import AXES, check_filled, columns_of
 from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import COMMENT, cells_array, coordinate, is_number, path_or_shape
 from planner.shapes.shape import Shape
@@ -16,10 +16,6 @@ from planner.shapes.shape import Shape
 DELIMITERS: Final = (";", "\t", ",")
 EXCEL_SEPARATOR: Final = "sep="
 """Beginning of a first line in which a spreadsheet states its separator."""
-OCCUPANCY: Final = frozenset(
-    ("value", "filled", "occupied", "occupancy", "solid", "voxel", "active")
-)
-"""Names of columns in which 0 marks an empty cell."""
 
 
 def is_csv(text: str) -> bool:
@@ -59,7 +55,7 @@ def read_csv(text: str, source: Source) -> Path | Shape:
                     continue
             if len(headers) > len(AXES):
                 _check_reach(fields, columns or (), line)
-                _check_filled(fields, headers, line)
+                check_filled(fields, headers, line)
             else:
                 _check_width(fields, line)
             words = [fields[column] for column in columns or range(len(AXES))]
@@ -142,19 +138,3 @@ def _check_reach(fields: list[str], columns: Sequence[int], line: int) -> None:
             f"got {len(fields)} fields, expected at least {max(columns) + 1} as in the header.",
             where=f"line {line}",
         )
-
-
-def _check_filled(fields: list[str], headers: list[str], line: int) -> None:
-    """Refuse a row that says its cell is empty.
-
-    Raises:
-        InputError: ``empty-cell``.
-    """
-    for header, field in zip(headers, fields, strict=False):
-        if header.casefold() in OCCUPANCY and is_number(field) and float(field) == 0.0:
-            raise InputError(
-                "empty-cell",
-                f"got 0 in the column {quote(header)!r}, expected filled cells alone; leave out "
-                "the rows of empty ones.",
-                where=f"line {line}",
-            )

@@ -6,11 +6,12 @@ begin with the name of an element. Other files may begin with a line that names 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.readers.axis_names import AXES, columns_of
+from planner.readers.axis_names import AXES, check_filled, columns_of
 from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import COMMENT, cells_array, coordinate, is_number, path_or_shape
 from planner.shapes.shape import Shape
@@ -28,7 +29,7 @@ def is_xyz(text: str) -> bool:
         words = line.split()
         if not words or _is_comment(words):
             continue
-        if not begins_with_names and _named_columns(words) is not None:
+        if not begins_with_names and _headers(words):
             begins_with_names = True
             continue
         is_count = _count(words) is not None and not begins_with_names
@@ -45,7 +46,9 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
     lines = [line.split() for line in text.splitlines()]
     first = next((i for i, words in enumerate(lines) if words and not _is_comment(words)), 0)
     promised = _count(lines[first]) if lines else None
-    columns, start = _columns(lines, first)
+    headers = _headers(lines[first]) if lines else []
+    columns = columns_of(headers) or _commented_columns(lines[:first])
+    start = first + 1 if headers else first
     if promised is not None:
         following = sum(1 for words in lines[first + 1 :] if words and not _is_comment(words))
         # Some programs leave the line of comment out.
@@ -57,10 +60,10 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
             continue
         if promised is not None and len(words) == 4 and words[0].isalnum():
             words = words[1:]
-        if columns is not None and len(words) > max(columns):
-            words = [words[column] for column in columns]
-        if len(words) != 3:
-            raise _wrong_width(words, index + 1)
+        if len(words) != (len(headers) or len(AXES)):
+            raise _wrong_width(words, headers or AXES, index + 1)
+        check_filled(words, headers, index + 1)
+        words = [words[column] for column in columns] if columns else words
         rows.append([coordinate(w, a, index + 1) for w, a in zip(words, AXES, strict=True)])
         if len(rows) > source.most_cells:
             raise too_many(len(rows), source.most_cells)
@@ -75,26 +78,19 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
     return path_or_shape(cells_array(rows), source)
 
 
-def _columns(lines: list[list[str]], first: int) -> tuple[tuple[int, ...] | None, int]:
-    """Return the columns of x, y and z if a header names them, and the line where data begins.
-
-    Args:
-        lines: The words of all lines.
-        first: The first line that is no comment. The header may be a comment before it.
-    """
-    columns = _named_columns(lines[first]) if lines else None
-    if columns is not None:
-        return columns, first + 1
-    comments = [" ".join(words).lstrip("# ").split() for words in lines[:first]]
-    named = [columns_of(words) for words in comments if len(words) == len(AXES)]
-    return next((columns for columns in named if columns is not None), None), first
-
-
-def _named_columns(words: list[str]) -> tuple[int, ...] | None:
-    """Return the columns of x, y and z; None when the words are data, or name no axes."""
+def _headers(words: list[str]) -> list[str]:
+    """Return the columns' names, without units; none unless they name x, y and z."""
     if any(map(is_number, words)):
-        return None
-    return columns_of([word for word in words if word[0] not in "[("])  # without units
+        return []
+    headers = [word for word in words if word[0] not in "[("]
+    return [] if columns_of(headers) is None else headers
+
+
+def _commented_columns(comments: list[list[str]]) -> tuple[int, ...] | None:
+    """Return the columns of x, y and z if one of the comments before the data names them."""
+    headers = [" ".join(words).lstrip("# ").split() for words in comments]
+    found = [columns_of(words) for words in headers if len(words) == len(AXES)]
+    return next((columns for columns in found if columns is not None), None)
 
 
 def _is_comment(words: list[str]) -> bool:
@@ -107,9 +103,12 @@ def _count(words: list[str]) -> int | None:
     return None
 
 
-def _wrong_width(words: list[str], line: int) -> InputError:
+def _wrong_width(words: list[str], headers: Sequence[str], line: int) -> InputError:
+    expected = "three whole numbers: x y z"
+    if len(headers) > len(AXES):
+        expected = f"{len(headers)} words, as the header has"
     return InputError(
         "wrong-count",
-        f"got {quote(' '.join(words[:12]))!r}, expected three whole numbers: x y z.",
+        f"got {quote(' '.join(words[:12]))!r}, expected {expected}.",
         where=f"line {line}",
     )

@@ -145,11 +145,22 @@ def test_read_csv_with_a_header_that_names_other_axes_is_refused(header: str) ->
     assert refusal.value.code == "bad-header"
 
 
-def test_read_csv_of_empty_cells_is_refused() -> None:
+@pytest.mark.parametrize("separator", [b",", b" "])
+@pytest.mark.parametrize(("row", "code"), [(b"1 0 0 0", "empty-cell"), (b"1 0", "wrong-count")])
+def test_read_table_with_rows_unlike_the_header_is_refused(
+    row: bytes, code: str, separator: bytes
+) -> None:
+    data = (b"x y z value\n0 0 0 1\n" + row).replace(b" ", separator)
     with pytest.raises(InputError) as refusal:
-        read(b"x,y,z,value\n0,0,0,1\n1,0,0,0\n", as_voxels=True)
-    assert refusal.value.code == "empty-cell"
+        read(data, as_voxels=True)
+    assert refusal.value.code == code
     assert refusal.value.where == "line 3"
+
+
+def test_read_xyz_with_a_word_more_than_the_header_is_refused() -> None:
+    with pytest.raises(InputError) as refusal:
+        read(b"x y z\n0 0 0 9\n1 0 0\n2 0 0\n")
+    assert refusal.value.code == "wrong-count"
 
 
 def test_read_xyz_without_the_line_of_comment_has_all_cells() -> None:
