@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -42,7 +42,7 @@ class Track:
         time_s: (K,) strictly rising, in single precision too.
         positions: (K, n, 3) centres in pitches.
         wxyzs: (K, n, 4) unit quaternions, each in the half space of the one before.
-        tolerance: How far the track may be from the plan between snapshots.
+        tolerance: How far a frame of the plan is from the track between snapshots, at most.
     """
 
     time_s: Array
@@ -186,12 +186,15 @@ def track_of(plan: Plan) -> Track:
     tolerance = TOLERANCE
     while len(keys := keyframes(track, tolerance)) > most:
         tolerance *= 2.0
-    return Track(
+    thinned = Track(
         time_s=track.time_s[keys],
         positions=track.positions[keys],
         wxyzs=track.wxyzs[keys],
         tolerance=tolerance,
     )
+    if len(seen) == len(plan.time_s):
+        return thinned
+    return replace(thinned, tolerance=max(tolerance, _largest_error(plan, thinned)))
 
 
 def keyframes(track: Track, tolerance: float) -> list[int]:
@@ -211,16 +214,42 @@ def _error_between(track: Track, start: int, stop: int) -> float:
     inside = slice(start + 1, stop)
     span = track.time_s[stop] - track.time_s[start]
     u = ((track.time_s[inside] - track.time_s[start]) / span).astype(np.float32)[:, None, None]
-    places = (1 - u) * track.positions[start] + u * track.positions[stop]
+    places, turns = _between(track, start, stop, u)
     off = np.linalg.norm(places - track.positions[inside], axis=-1).max()
+    return float(max(off, np.linalg.norm(turns - track.wxyzs[inside], axis=-1).max()))
+
+
+def _largest_error(plan: Plan, track: Track) -> float:
+    """Return how far frames of a plan are from the lines and arcs between keyframes, in pitches."""
+    largest = 0.0
+    times = track.time_s.astype(np.float32)
+    step = max(1, BLOCK_POSES // len(plan.chain))
+    for k in range(0, len(plan.time_s), step):
+        frames = _all_of(plan, np.arange(k, min(k + step, len(plan.time_s))))
+        stop = np.minimum(np.searchsorted(times, frames.time_s), len(times) - 1)
+        start = np.maximum(stop - 1, 0)
+        span = np.where(stop > start, times[stop] - times[start], 1.0)
+        u = np.clip((frames.time_s - times[start]) / span, 0.0, 1.0)
+        places, turns = _between(track, start, stop, u.astype(np.float32)[:, None, None])
+        off = np.linalg.norm(places - frames.positions, axis=-1).max()
+        sign = np.where((turns * frames.wxyzs).sum(axis=-1) < 0, -1.0, 1.0)[..., None]
+        turned = np.linalg.norm(turns - sign * frames.wxyzs, axis=-1).max()
+        largest = max(largest, float(off), float(turned))
+    return largest
+
+
+def _between(
+    track: Track, start: int | NDArray[np.int64], stop: int | NDArray[np.int64], u: Single
+) -> tuple[Single, Single]:
+    """Return positions and quaternions at the fractions (F, 1, 1) between snapshots."""
+    places = (1 - u) * track.positions[start] + u * track.positions[stop]
     cosine = np.clip((track.wxyzs[start] * track.wxyzs[stop]).sum(axis=-1), -1.0, 1.0)
-    angle = np.arccos(cosine)[:, None]
+    angle = np.arccos(cosine)[..., None]
     near = angle < 1e-3
     sine = np.where(near, 1.0, np.sin(angle))
     first = np.where(near, 1 - u, np.sin((1 - u) * angle) / sine)
     second = np.where(near, u, np.sin(u * angle) / sine)
-    turns = first * track.wxyzs[start] + second * track.wxyzs[stop]
-    return float(max(off, np.linalg.norm(turns - track.wxyzs[inside], axis=-1).max()))
+    return places, first * track.wxyzs[start] + second * track.wxyzs[stop]
 
 
 def _all_of(plan: Plan, frames: NDArray[np.int64]) -> Track:

@@ -25,6 +25,8 @@ FORMAT: Final = "foldback-trajectory/1"
 DIGITS: Final = 9
 LINES: Final = 256
 LARGEST_RATE_HZ: Final = 1e5
+MAX_ROWS: Final = 5_000_000
+"""Maximum number of rows at a rate; more would not fit into memory. Chosen: 80 minutes at 1 kHz."""
 TOUCHING: Final = 1e-6
 """Depth in pitches up to which modules touch rather than overlap: rounding, not motion. Chosen."""
 DOUBLINGS: Final = 10
@@ -47,7 +49,15 @@ def times(trajectory: Trajectory, rate_hz: float | None) -> Array:
             f"got a rate of {rate_hz:g} Hz, expected more than 0, at most {LARGEST_RATE_HZ:g}.",
             where="rate",
         )
-    count = max(1, int(np.ceil(trajectory.duration_s * rate_hz - 0.5)))
+    rows = trajectory.duration_s * rate_hz
+    if rows > MAX_ROWS:
+        raise InputError(
+            "bad-rate",
+            f"got a rate of {rate_hz:g} Hz over {trajectory.duration_s:g} s, expected at most "
+            f"{MAX_ROWS} rows; lower the rate.",
+            where="rate",
+        )
+    count = max(1, int(np.ceil(rows - 0.5)))
     return np.append(np.arange(count) / rate_hz, trajectory.duration_s)
 
 

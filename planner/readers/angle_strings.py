@@ -23,7 +23,8 @@ DIGITS_CHECKED: Final = 4096
 """Characters at the beginning of a text that are checked for digits. Chosen."""
 MAX_COLUMNS: Final = 4
 """Columns that a table of cells may have; a line of more digits is a puzzle's. Chosen."""
-_TURN_DIGITS: Final = frozenset("01234")
+_TURN_NUMBER: Final = re.compile(r"[+\-\u2212]?(?:[0-4]+|90|180|270)(?:\.0*)?")
+"""Turns as numbers: of quarters, one after the other, or in degrees."""
 _NO_SEPARATORS: Final = {ord(c): " " for c in ",;"}
 _BETWEEN: Final = " \t\r\n,;"
 _ALL: Final = re.compile(rf"[{re.escape(''.join(TURNS) + _BETWEEN)}]*")
@@ -40,7 +41,7 @@ def is_angle_string(text: str) -> bool:
 
 
 def refuse_digits(text: str) -> None:
-    """Refuse lines of many digits, which puzzles are also written in.
+    """Refuse lines of many digits or quarter turns, which puzzles are also written in.
 
     Raises:
         InputError: ``digits``.
@@ -51,9 +52,13 @@ def refuse_digits(text: str) -> None:
         return
     many = len(first.translate(_NO_SEPARATORS).split()) > MAX_COLUMNS
     run = len(words) == 1 and len(words[0]) > MAX_COLUMNS
-    lines = [line.split() for line in text[:DIGITS_CHECKED].splitlines() if line.strip()]
-    many |= len(lines) > MAX_COLUMNS and all(line == [line[0][:1]] for line in lines)
-    if (many or run) and all(set(word) <= _TURN_DIGITS for word in words):
+    lines = [
+        line.translate(_NO_SEPARATORS).split()
+        for line in text[:DIGITS_CHECKED].splitlines()
+        if line.strip()
+    ]
+    many |= len(lines) > MAX_COLUMNS and all(len(line) == 1 for line in lines)
+    if (many or run) and all(map(_TURN_NUMBER.fullmatch, words)):
         raise InputError(
             "digits",
             f"got {quote(first.strip())!r}: digits are not read as angles; use 0, + or - for each "

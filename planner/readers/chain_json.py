@@ -11,9 +11,13 @@ from planner.chain.chain import Chain
 from planner.chain.module import Module, module_named
 from planner.chain.path import DEFAULT_PITCH_M, LARGEST_COORDINATE
 from planner.errors import InputError
-from planner.readers.json_text import number_field, text_field
+from planner.readers.json_text import number_field, refuse_unread_keys, text_field
 from planner.readers.limits import Source, quote, too_many
 
+KEYS: Final = (
+    *("format", "name", "module", "joint_angles_deg", "pitch_m"),
+    *("first_position", "first_wxyz"),
+)
 LARGEST_RADIANS: Final = 6.3
 """Largest angle that may be a quarter turn, or several, in radians: a whole turn."""
 RADIANS_TOLERANCE: Final = 0.01
@@ -21,11 +25,12 @@ RADIANS_TOLERANCE: Final = 0.01
 
 
 def read_chain(document: dict[str, Any], source: Source) -> Chain:
-    """A chain from a ``foldback-chain/1`` object. Keys that it does not know are left alone.
+    """Return a chain from a ``foldback-chain/1`` object.
 
     Raises:
         InputError: Naming the key, the joint, or the modules that overlap.
     """
+    refuse_unread_keys(document, KEYS)
     kind = document.get("module", "cube")
     if not isinstance(kind, str):
         raise InputError("wrong-type", f"got {quote(kind)}, expected a text.", where="module")

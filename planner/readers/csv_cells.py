@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import csv
-import re
+from collections.abc import Sequence
 from typing import Final
 
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.readers.axis_names import AXES, check_filled, columns_of
 from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import COMMENT, cells_array, coordinate, is_number, path_or_shape
 from planner.shapes.shape import Shape
 
 DELIMITERS: Final = (";", "\t", ",")
-AXES: Final = ("x", "y", "z")
-INDEX_AXES: Final = {"i": "x", "j": "y", "k": "z"}
-HEADER_WORD: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+EXCEL_SEPARATOR: Final = "sep="
+"""Beginning of a first line in which a spreadsheet states its separator."""
 
 
 def is_csv(text: str) -> bool:
@@ -24,7 +24,9 @@ def is_csv(text: str) -> bool:
 
 
 def read_csv(text: str, source: Source) -> Path | Shape:
-    """A path from CSV. A header that names x, y and z picks those columns.
+    """Return a path from CSV. A header that names x, y and z picks those columns.
+
+    The header may be a comment, as NumPy writes it.
 
     Raises:
         InputError: Naming the line.
@@ -32,24 +34,31 @@ def read_csv(text: str, source: Source) -> Path | Shape:
     delimiter = _delimiter(_first_line(text)) or ","
     reader = csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True)
     columns: tuple[int, ...] | None = None
+    headers: list[str] = []
+    is_first = True
     rows: list[list[float]] = []
     try:
         for fields in reader:
             line = reader.line_num
-            if not any(f.strip() for f in fields) or fields[0].lstrip().startswith(COMMENT):
+            fields = _without_empty_tail(fields)
+            if not any(f.strip() for f in fields):
                 continue
-            if columns is None:
-                columns = _header(fields)
-                if columns is not None:
+            if _is_remark(fields[0]):
+                if is_first and len(fields) == len(AXES):
+                    columns = columns_of([fields[0].lstrip(" #"), *fields[1:]]) or columns
+                continue
+            if is_first:
+                is_first = False
+                headers = _headers(fields)
+                if headers:
+                    columns = _columns(headers)
                     continue
-                columns = (0, 1, 2)
-                _check_width(fields, line)
-            if columns == (0, 1, 2):
-                fields = _without_empty_tail(fields)
-                _check_width(fields, line)
+            if len(headers) > len(AXES):
+                _check_reach(fields, columns or (), line)
+                check_filled(fields, headers, line)
             else:
-                _check_reach(fields, columns, line)
-            words = [fields[column] for column in columns]
+                _check_width(fields, line)
+            words = [fields[column] for column in columns or range(len(AXES))]
             if delimiter != ",":
                 words = [word.replace(",", ".") for word in words]
             rows.append([coordinate(w, a, line) for w, a in zip(words, AXES, strict=True)])
@@ -66,9 +75,14 @@ def read_csv(text: str, source: Source) -> Path | Shape:
 
 def _first_line(text: str) -> str:
     for line in text.splitlines():
-        if line.strip() and not line.lstrip().startswith(COMMENT):
+        if line.strip() and not _is_remark(line):
             return line
     return ""
+
+
+def _is_remark(line: str) -> bool:
+    start = line.lstrip()
+    return start.startswith(COMMENT) or start[: len(EXCEL_SEPARATOR)].lower() == EXCEL_SEPARATOR
 
 
 def _delimiter(line: str) -> str | None:
@@ -78,44 +92,28 @@ def _delimiter(line: str) -> str | None:
     return None
 
 
-def _header(fields: list[str]) -> tuple[int, ...] | None:
-    """Return the columns of x, y and z when the fields are words; None when they are data.
+def _headers(fields: list[str]) -> list[str]:
+    """Return the columns' names, or none when the fields are data."""
+    if any(is_number(field.replace(",", ".")) for field in fields):
+        return []
+    return [field.strip().strip('"') for field in fields]
+
+
+def _columns(headers: list[str]) -> tuple[int, ...]:
+    """Return the columns of x, y and z.
 
     Raises:
-        InputError: ``bad-header`` when they name some of the axes only, or one of them twice.
+        InputError: ``bad-header`` unless each of them is named exactly once.
     """
-    if any(is_number(field.replace(",", ".")) for field in fields):
-        return None
-    words = [f.strip().strip('"') for f in fields]
-    axes = [_axis_of(word, {}) for word in words]
-    if not any(axes):
-        axes = [_axis_of(word, INDEX_AXES) for word in words]
-    if all(axes.count(axis) == 1 for axis in AXES):
-        return tuple(axes.index(axis) for axis in AXES)
-    for at in (0, -1):
-        letters = [word[at : len(word) + at + 1 if at else 1].casefold() for word in words if word]
-        if len(words) == 3 and sorted(letters) == list(AXES):
-            return tuple(letters.index(axis) for axis in AXES)
-    if len(words) == 3 and all(words) and not any(axes):
-        return (0, 1, 2)
-    raise InputError(
-        "bad-header",
-        f"got the columns {quote(', '.join(words))!r}, expected one named x, one y and one z.",
-        where="the header",
-    )
-
-
-def _axis_of(header: str, names: dict[str, str]) -> str:
-    """Return the axis that a column's header names, beside a unit or another word; empty if none.
-
-    Args:
-        header: Words in a column's first line.
-        names: Other names of the axes.
-    """
-    parts = [part.casefold() for part in HEADER_WORD.findall(header)]
-    axes = [names.get(part, part) for part in parts]
-    named = [axis for axis in axes if axis in AXES]
-    return named[0] if len(named) == 1 else ""
+    columns = columns_of(headers)
+    if columns is None:
+        raise InputError(
+            "bad-header",
+            f"got the columns {quote(', '.join(headers))!r}, expected one named x, one y and one "
+            "z.",
+            where="the header",
+        )
+    return columns
 
 
 def _without_empty_tail(fields: list[str]) -> list[str]:
@@ -123,7 +121,7 @@ def _without_empty_tail(fields: list[str]) -> list[str]:
 
 
 def _check_width(fields: list[str], line: int) -> None:
-    if len(_without_empty_tail(fields)) != len(AXES):
+    if len(fields) != len(AXES):
         raise InputError(
             "wrong-count",
             f"got {len(fields)} field{'' if len(fields) == 1 else 's'} "
@@ -133,7 +131,7 @@ def _check_width(fields: list[str], line: int) -> None:
         )
 
 
-def _check_reach(fields: list[str], columns: tuple[int, ...], line: int) -> None:
+def _check_reach(fields: list[str], columns: Sequence[int], line: int) -> None:
     if len(fields) <= max(columns):
         raise InputError(
             "wrong-count",

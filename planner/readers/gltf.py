@@ -167,7 +167,10 @@ class _Scene:
         self._document = document
         self._most = source.most_triangles
         self._notes: dict[str, None] = {}
+        _check_version(document["asset"])
         _check_extensions(document, self._notes)
+        if document.get("animations"):
+            self._notes["animations were left alone: every part is where it rests."] = None
         for key in ("buffers", "images"):
             for index, entry in enumerate(document.get(key, [])):
                 uri = entry.get("uri")
@@ -234,15 +237,18 @@ class _Scene:
         if len(scenes) > 1 and "scene" not in self._document:
             self._notes[f"got {len(scenes)} scenes; the first one is the shape."] = None
         if scenes:
-            roots = scenes[self._document.get("scene", 0)].get("nodes", [])
+            scene = self._document.get("scene", 0)
+            if not 0 <= scene < len(scenes):
+                raise _damaged(f"it shows scene {scene} of {len(scenes)}")
+            roots = scenes[scene].get("nodes", [])
         else:
             children = {c for node in nodes for c in node.get("children", [])}
             roots = [i for i in range(len(nodes)) if i not in children]
         found: list[tuple[int, Floats]] = []
         seen: set[int] = set()
-        waiting = [(int(root), np.eye(4)) for root in roots]
+        waiting = [(int(root), np.eye(4), True) for root in roots]
         while waiting:
-            index, above = waiting.pop()
+            index, above, visible = waiting.pop()
             if index in seen or index < 0:
                 raise _damaged(f"node {index} is reached twice or is none")
             seen.add(index)
@@ -254,8 +260,8 @@ class _Scene:
             extensions = node.get("extensions", {})
             if not extensions.get(VISIBILITY, {}).get("visible", True):
                 self._notes["hidden nodes were left out."] = None
-                continue
-            if "mesh" in node:
+                visible = False
+            if "mesh" in node and visible:
                 places = [transform]
                 if INSTANCING in extensions:
                     places = self._instances(extensions[INSTANCING]["attributes"], transform)
@@ -265,8 +271,21 @@ class _Scene:
                 raise InputError(
                     "too-large", f"got {len(found)} parts, expected {MOST_NODES} at most."
                 )
-            waiting += [(int(child), transform) for child in node.get("children", [])]
+            waiting += [(int(child), transform, visible) for child in node.get("children", [])]
+        self._note_unreached(seen)
         return found
+
+    def _note_unreached(self, seen: set[int]) -> None:
+        """Note that the file has meshes outside of its scene.
+
+        Args:
+            seen: Nodes of the scene.
+        """
+        nodes = self._document["nodes"]
+        meshes = {nodes[index].get("mesh") for index in seen} - {None}
+        others = any("mesh" in node for i, node in enumerate(nodes) if i not in seen)
+        if others or len(meshes) < len(self._document.get("meshes", [])):
+            self._notes["meshes outside of the scene were left out."] = None
 
     def _instances(self, attributes: Document, node: Floats) -> list[Floats]:
         """Return the places of a mesh that a node repeats, (4, 4) each."""
@@ -340,8 +359,15 @@ class _Scene:
     def _values(self, index: int, expected: str) -> NDArray[Any]:
         """(count, width) values of an accessor, every bound checked before they are touched."""
         accessor = self._document["accessors"][index]
-        if "sparse" in accessor or "bufferView" not in accessor:
+        if "sparse" in accessor:
             raise InputError("unsupported", "the mesh has sparse data; export it without.")
+        if "bufferView" not in accessor:
+            raise InputError(
+                "unsupported",
+                "the mesh has no plain data, only what an extension may hold; export it without "
+                "compression.",
+                where=f"accessors[{index}]",
+            )
         if accessor["type"] != expected:
             raise ValueError(f"an accessor of type {accessor['type']}")
         kind = np.dtype(KINDS[accessor["componentType"]])
@@ -386,6 +412,19 @@ class _Scene:
             }
         )
         return len(self._accessors) - 1
+
+
+def _check_version(asset: Document) -> None:
+    """Refuse scenes that a reader of glTF 2.0 must not read.
+
+    Raises:
+        InputError: ``wrong-version``.
+    """
+    version = str(asset.get("minVersion", asset.get("version", "2.0")))
+    if version != "2.0" and ("minVersion" in asset or not version.startswith("2.")):
+        raise InputError(
+            "wrong-version", f"got version {quote(version)} of glTF, expected version 2.0."
+        )
 
 
 def _check_extensions(document: Document, notes: dict[str, None]) -> None:

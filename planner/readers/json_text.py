@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Collection
 from typing import Any, Final
 
 from planner.errors import InputError
@@ -12,6 +14,10 @@ from planner.readers.limits import MOST_CELLS, quote, too_many
 DIGITS_OF_AN_INTEGER: Final = 18
 HUGE: Final = 1e300
 SPARE_VALUES: Final = 1000
+KEYS_OF_FORM: Final = re.compile(
+    r"(?:unit|pitch|scale|ax[ei]s|order|origin|offset|rotat|transform|mirror|joint|angle|cell|closed|module\b)"
+)
+"""Beginnings of keys that would change a shape's form, place or size if they were read."""
 
 
 def _check_amount(text: str, most_cells: int) -> None:
@@ -72,6 +78,26 @@ def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
             )
         found[key] = value
     return found
+
+
+def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None:
+    """Refuse keys that would change the form, place or size of a shape; others say nothing of it.
+
+    Args:
+        document: An object of one of foldback's formats.
+        known: Keys of the format.
+
+    Raises:
+        InputError: ``unknown-key``.
+    """
+    for key in document:
+        if key not in known and KEYS_OF_FORM.match(key.casefold()):
+            raise InputError(
+                "unknown-key",
+                f"got the key {quote(key)!r}, which is not read, expected {', '.join(known)}; "
+                "convert the values to that, or take the key out.",
+                where=quote(key),
+            )
 
 
 def text_field(document: dict[str, Any], key: str) -> str:

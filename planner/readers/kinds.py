@@ -22,6 +22,25 @@ SIGNATURES: Final = (
     (b"\x89HDF", "an HDF5 file"),
     (b"SQLite format 3", "an SQLite database"),
     (b"ISO-10303", "a STEP model"),
+    (b"Kaydara FBX", "an FBX scene"),
+    (b"; FBX", "an FBX scene"),
+    (b"BLENDER", "a Blender project"),
+    (b"#VRML", "a VRML scene"),
+    (b"#usda", "a USD scene"),
+    (b"PXR-USDC", "a USD scene"),
+    (b"# .PCD", "a cloud of points"),
+    (b"# vtk DataFile", "a VTK data set"),
+    (b"DBRep_DrawableShape", "a BREP model"),
+    (b"3D Geometry File Format", "a Rhino model"),
+    (b"AC10", "an AutoCAD drawing"),
+    (b"\xd0\xcf\x11\xe0", "a document of an office or CAD program"),
+)
+XML_KINDS: Final = (
+    (b"<svg", "an SVG drawing"),
+    (b"<html", "an HTML page"),
+    (b"<amf", "an AMF model"),
+    (b"<collada", "a COLLADA scene"),
+    (b"<x3d", "an X3D scene"),
 )
 LOOKED_AT: Final = 2048
 
@@ -56,8 +75,12 @@ def looks_like(data: bytes) -> str | None:
     start = data[:LOOKED_AT].lstrip(b"\xef\xbb\xbf \t\r\n")
     if start.startswith(b"<"):
         lower = start.lower()
-        for mark, kind in ((b"<svg", "an SVG drawing"), (b"<html", "an HTML page")):
+        for mark, kind in XML_KINDS:
             if mark in lower:
                 return kind
         return "an XML or HTML file"
+    if start.split(maxsplit=2)[:2] == [b"0", b"SECTION"]:
+        return "a DXF drawing"
+    if data[72:80] == b"S      1":
+        return "an IGES model"
     return None

@@ -18,8 +18,8 @@ KIND: Final = re.compile(r"(?:ST)?C?N?4?n?OFF(?=[\s#]|$)")
 COMMENT: Final = re.compile(rb"#[^\n]*")
 MOST_CORNERS: Final = 10_000
 
-Mesh: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]"
-"""Points (V, 3), the polygons' corners one after the other, and how many each has."""
+Mesh: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], int]"
+"""Points (V, 3), the polygons' corners one after the other, how many each has, further lines."""
 
 
 def is_off(data: bytes) -> bool:
@@ -56,11 +56,12 @@ def read_off(data: bytes, source: Source) -> Solid:
     found = _many(bytes(body), vertices, polygons) or _one_by_one(
         bytes(body), number, vertices, polygons
     )
-    points, corners, counts = found
+    points, corners, counts, more = found
     return Solid.from_triangles(
         points,
         fans(corners, counts),
         name=source.name or "solid",
+        notes=("lines after the last polygon were left alone.",) if more else (),
         most_triangles=source.most_triangles,
     )
 
@@ -113,7 +114,10 @@ def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
     ends = np.cumsum(sizes)
     places = np.arange(int(ends[-1])) + np.repeat(starts + 1 - (ends - sizes), sizes)
     corners = whole(faces.values[places])
-    return None if corners is None else (np.ascontiguousarray(points), corners, sizes)
+    if corners is None:
+        return None
+    more = len(counts) - vertices - polygons
+    return np.ascontiguousarray(points), corners, sizes, more
 
 
 def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
@@ -145,7 +149,8 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
             f"{quote(str(error))}; expected three coordinates, or a count and as many corners.",
             where=f"line {number}",
         ) from error
-    return np.array(points).reshape(-1, 3), rows, np.array(counts, dtype=np.int64)
+    more = len(lines) - vertices - polygons
+    return np.array(points).reshape(-1, 3), rows, np.array(counts, dtype=np.int64), more
 
 
 def _counts(number: int, words: list[str]) -> tuple[int, int]:

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import numpy as np
 
 from planner.chain.path import DEFAULT_PITCH_M, Path
 from planner.errors import InputError
-from planner.readers.json_text import number_field, text_field
+from planner.readers.json_text import number_field, refuse_unread_keys, text_field
 from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import path_or_shape
 from planner.shapes.shape import Shape
 
+KEYS: Final = ("format", "name", "cells", "pitch_m")
+
 
 def read_path(document: dict[str, Any], source: Source) -> Path | Shape:
-    """A path from a ``foldback-path/1`` object. Keys that it does not know are left alone.
+    """Return a path from a ``foldback-path/1`` object.
 
     Raises:
         InputError: Naming the key or the cell.
     """
+    refuse_unread_keys(document, KEYS)
     rows = document.get("cells")
     if not isinstance(rows, list):
         found = "nothing" if "cells" not in document else quote(rows)
@@ -35,7 +38,7 @@ def read_path(document: dict[str, Any], source: Source) -> Path | Shape:
 
 
 def read_voxels(document: dict[str, Any], source: Source) -> Shape:
-    """A shape from a ``foldback-voxels/1`` object. Keys that it does not know are left alone.
+    """Return a shape from a ``foldback-voxels/1`` object.
 
     Raises:
         InputError: Naming the key or the cell.

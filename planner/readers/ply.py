@@ -86,18 +86,22 @@ def read_ply(data: bytes, source: Source) -> Solid:
                 rows = corners.astype(np.int64)
             parts.append(fans(rows, counts) if element.name == "face" else _strips(rows, counts))
     others = [e.name for e in elements if e.count and any(p.length for p in e.properties)]
+    lists = [name for name in others if name not in ("face", "tristrips")]
     if points is None or not sum(map(len, parts)):
-        lists = [name for name in others if name not in ("face", "tristrips")]
         found = f"the element {quote(lists[0])!r} is not read" if lists else "points alone"
         raise InputError(
             "no-triangles",
             f"got a PLY file without faces ({found}), expected a closed surface of polygons.",
         )
     triangles = np.concatenate(parts)
+    notes = [f"the element {quote(name)!r} was left out." for name in lists]
+    if body.has_more():
+        notes.append("data after the last element was left alone.")
     return Solid.from_triangles(
         points,
         triangles,
         name=source.name or "solid",
+        notes=notes,
         most_triangles=source.most_triangles,
     )
 
@@ -215,6 +219,10 @@ class _Text:
         self._lines, self._at, self._line_a_row = [words[at:]], 0, False
         return self._columns(rows)
 
+    def has_more(self) -> bool:
+        """Return True if words follow the last row that was read."""
+        return any(self._lines[self._at :])
+
     def _by_line(self, element: _Element, lines: list[list[bytes]]) -> Columns | None:
         """The same of a line for each row; None when a line holds less than that."""
         wide = len(element.properties)
@@ -291,6 +299,10 @@ class _Binary:
         if not lists:
             raise _truncated(element)
         return self._row_by_row(element)
+
+    def has_more(self) -> bool:
+        """Return True if bytes follow the last row that was read."""
+        return bool(self._data[self._at :].strip(b"\0 \t\r\n"))
 
     def _length(self, column: _Property, at: int) -> int:
         if not column.length:

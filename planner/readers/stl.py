@@ -25,6 +25,7 @@ LENGTHS: Final = (1e-9, 1e9)
 """What coordinates lie between; of numbers made of random bytes about a quarter does."""
 MOST_LENGTHS: Final = 0.6
 PART_BYTES: Final = 4 << 20
+REST: Final = "bytes after the last triangle were left alone."
 FACET_END: Final = b"endfacet"
 NAME: Final = re.compile(rb"(?m)^[ \t]*(?:end)?solid\b(?:(?!\bfacet\b).)*")
 VERTEX: Final = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
@@ -109,7 +110,7 @@ def _binary(data: bytes, source: Source) -> Solid:
             f"the header announces {count} triangles and {len(data) - expected} bytes follow them; "
             "save the file again.",
         )
-    notes = () if len(data) == expected else ("bytes after the last triangle were left alone.",)
+    notes = () if len(data) == expected else (REST,)
     points, faces = triangles_in(data[:expected], "stl")
     return Solid.from_triangles(
         points,
@@ -121,15 +122,18 @@ def _binary(data: bytes, source: Source) -> Solid:
 
 
 def _text(data: bytes, source: Source) -> Solid:
-    text = data if FACET_END in data else data.lower()
+    text = data.lower()
     check_triangles(text.count(FACET_END), source.most_triangles)
     corners = np.concatenate([_corners(part) for part in _facets(text)])
-    if b"endsolid" not in text[-LOOKED_AT:].lower():
+    end = text.rfind(b"endsolid", -LOOKED_AT)
+    if end < 0:
         raise InputError("truncated", "the file ends before 'endsolid'; save or send it again.")
+    rest = b" ".join(text[end:].splitlines()[1:]).strip()
     return Solid.from_triangles(
         corners,
         np.arange(len(corners)).reshape(-1, 3),
         name=source.name or "solid",
+        notes=(REST,) if rest else (),
         most_triangles=source.most_triangles,
     )
 
@@ -141,7 +145,7 @@ def _facets(text: bytes) -> Iterator[bytes]:
         part, at = text[at : end + len(FACET_END)], end + len(FACET_END)
         # A name may hold any words, and one file several solids.
         yield NAME.sub(b"", part) if b"solid" in part else part
-    if VERTEX.search(NAME.sub(b"", text[at:].lower())):
+    if VERTEX.search(NAME.sub(b"", text[at:])):
         raise InputError(
             "damaged", "the last triangle does not end; the file is cut or damaged, save it again."
         )
@@ -149,7 +153,7 @@ def _facets(text: bytes) -> Iterator[bytes]:
 
 def _corners(part: bytes) -> NDArray[np.float64]:
     """(3 F, 3) the vertices of F facets."""
-    expected, found = 3 * part.count(FACET_END), VERTEX.findall(part.lower())
+    expected, found = 3 * part.count(FACET_END), VERTEX.findall(part)
     if len(found) != expected:
         raise InputError(
             "damaged",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import struct
 import zipfile
 import zlib
@@ -26,6 +27,19 @@ LARGEST_RATIO: Final = 100
 MOST_INSTANCES: Final = 20_000
 DEEPEST: Final = 64
 PIECE: Final = 1 << 18
+RELATIONSHIPS: Final = "_rels/.rels"
+"""Entry of the archive that names its main model."""
+MAIN_MODEL: Final = re.compile(rb"<[^<>]*/3dmodel[\"'][^<>]*>")
+TARGET: Final = re.compile(rb"\bTarget\s*=\s*[\"']/?([^\"'<>]*)")
+LARGEST_RELATIONSHIPS: Final = 1 << 16
+"""Bytes read of the relationships. Chosen: they take about 200 bytes each."""
+MATERIAL: Final = ("model", "surface")
+"""Types of objects that are material."""
+CURA_ROLES: Final = frozenset(
+    f"cura:{role}" for role in ("infill_mesh", "cutting_mesh", "support_mesh", "anti_overhang_mesh")
+)
+"""Settings by which Cura marks modifiers, cutters and supports."""
+UNBUILT: Final = "objects that the model has and does not build were left out."
 UNPRINTED: Final = "parts that are not to be printed were left out."
 LEFT_OUT: Final = "cutters, modifiers and supports were left out: they are no material."
 SLICER_CONFIGS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
@@ -107,6 +121,11 @@ def _models(archive: zipfile.ZipFile) -> list[str]:
     if len(entries) > MOST_ENTRIES:
         raise InputError("too-large", f"got {len(entries)} files in the archive: too many.")
     models = [e for e in entries if e.filename.lower().endswith(".model")]
+    if not models and any(e.filename.endswith(".npy") for e in entries):
+        raise InputError(
+            "wrong-kind",
+            "this looks like NumPy's .npz, expected one array; save it with numpy.save.",
+        )
     if not models:
         raise InputError(
             "wrong-kind",
@@ -119,7 +138,20 @@ def _models(archive: zipfile.ZipFile) -> list[str]:
     packed = sum(e.compress_size for e in models)
     if unpacked > MOST_UNPACKED or _is_bomb(unpacked, packed):
         raise _bomb(unpacked, packed)
-    return [e.filename for e in sorted(models, key=lambda e: e.filename.count("/"))]
+    main = _main_model(archive)
+    names = [e.filename for e in sorted(models, key=lambda e: e.filename.count("/"))]
+    return sorted(names, key=lambda name: name.lower() != main)
+
+
+def _main_model(archive: zipfile.ZipFile) -> str:
+    """Return the name, in small letters, of the model that the archive is about; may be empty."""
+    if RELATIONSHIPS not in archive.namelist():
+        return ""
+    with archive.open(RELATIONSHIPS) as stream:
+        text = stream.read(LARGEST_RELATIONSHIPS)
+    found = MAIN_MODEL.search(text)
+    target = TARGET.search(found[0]) if found else None
+    return target[1].decode("utf-8", "replace").lower() if target else ""
 
 
 def _is_bomb(unpacked: int, packed: int) -> bool:
@@ -141,6 +173,8 @@ class _Models:
         self._source = source
         self._objects: dict[Key, _Object] = {}
         self._items: list[tuple[Key, Floats]] = []
+        self._unprinted: list[Key] = []
+        self._role: list[str] = []
         self._name = ""
         self._now: _Object | None = None
         self._triangles = 0
@@ -168,7 +202,7 @@ class _Models:
         name: str,
         start: Callable[[str, dict[str, str]], None],
     ) -> None:
-        parser = expat.ParserCreate()
+        self._parser = parser = expat.ParserCreate()
         parser.StartElementHandler = start
         parser.StartDoctypeDeclHandler = self._refuse_doctype
         packed = archive.getinfo(name).compress_size
@@ -226,6 +260,7 @@ class _Models:
         for prefix in fields.get("requiredextensions", "").split():
             name = names.get(prefix, prefix)
             if not any(word in name.lower() for word in READ_EXTENSIONS):
+                name = name.rpartition("/3dmanufacturing/")[2]
                 raise InputError(
                     "unsupported",
                     f"the model requires the extension {quote(name)!r}, which is not read; export "
@@ -233,6 +268,8 @@ class _Models:
                 )
 
     def _start(self, tag: str, fields: dict[str, str]) -> None:
+        if self._role:
+            self._take_role()
         match tag.rpartition(":")[2]:
             case "model":
                 self._check_model(fields)
@@ -255,8 +292,11 @@ class _Models:
                 printable = next((v for k, v in fields.items() if k.endswith("printable")), "1")
                 if printable.strip().lower() in ("0", "false"):
                     self._notes[UNPRINTED] = None
+                    self._unprinted.append(self._reference(fields)[0])
                 else:
                     self._items.append(self._reference(fields))
+            case "metadata" if self._now is not None and fields.get("name") in CURA_ROLES:
+                self._parser.CharacterDataHandler = self._role.append
             case "beam" | "ball" | "booleanshape" | "levelset" | "displacementmesh" as other:
                 name = OTHER_FORMS[other]
                 raise InputError(
@@ -264,6 +304,13 @@ class _Models:
                 )
             case _:
                 pass
+
+    def _take_role(self) -> None:
+        """Take the text of a role that Cura gives an object, which comes in pieces."""
+        self._parser.CharacterDataHandler = None
+        if self._now is not None and "".join(self._role).strip().lower() == "true":
+            self._now.kind = "other"
+        self._role.clear()
 
     def _reference(self, fields: dict[str, str]) -> tuple[Key, Floats]:
         path = next((v for k, v in fields.items() if k.rpartition(":")[2] == "path"), "")
@@ -300,7 +347,7 @@ class _Models:
         while waiting:
             key, transform = waiting.pop()
             model = self._objects[key]
-            if model.kind in ("support", "solidsupport", "other"):
+            if model.kind not in MATERIAL:
                 self._notes[LEFT_OUT] = None
                 continue
             waiting += [(part, _after(own, transform)) for part, own in model.parts]
@@ -326,6 +373,7 @@ class _Models:
             faces.append((corners[:, ::-1] if mirrored else corners) + rows)
             rows += len(own)
         check_triangles(len(faces), self._source.most_triangles)
+        self._note_unbuilt([key for key, _ in items] + self._unprinted)
         return Solid.from_triangles(
             np.concatenate(points),
             np.concatenate(faces),
@@ -333,6 +381,23 @@ class _Models:
             notes=tuple(self._notes),
             most_triangles=self._source.most_triangles,
         )
+
+    def _note_unbuilt(self, named: list[Key]) -> None:
+        """Note that there are meshes that no item of the build consists of.
+
+        Args:
+            named: Objects that items name.
+        """
+        reached: set[Key] = set()
+        waiting = list(named)
+        while waiting:
+            key = waiting.pop()
+            if key in self._objects and key not in reached:
+                reached.add(key)
+                waiting += [part for part, _ in self._objects[key].parts]
+        others = (model for key, model in self._objects.items() if key not in reached)
+        if any(model.corners and model.kind in MATERIAL for model in others):
+            self._notes[UNBUILT] = None
 
     def _material(self, model: _Object) -> Ints:
         """Return the triangles of an object without those that cut, modify or support others."""

@@ -16,8 +16,10 @@ MAGIC: Final = b"VOX "
 MOST_CHUNKS: Final = 100_000
 MOST_PLACED: Final = 10_000
 HEAD_BYTES: Final = 8
+COLOURLESS: Final = "voxels of colour 0, which is empty, were left out."
 HIDDEN: Final = "hidden objects were left out."
 CHUNK_BYTES: Final = 12
+DIGITS_OF_A_FRAME: Final = 9
 
 Ints = NDArray[np.int64]
 
@@ -42,6 +44,7 @@ class _File:
     layers: dict[int, int] = field(default_factory=dict[int, int])
     hidden: set[int] = field(default_factory=set[int])
     hidden_layers: set[int] = field(default_factory=set[int])
+    named: set[int] = field(default_factory=set[int])
     notes: list[str] = field(default_factory=list[str])
 
 
@@ -74,8 +77,9 @@ def read_vox(data: bytes, source: Source) -> Shape:
         doubled = 2 * found.models[model] + 1 - 2 * (found.sizes[model] // 2)
         cells.append((doubled @ placed.turn.T - 1) // 2 + placed.shift)
     if total == 0:
-        hidden = " in sight: show its objects and save it again" if HIDDEN in found.notes else ""
-        raise InputError("empty", f"got a .vox file without voxels{hidden}.")
+        sight = " in sight: show its objects and save it again" if HIDDEN in found.notes else ""
+        sight = sight or (" of a colour: 0 is empty" if COLOURLESS in found.notes else "")
+        raise InputError("empty", f"got a .vox file without voxels{sight}.")
     joined = np.concatenate(cells)
     shape = Shape.from_cells(joined - joined.min(axis=0), name=source.name or "shape")
     return replace(shape, notes=tuple(found.notes))
@@ -121,20 +125,23 @@ def _take(kind: bytes, reader: _Reader, found: _File) -> None:
                 raise _damaged(
                     f"a model announces {count} voxels and holds {reader.left // 4} of them"
                 )
-            found.models.append(reader.voxels(count))
+            cells, colours = reader.voxels(count)
+            found.models.append(cells[colours > 0])
             if len(found.sizes) < len(found.models):
                 raise _damaged("a model comes without its size")
-            if count and (found.models[-1] >= found.sizes[len(found.models) - 1]).any():
+            if count and (cells >= found.sizes[len(found.models) - 1]).any():
                 raise _damaged("a voxel lies outside of its model")
+            if not colours.all():
+                _note(found, COLOURLESS)
         case b"nTRN":
             node = reader.number()
             _hide(node, reader.words(), found.hidden)
             child = reader.number()
             reader.skip(4)
             found.layers[node] = reader.number()
-            frames = reader.number()
-            found.moves[node] = child, _placed(reader.words())
-            if frames > 1:
+            frames = [reader.words() for _ in range(reader.counted(4))]
+            found.moves[node] = child, _placed(min(frames, key=_frame, default={}))
+            if len(frames) > 1:
                 _note(found, "objects move in this file; they are read as in the first frame.")
         case b"nGRP":
             node = reader.number()
@@ -143,11 +150,9 @@ def _take(kind: bytes, reader: _Reader, found: _File) -> None:
         case b"nSHP":
             node = reader.number()
             _hide(node, reader.words(), found.hidden)
-            models: list[int] = []
-            for _ in range(reader.counted(8)):
-                models.append(reader.number())
-                reader.words()
-            found.shapes[node] = models[:1]
+            models = [(reader.number(), reader.words()) for _ in range(reader.counted(8))]
+            found.shapes[node] = [model for model, _ in sorted(models, key=_frame_of_model)[:1]]
+            found.named.update(model for model, _ in models)
             if len(models) > 1:
                 _note(found, "an object has several frames; the first one is the shape.")
         case b"LAYR":
@@ -159,6 +164,18 @@ def _take(kind: bytes, reader: _Reader, found: _File) -> None:
 def _hide(number: int, words: dict[bytes, bytes], hidden: set[int]) -> None:
     if words.get(b"_hidden", b"0") == b"1":
         hidden.add(number)
+
+
+def _frame(words: dict[bytes, bytes]) -> int:
+    """Return the number of the frame that an object's state belongs to; 0 if it is not stated."""
+    word = words.get(b"_f", b"0")
+    if not word.isdigit():
+        raise _damaged("a frame is numbered by what is no number")
+    return int(word[:DIGITS_OF_A_FRAME])
+
+
+def _frame_of_model(model: tuple[int, dict[bytes, bytes]]) -> int:
+    return _frame(model[1])
 
 
 def _note(found: _File, note: str) -> None:
@@ -204,10 +221,10 @@ class _Reader:
         """Pairs of words."""
         return {self.skip(self.number()): self.skip(self.number()) for _ in range(self.counted(8))}
 
-    def voxels(self, count: int) -> Ints:
-        """(count, 3) places."""
-        rows = np.frombuffer(self.skip(4 * count), dtype=np.uint8).reshape(-1, 4)
-        return rows[:, :3].astype(np.int64)
+    def voxels(self, count: int) -> tuple[Ints, Ints]:
+        """Return (count, 3) cells and (count,) their colours."""
+        rows = np.frombuffer(self.skip(4 * count), dtype=np.uint8).reshape(-1, 4).astype(np.int64)
+        return rows[:, :3], rows[:, 3]
 
 
 def _placed(words: dict[bytes, bytes]) -> _Placed:
@@ -260,4 +277,6 @@ def _placements(found: _File) -> list[tuple[int, _Placed]]:
             placements += [(model, above) for model in found.shapes[node]]
         else:
             raise _damaged(f"its scene names node {node}, which it does not have")
+    if any(len(cells) for model, cells in enumerate(found.models) if model not in found.named):
+        _note(found, "models outside of the scene were left out.")
     return placements

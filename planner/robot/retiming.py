@@ -68,6 +68,8 @@ def retimed(
     corners[-1] = frames[-1]  # so that the end is exact
     path = CutPath.through(corners)
     lengths = np.diff(path.knots)
+    # No hinge gets faster than this over the whole way. Far larger bounds would cost all digits.
+    attainable_rad_s = float(np.sqrt(2.0 * max_acceleration_rad_s2 * lengths.sum()))
     middle = path.places[path.frame]
     ends = np.stack([path.knots[:-1] - middle, path.knots[1:] - middle], axis=1)
     x = fastest_profile(
@@ -76,7 +78,7 @@ def retimed(
         path.right,
         0.5 + 0.5 * ends / path.reach[:, None],
         lengths,
-        float(max_speed_rad_s),
+        min(float(max_speed_rad_s), attainable_rad_s),
         float(max_acceleration_rad_s2),
     )
     rates = np.sqrt(x)

@@ -166,7 +166,8 @@ def _without_slivers(points: Floats, corners: Ints, said: list[str]) -> Ints:
             f"all {dropped} triangles have no area; expected a closed surface.",
         )
     if dropped:
-        said.append(f"{dropped} triangles without area were left out.")
+        were = "triangle without area was" if dropped == 1 else "triangles without area were"
+        said.append(f"{dropped} {were} left out.")
     return corners[good] if dropped else corners
 
 

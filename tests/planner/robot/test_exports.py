@@ -498,6 +498,32 @@ def test_the_scene_moves_as_the_plan(plan: Plan) -> None:
         assert np.abs(arcs - poses.rotations[:, i]).max() < 3 * glb.TOLERANCE
 
 
+def largest_error(plan: Plan, track: glb.Track) -> float:
+    """Return how far the plan's frames are from a track that a player draws, in pitches."""
+    times = track.time_s.astype(np.float32).astype(np.float64)
+    inside = np.clip(plan.time_s, times[0], times[-1])
+    poses = plan.chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
+    errors = [0.0]
+    for i in range(len(plan.chain)):
+        drawn = np.stack([np.interp(inside, times, axis) for axis in track.positions[:, i].T], 1)
+        arcs = Slerp(times, Rotation.from_quat(track.wxyzs[:, i], scalar_first=True))(inside)
+        turns, wxyzs = arcs.as_quat(scalar_first=True), poses.wxyzs[:, i]
+        off = np.stack([turns - wxyzs, turns + wxyzs])
+        errors.append(np.linalg.norm(drawn - poses.positions[:, i], axis=1).max())
+        errors.append(np.linalg.norm(off, axis=2).min(axis=0).max())
+    return float(max(errors))
+
+
+@pytest.mark.parametrize("most", [5, 9, 16, 24])
+def test_tolerance_of_a_thinned_scene_holds_for_frames_that_were_passed_over(
+    plan: Plan, monkeypatch: Any, most: int
+) -> None:
+    monkeypatch.setattr(glb, "MOST_BYTES", most * len(plan.chain) * glb.POSE_BYTES)
+    track = glb.track_of(plan)
+    assert len(track.time_s) <= most
+    assert largest_error(plan, track) <= track.tolerance + 1e-5
+
+
 def test_a_long_scene_is_thinned_to_its_bound(plan: Plan, monkeypatch: Any) -> None:
     monkeypatch.setattr(glb, "MOST_BYTES", 9 * len(plan.chain) * glb.POSE_BYTES)
     track = glb.track_of(plan)

@@ -190,6 +190,14 @@ def test_bounds_hold_on_any_path(seed: int, frames: int, joints: int, roughness:
     assert np.abs(accelerations).max() <= ACCELERATION * (1.0 + 1e-4)
 
 
+@pytest.mark.parametrize("acceleration", [1e-6, 1e-3, 1.0, 1e6])
+def test_duration_of_a_speed_never_reached_is_that_of_the_acceleration(
+    acceleration: float,
+) -> None:
+    trajectory = along(ramp(1.0, 5), 1e6, acceleration)
+    assert trajectory.duration_s == pytest.approx(2.0 / np.sqrt(acceleration), rel=1e-6)
+
+
 @pytest.mark.parametrize("bound", [0.0, -1.0, np.nan, np.inf])
 def test_bounds_that_are_none_are_refused(bound: float) -> None:
     for bounds in ((bound, 1.0), (1.0, bound)):

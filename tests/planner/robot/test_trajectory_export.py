@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.exports.trajectory import Form, clearance, export, sufficient_rate, times
@@ -128,6 +129,14 @@ def test_clearance_is_of_the_rows_and_a_sufficient_rate_is_proved(
     assert sweep(plan.chain, rows, size=size).bound > 0.0
     stopped = clearance(fast, plan.chain, size=size, rate_hz=rate, cancelled=lambda: True)
     assert stopped.bound <= 0.0
+
+
+def test_a_rate_of_more_rows_than_fit_into_memory_is_refused(hook_chain: Chain) -> None:
+    frames = np.linspace(0.0, 1.0, 5)[:, None] * np.ones(len(hook_chain.joint_names))
+    slow = retimed(frames, hook_chain.joint_names, 1e-6, 1e6)
+    with pytest.raises(InputError) as refused:
+        times(slow, 1e5)
+    assert refused.value.code == "bad-rate"
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, 1e9])

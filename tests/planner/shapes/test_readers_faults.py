@@ -5,8 +5,12 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import struct
 import time
+import zipfile
+from collections.abc import Callable
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +20,7 @@ from planner.errors import InputError
 from planner.readers import read
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid, signed_volume
-from tests.planner.solids_made import box, exported
+from tests.planner.solids_made import box, chunk, exported, vox_file, vox_model, words
 
 DATA = FilePath(__file__).parent / "data"
 L_OBJ = (DATA / "b01_bom.obj").read_bytes().removeprefix(b"\xef\xbb\xbf")
@@ -98,20 +102,106 @@ def test_read_what_is_not_read_is_refused_by_name(name: str, code: str, words: s
 
 @pytest.mark.parametrize(
     "header",
-    ["z [mm],y [mm],x [mm]", "Z_mm;Y_mm;X_mm", "pos z\tpos y\tpos x", "zmm,ymm,xmm", "k,j,i"],
+    [
+        *("z [mm],y [mm],x [mm]", "Z_mm;Y_mm;X_mm", "pos z\tpos y\tpos x", "zmm,ymm,xmm", "k,j,i"),
+        *(
+            "c,b,a",
+            "#z,y,x",
+            "# z, y, x",
+            "sep=;\nz;y;x",
+            "z y x",
+            "# z y x",
+            "z [mm] y [mm] x [mm]",
+        ),
+    ],
 )
-def test_read_csv_takes_columns_by_the_axis_they_name(header: str) -> None:
-    comma = next(c for c in ";\t," if c in header)
-    rows = [comma.join(map(str, row[::-1])) for row in STAIRS]
+def test_read_table_takes_columns_by_the_axis_they_name(header: str) -> None:
+    separator = next(c for c in ";\t, " if c in header)
+    rows = [separator.join(map(str, row[::-1])) for row in STAIRS]
     path = read("\n".join([header, *rows]).encode())
     assert isinstance(path, Path)
     assert path.cells.tolist() == STAIRS
 
 
-def test_read_csv_with_a_header_that_names_some_axes_is_refused() -> None:
+@pytest.mark.parametrize("separator", [",", " "])
+@pytest.mark.parametrize("headers", ["step x y z", "i j k value", "x y z r g b"])
+def test_read_table_of_more_columns_takes_those_that_the_header_names(
+    headers: str, separator: str
+) -> None:
+    words = headers.split()
+    first = next(words.index(axis) for axis in "xi" if axis in words)
+    rows = [[7] * first + row + [1] * (len(words) - first - 3) for row in STAIRS]
+    path = read("\n".join(separator.join(map(str, row)) for row in [words, *rows]).encode())
+    assert isinstance(path, Path)
+    assert path.cells.tolist() == STAIRS
+
+
+@pytest.mark.parametrize(
+    "header", ["x,y,height", "layer,row,column", "height,width,depth", "x,-y,z", "x,x,y,z"]
+)
+def test_read_csv_with_a_header_that_names_other_axes_is_refused(header: str) -> None:
     with pytest.raises(InputError) as refusal:
-        read(b"x,y,height\n0,0,0\n1,0,0\n1,1,0\n")
+        read(f"{header}\n0,0,0\n1,0,0\n1,1,0\n".encode())
     assert refusal.value.code == "bad-header"
+
+
+@pytest.mark.parametrize("separator", [b",", b" "])
+@pytest.mark.parametrize(("row", "code"), [(b"1 0 0 0", "empty-cell"), (b"1 0", "wrong-count")])
+def test_read_table_with_rows_unlike_the_header_is_refused(
+    row: bytes, code: str, separator: bytes
+) -> None:
+    data = (b"x y z value\n0 0 0 1\n" + row).replace(b" ", separator)
+    with pytest.raises(InputError) as refusal:
+        read(data, as_voxels=True)
+    assert refusal.value.code == code
+    assert refusal.value.where == "line 3"
+
+
+def test_read_xyz_with_a_word_more_than_the_header_is_refused() -> None:
+    with pytest.raises(InputError) as refusal:
+        read(b"x y z\n0 0 0 9\n1 0 0\n2 0 0\n")
+    assert refusal.value.code == "wrong-count"
+
+
+def test_read_xyz_without_the_line_of_comment_has_all_cells() -> None:
+    rows = "\n".join(" ".join(map(str, row)) for row in STAIRS)
+    path = read(f"{len(STAIRS)}\n{rows}\n".encode())
+    assert isinstance(path, Path)
+    assert path.cells.tolist() == STAIRS
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        *({"format": "foldback-path/1", key: 5} for key in ("units", "pitch_mm", "axes", "scale")),
+        *({"format": "foldback-path/1", key: True} for key in ("closed", "module")),
+        {"format": "foldback-voxels/1", "origin": [1, 2, 3]},
+        {"format": "foldback-chain/1", "joint_angles_rad": [[0, 0], [1.57, 0]]},
+    ],
+)
+def test_read_json_with_unread_keys_of_form_is_refused_by_name(document: dict[str, object]) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(json.dumps({**document, "cells": STAIRS, "title": "Stairs", "tags": []}).encode())
+    assert refusal.value.code == "unknown-key"
+    assert list(document)[1] in refusal.value.detail
+
+
+@pytest.mark.parametrize(
+    ("start", "kind"),
+    [
+        (b"Kaydara FBX Binary  \0\x1a\0", "an FBX scene"),
+        (b"; FBX 7.3.0 project file\n", "an FBX scene"),
+        (b"  0\r\nSECTION\r\n  2\r\nHEADER\r\n", "a DXF drawing"),
+        (b"#VRML V2.0 utf8\nShape { point [0 0 0, 1 0 0] }", "a VRML scene"),
+        (b"<?xml version='1.0'?>\n<COLLADA version='1.4'/>", "a COLLADA scene"),
+        (b" " * 72 + b"S      1\n1H,,1H;,4HSLOT;", "an IGES model"),
+    ],
+)
+def test_read_models_of_other_programs_are_refused_by_name(start: bytes, kind: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(start)
+    assert refusal.value.code == "wrong-kind"
+    assert kind in refusal.value.detail
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t"])
@@ -235,6 +325,8 @@ def test_read_mesh_with_other_line_ends_and_long_heads(data: bytes, volume: floa
     [
         (b"0123012301", "digits"),
         (b"0\n1\n2\n3\n0\n1\n", "digits"),
+        (b"0 1 -1 0 1 1 -1 0", "digits"),
+        (b"0, 90, -90.0, 180, 0, 90", "digits"),
         (TETRAHEDRON + b"f 1 2\n", "damaged"),
         (b"v 0 0 0\nv 1 0 0\nl 1 2\n", "no-triangles"),
     ],
@@ -243,3 +335,179 @@ def test_read_what_says_too_little_is_refused(data: bytes, code: str) -> None:
     with pytest.raises(InputError) as refusal:
         read(data)
     assert refusal.value.code == code
+
+
+def scene(edit: Callable[[dict[str, Any]], object]) -> bytes:
+    """Return a scene of one box of volume 24 after an edit."""
+    document = json.loads(exported("gltf", box(2, 3, 4)))
+    edit(document)
+    return json.dumps(document).encode()
+
+
+def other_scene(document: dict[str, Any]) -> None:
+    document["nodes"].append({"mesh": 0, "translation": [9, 0, 0]})
+    document["scenes"].append({"nodes": [len(document["nodes"]) - 1]})
+
+
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
+RELATIONSHIPS = (
+    "<Relationships><Relationship Target='/3D/main.model' Id='r' "
+    "Type='http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel'/></Relationships>"
+)
+CURA = '<metadatagroup><metadata name="cura:{}">True</metadata></metadatagroup>'
+
+
+def mesh_xml(*sides: float, inside: str = "", kind: str = "model", number: int = 1) -> str:
+    mesh = box(*sides)
+    points = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in mesh.vertices)
+    rows = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in mesh.faces)
+    return (
+        f'<object id="{number}" type="{kind}">{inside}<mesh><vertices>{points}</vertices>'
+        f"<triangles>{rows}</triangles></mesh></object>"
+    )
+
+
+def archive(objects: str, *items: int, required: str = "", **others: str) -> bytes:
+    """Return a 3MF archive; further models come before the main one."""
+    stream = io.BytesIO()
+    build = "".join(f'<item objectid="{number}"/>' for number in items)
+    names = f'xmlns="{CORE}" xmlns:p="{PRODUCTION}" {required}'
+    text = "<model {}><resources>{}</resources><build>{}</build></model>"
+    with zipfile.ZipFile(stream, "w") as file:
+        for name, other in others.items():
+            file.writestr(f"3D/{name}.model", text.format(names, other, '<item objectid="1"/>'))
+        file.writestr("3D/main.model", text.format(names, objects, build))
+        file.writestr("_rels/.rels", RELATIONSHIPS)
+    return stream.getvalue()
+
+
+OFF = exported("off", box(2, 3, 4)).rstrip() + b"\n"
+TEXT_PLY = exported("ply_ascii", box(2, 3, 4)).rstrip() + b"\n"
+TEXT_STL = exported("stl_ascii", box(2, 3, 4)).rstrip() + b"\n"
+FANS = b"element trifans 1\nproperty list int int vertex_indices\nend_header"
+
+
+@pytest.mark.parametrize(
+    ("data", "note"),
+    [
+        (scene(other_scene), "outside of the scene"),
+        (scene(lambda d: d["nodes"].append({"mesh": 0})), "outside of the scene"),
+        (scene(lambda d: d["meshes"].append(d["meshes"][0])), "outside of the scene"),
+        (scene(lambda d: d.update(animations=[{"channels": [], "samplers": []}])), "animations"),
+        (archive(mesh_xml(2, 3, 4) + mesh_xml(1, 1, 1, number=2), 1), "does not build"),
+        (archive(mesh_xml(2, 3, 4), 1, other=mesh_xml(9, 9, 9)), "does not build"),
+        (archive(mesh_xml(2, 3, 4) + mesh_xml(1, 1, 1, kind="mould", number=2), 1, 2), "cutters"),
+        *(
+            (
+                archive(
+                    mesh_xml(2, 3, 4) + mesh_xml(1, 9, 1, inside=CURA.format(role), number=2), 1, 2
+                ),
+                "cutters",
+            )
+            for role in ("infill_mesh", "support_mesh")
+        ),
+        (OFF + b"3 0 1 2\n", "lines after the last polygon"),
+        (TEXT_PLY + b"3 0 1 2\n", "after the last element"),
+        (exported("ply", box(2, 3, 4)) + b"more", "after the last element"),
+        (TEXT_PLY.replace(b"end_header", FANS, 1) + b"3 0 1 2\n", "trifans"),
+        (TEXT_STL + exported("stl", box(1, 1, 1)), "after the last triangle"),
+        (TEXT_STL + TEXT_STL.upper(), ""),
+        (TEXT_STL.upper() + TEXT_STL, ""),
+    ],
+)
+def test_read_mesh_with_more_content_notes_what_is_left_out(data: bytes, note: str) -> None:
+    solid = read(data)
+    assert isinstance(solid, Solid)
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(24)
+    assert bool(solid.notes) == bool(note)
+    assert note in "".join(solid.notes)
+
+
+@pytest.mark.parametrize(
+    ("data", "code", "words"),
+    [
+        (scene(lambda d: d.update(scene=-1)), "damaged", "scene -1 of 1"),
+        (scene(lambda d: d["asset"].update(version="1.0")), "wrong-version", "version 1.0"),
+        (scene(lambda d: d["asset"].update(version="3.0")), "wrong-version", "version 3.0"),
+        (scene(lambda d: d["asset"].update(minVersion="2.1")), "wrong-version", "version 2.1"),
+        (scene(lambda d: d["accessors"][1].pop("bufferView")), "unsupported", "compression"),
+        (
+            archive(mesh_xml(2, 3, 4), 1, required=f'xmlns:q="{CORE}x" requiredextensions="q"'),
+            "unsupported",
+            "core/2015/02x",
+        ),
+    ],
+)
+def test_read_mesh_of_other_versions_and_extensions_is_refused_by_name(
+    data: bytes, code: str, words: str
+) -> None:
+    with pytest.raises(InputError) as refusal:
+        read(data)
+    assert refusal.value.code == code
+    assert words in refusal.value.detail
+
+
+def test_read_npz_is_refused_by_name() -> None:
+    stream = io.BytesIO()
+    np.savez(stream, cells=np.array(STAIRS))
+    with pytest.raises(InputError) as refusal:
+        read(stream.getvalue())
+    assert "numpy.save" in refusal.value.detail
+
+
+ONE_CELL = vox_model(np.array([[0, 0, 0]]))
+ONE_IN_SCENE = (
+    chunk(b"nTRN", struct.pack("<I", 0) + words() + struct.pack("<4i", 1, -1, -1, 1) + words()),
+    chunk(b"nSHP", struct.pack("<I", 1) + words() + struct.pack("<2I", 1, 0) + words()),
+)
+COLOURLESS = chunk(b"SIZE", struct.pack("<3I", 2, 1, 1)) + chunk(
+    b"XYZI", struct.pack("<I", 2) + bytes([0, 0, 0, 1, 1, 0, 0, 0])
+)
+
+
+@pytest.mark.parametrize(
+    ("chunks", "note"),
+    [
+        ((ONE_CELL, vox_model(np.array([[2, 0, 0]])), *ONE_IN_SCENE), "outside of the scene"),
+        ((COLOURLESS,), "colour 0"),
+        ((COLOURLESS, *ONE_IN_SCENE), "colour 0"),
+    ],
+)
+def test_read_vox_notes_what_it_leaves_out(chunks: tuple[bytes, ...], note: str) -> None:
+    shape = read(vox_file(*chunks))
+    assert isinstance(shape, Shape)
+    assert len(shape) == 1
+    assert note in "".join(shape.notes)
+
+
+def frames(*numbers: int) -> bytes:
+    """Return the count of some frames and their states, each moved by its own number."""
+    states = (words(_f=str(number), _t=f"{number} 0 0") for number in numbers)
+    return struct.pack("<I", len(numbers)) + b"".join(states)
+
+
+@pytest.mark.parametrize("numbers", [(0, 5), (5, 0), (7, 3, 5)])
+def test_read_vox_of_moving_objects_takes_the_earliest_frame(numbers: tuple[int, ...]) -> None:
+    still = vox_model(np.array([[0, 0, 0]]))
+    root, group = (struct.pack("<I", number) + words() for number in (0, 1))
+    moving = struct.pack("<I", 2) + words() + struct.pack("<3i", 4, -1, -1) + frames(*numbers)
+    resting = struct.pack("<I", 3) + words() + struct.pack("<4i", 5, -1, -1, 1) + words(_t="0 1 0")
+    models = b"".join(struct.pack("<I", 0) + words(_f=str(number)) for number in numbers)
+    shape = read(
+        vox_file(
+            still,
+            chunk(b"nTRN", root + struct.pack("<4i", 1, -1, -1, 1) + words()),
+            chunk(b"nGRP", group + struct.pack("<3I", 2, 2, 3)),
+            chunk(b"nTRN", moving),
+            chunk(b"nTRN", resting),
+            chunk(
+                b"nSHP",
+                struct.pack("<I", 4) + words() + struct.pack("<I", len(numbers)) + models,
+            ),
+            chunk(b"nSHP", struct.pack("<I", 5) + words() + struct.pack("<2I", 1, 0) + words()),
+        )
+    )
+    assert isinstance(shape, Shape)
+    assert np.ptp(shape.cells, axis=0).tolist() == [min(numbers), 1, 0]
+    assert "first frame" in "".join(shape.notes)
