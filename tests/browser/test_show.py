@@ -69,6 +69,7 @@ def whole_chain_in_view(shown: Shown) -> bool:
     return bool(across < tall * camera.aspect and upwards < tall)
 
 
+@pytest.mark.long
 def test_somebody_scrubs_clicks_and_plays(page: Page, shown: Shown) -> None:
     expect(page.get_by_text(f"Frame 0 of {LAST}")).to_be_visible()
     expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # a name stays a name

@@ -199,6 +199,7 @@ def test_pages_without_the_client(visit: Visit) -> None:
         harmless([], said)
 
 
+@pytest.mark.long
 def test_a_directory_that_is_played(visit: Visit, service: Service, wrench: str) -> None:
     with playing(service.directory(wrench)) as address:
         page = visit(urljoin(address, "/health"), **SMALL)

@@ -12,10 +12,16 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 SCRIPTS = sorted(EXAMPLES.glob("[0-9][0-9]_*.py"))
 WITH_A_SERVICE = {"06_drive_a_robot", "07_fold_by_api"}
 """These talk to a running service; tests/server runs them."""
-ALONE = [script for script in SCRIPTS if script.stem not in WITH_A_SERVICE]
+LONG = {"03_explode_a_chain", "05_draw_a_shape", "08_show_in_viser"}
+"""These take seconds; `make test-long` runs them."""
+ALONE = [
+    pytest.param(script, marks=[pytest.mark.long] * (script.stem in LONG), id=script.stem)
+    for script in SCRIPTS
+    if script.stem not in WITH_A_SERVICE
+]
 
 
-@pytest.mark.parametrize("script", ALONE, ids=lambda script: script.stem)
+@pytest.mark.parametrize("script", ALONE)
 def test_each_example_runs_as_it_stands(script: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-W", "error", str(script)],

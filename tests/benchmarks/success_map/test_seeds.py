@@ -21,6 +21,7 @@ def test_every_shape_comes_with_every_seed() -> None:
     assert {kind for kind, _ in shapes} == {"gallery", "mesh"}
 
 
+@pytest.mark.long
 def test_a_gallery_shape_and_a_mesh_are_folded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(seeds, "MODULES", 24)
     for case in (

@@ -38,6 +38,7 @@ def test_every_kind_of_path_fills_the_box(kind: str) -> None:
 FEW = ("snake", "random")
 
 
+@pytest.mark.long
 def test_a_baseline_fails_where_the_explosion_does_not() -> None:
     bad, good = (
         run(Case(method=method, kind="block", modules=64, seed=0))
@@ -55,6 +56,7 @@ def test_each_case_is_run_once_and_large_ones_only_where_they_end() -> None:
     assert max(case.modules for case in cases(64)) == 64
 
 
+@pytest.mark.long
 def test_it_goes_on_where_it_was(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
     runs, drawing = tmp_path / "runs.jsonl", tmp_path / "map.svg"
     monkeypatch.setattr(success, "RUNS", runs)

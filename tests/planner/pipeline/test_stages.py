@@ -363,6 +363,7 @@ def test_a_refused_plan_is_tried_with_the_next_seed(
     np.testing.assert_array_equal(record.frames.joint_angles_rad, anew.frames.joint_angles_rad)
 
 
+@pytest.mark.long
 def test_a_plan_that_is_always_refused_ends_as_a_failure(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -141,6 +141,7 @@ def test_what_the_certificate_refuses_is_smoothed_less(
     ]
 
 
+@pytest.mark.long
 def test_overlaps_between_frames_leave_the_last_way_to_be_tried(
     folded: Callable[..., Folded], tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
