@@ -88,7 +88,7 @@ def json_of(path: FilePath) -> dict[str, Any]:
     """The JSON object in a file; an empty one when there is none that can be read."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
 

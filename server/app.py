@@ -42,7 +42,9 @@ from server.http.uploads import LARGEST_FIELD_BYTES, MOST_FIELDS, MOST_FILES, Up
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
 from server.jobs.remaining import Remaining
+from server.limits.fair_threads import FairThreads
 from server.limits.quota import Quota
+from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
@@ -113,6 +115,7 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
+        asyncio.get_running_loop().set_default_executor(FairThreads())
         context = await asyncio.to_thread(_open, settings, metrics, fork_server)
         app.state.context = context
         stats = app.state.stats = Stats(settings, context.leases)
@@ -130,6 +133,7 @@ def create_app(
             if context.fork_server is not None and fork_server is None:
                 context.fork_server.close()
             context.artifacts.close()
+            context.answers.close()
             context.waits.close()
             context.fold_states.close()
             context.preview_scenes.close()
@@ -245,7 +249,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
             total=settings.answers_waiting,
             per_visitor=settings.answers_waiting_of_visitor,
         ),
-        answers=Quota(
+        answers=SingleFlight(
             "answers",
             at_once=2,
             total=settings.answers_waiting,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Request
@@ -24,6 +23,8 @@ from server.store.shown import has_motion
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from planner.motion.timeline import Timeline
+
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
 SMALL_ANSWER: Final = 100_000
 """Numbers in an answer up to which it is made at once, without a place in a queue."""
@@ -41,7 +42,7 @@ MEDIA_TYPES: Final = {
     response_model=FramesBody,
     responses=problems(404, 409, 422, 429, 503),
 )
-def get_frames(
+async def get_frames(
     request: Request,
     fold_id: str,
     context: Here,
@@ -51,20 +52,8 @@ def get_frames(
     poses: Annotated[bool, Query(description="Also where every module is.")] = False,
 ) -> Response:
     """Frames that are there, while it still computes too; `next` leads to the rest."""
-    # The timeline brings compiled kernels along, which the start of the server need not wait for.
-    from planner.motion.frames import PHASES
-    from planner.motion.timeline import Timeline
-
-    row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
-    if row.over:
-        check(directory, TIMELINE)
-    try:
-        timeline = Timeline.open(result(directory, TIMELINE))
-    except DamagedError:
-        raise
-    except (TimelineError, OSError, KeyError) as error:  # or it is just being made anew
-        raise not_there(row, "timeline") from error
-    total, chain = len(timeline), timeline.chain
+    timeline = await asyncio.to_thread(_timeline, context, fold_id)
+    total = len(timeline)
     end = total if stop is None else min(stop, total)
     if start > end:
         raise Unusable(
@@ -72,40 +61,76 @@ def get_frames(
             f"got frames {start} to {end}, expected a stretch of the {total} there are.",
             where="query.from",
         )
-    numbers = 2 * len(chain.joint_names) + (7 * len(chain) if poses else 0)
+    numbers = 2 * len(timeline.chain.joint_names) + (7 * len(timeline.chain) if poses else 0)
     settings = context.settings
     most = max(1, min(settings.frames_per_answer, settings.numbers_per_answer // numbers))
     until = min(end, start + most * stride)
     rest = f"/api/folds/{fold_id}/frames?from={until}&to={end}&stride={stride}"
     if poses:
         rest += "&poses=true"
-    large = numbers * ((until - start) // stride) > SMALL_ANSWER
-    with context.answers.turn(address_of(request)) if large else nullcontext():
-        frames = timeline.frames(start, until, stride)
-        positions = wxyzs = None
-        if poses:
-            found = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
-            positions, wxyzs = _short(found.positions), _short(found.wxyzs)
-        body = FramesBody(
-            status=timeline.status,
-            total=total,
-            start=start,
-            stop=until,
-            stride=stride,
-            next=rest if until < end else None,
-            phases=list(PHASES),
-            joint_names=list(chain.joint_names),
-            time_s=_short(frames.time_s),
-            phase=frames.phase.tolist(),
-            joint_angles_rad=_short(frames.joint_angles_rad),
-            root_position=_short(frames.root_position),
-            root_wxyz=_short(frames.root_wxyz),
-            max_error_rad=_largest(frames.joint_error_rad),
-            positions=positions,
-            wxyzs=wxyzs,
-        )
-        data = body.model_dump_json(by_alias=True)
+
+    def make() -> str:
+        body = _frames(timeline, start, until, stride, poses=poses)
+        body.next = rest if until < end else None
+        return body.model_dump_json(by_alias=True)
+
+    if numbers * ((until - start) // stride) > SMALL_ANSWER:
+        key = (fold_id, total, start, stop, stride, poses)
+        data = await context.answers.get_or_make(key, make, visitor=address_of(request))
+    else:
+        data = await asyncio.to_thread(make)
     return Response(data, media_type="application/json")
+
+
+def _timeline(context: Context, fold_id: str) -> Timeline:
+    """Return the timeline of a fold.
+
+    Raises:
+        NotFound: If the fold ended without one.
+        Conflict: If it is not there yet.
+    """
+    # The timeline brings compiled kernels along, which the start of the server need not wait for.
+    from planner.motion.timeline import Timeline
+
+    row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
+    if row.over:
+        check(directory, TIMELINE)
+    try:
+        return Timeline.open(result(directory, TIMELINE))
+    except DamagedError:
+        raise
+    except (TimelineError, OSError, KeyError) as error:  # or it is just being made anew
+        raise not_there(row, "timeline") from error
+
+
+def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: bool) -> FramesBody:
+    """Return a stretch of a timeline, without a link to the rest."""
+    from planner.motion.frames import PHASES
+
+    chain = timeline.chain
+    frames = timeline.frames(start, until, stride)
+    positions = wxyzs = None
+    if poses:
+        found = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+        positions, wxyzs = _short(found.positions), _short(found.wxyzs)
+    return FramesBody(
+        status=timeline.status,
+        total=len(timeline),
+        start=start,
+        stop=until,
+        stride=stride,
+        next=None,
+        phases=list(PHASES),
+        joint_names=list(chain.joint_names),
+        time_s=_short(frames.time_s),
+        phase=frames.phase.tolist(),
+        joint_angles_rad=_short(frames.joint_angles_rad),
+        root_position=_short(frames.root_position),
+        root_wxyz=_short(frames.root_wxyz),
+        max_error_rad=_largest(frames.joint_error_rad),
+        positions=positions,
+        wxyzs=wxyzs,
+    )
 
 
 @router.get(

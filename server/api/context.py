@@ -24,6 +24,7 @@ from server.jobs.queue import Jobs
 from server.jobs.remaining import Remaining
 from server.limits.networks import hidden
 from server.limits.quota import Quota
+from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
 from server.processes.children import Reader
@@ -60,7 +61,7 @@ class Context:
     streams: Quota
     robots: Quota
     trajectories: Trajectories
-    answers: Quota
+    answers: SingleFlight
     lists: TokenBuckets
     uploads: Uploads
     metrics: Metrics

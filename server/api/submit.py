@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from planner.errors import InputError
+from planner.files import json_of
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import Request
 from planner.simulation.parameters import AUTO
+from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
 from server.api.context import Context
 from server.errors import Conflict, NotFound, Unavailable, Unusable, nearly_full, not_stored
@@ -179,23 +181,29 @@ def submit(context: Context, submission: Submission) -> Receipt:
 
 
 def input_noted(directory: Path) -> tuple[BinaryIO, str | None]:
-    """What a fold was made of: its input, open, and what it was called.
+    """Return the input of a fold, open, and the name of its file.
 
     Raises:
-        NotFound: When they are not there any more.
+        NotFound: If it is not there any more.
+        DamagedError: If it is not what was written.
     """
-    filename = _request(directory)["filename"]
     try:
-        return open(directory / "input", "rb"), filename
+        source = open(directory / "input", "rb")  # noqa: SIM115 (the caller closes it)
     except OSError as error:
         raise _no_input() from error
+    try:
+        check(directory, "input", "request.json")
+        return source, _request(directory)["filename"]
+    except BaseException:
+        source.close()
+        raise
 
 
 def _request(directory: Path) -> dict[str, Any]:
-    try:
-        return json.loads((directory / "request.json").read_bytes())
-    except (OSError, ValueError) as error:
-        raise _no_input() from error
+    request = json_of(directory / "request.json")
+    if "filename" not in request:
+        raise _no_input()
+    return request
 
 
 def _no_input() -> NotFound:

@@ -108,7 +108,9 @@ class _CountingConnection(h11.Connection):
             self._protocol.charge(REQUEST_EVENTS + fields / HEADER_FIELDS_PER_EVENT, request=True)
             if fields > MAX_HEADER_FIELDS:
                 raise h11.RemoteProtocolError(f"got {fields} header fields")
-        elif isinstance(event, h11.Data | h11.EndOfMessage):
+        elif isinstance(event, h11.EndOfMessage):
+            self._protocol.charge(1 + len(event.headers) / HEADER_FIELDS_PER_EVENT)  # of a trailer
+        elif isinstance(event, h11.Data):
             self._protocol.charge(1)
         return event
 

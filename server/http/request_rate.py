@@ -11,6 +11,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from server.errors import TooMany
 from server.http.client_address import address_of
 from server.http.problems import response_of
+from server.limits.fair_threads import VISITOR
 from server.limits.token_buckets import TokenBuckets
 
 EXEMPT: Final = "/health"
@@ -36,7 +37,9 @@ class RequestRate:
         if scope["type"] not in ("http", "websocket") or scope["path"] == EXEMPT:
             await self._app(scope, receive, send)
             return
-        wait_s = self._buckets.take(address_of(HTTPConnection(scope)))
+        visitor = address_of(HTTPConnection(scope))
+        VISITOR.set(visitor)
+        wait_s = self._buckets.take(visitor)
         if not wait_s:
             await self._app(scope, receive, send)
         else:

@@ -66,7 +66,6 @@ class Janitor:
         """Sweeps once; how many folds were forgotten."""
         if not self._counted_apart:
             count_apart(self._store)
-            self.remove_temporary()
             self._counted_apart = True
         sweep_cancelled(self._store, self._clock())
         self._make_room()
@@ -190,14 +189,8 @@ class Janitor:
                 .limit(BATCH_ROWS)
             ).all()
 
-    def remove_temporary(self) -> None:
-        """Remove what killed processes have left half written; once, when a worker starts."""
-        for folder in (self._settings.folds_dir, self._settings.work_dir):
-            for fold in folder.iterdir() if folder.is_dir() else ():
-                remove_temporary(fold, before=time.time() - ORPHAN_AGE_S)
-
     def sweep_orphans(self) -> None:
-        """Remove files of folds that have no row; a part of all at a time.
+        """Remove half-written files, and files of folds that have no row; a part of all at a time.
 
         What is found so in one round goes when it is found again in the next one.
         """
@@ -207,6 +200,9 @@ class Janitor:
         names = set(itertools.islice(self._names, NAMES_AT_ONCE))
         if len(names) < NAMES_AT_ONCE:
             self._names = None
+        for name in names:
+            for folder in (self._settings.folds_dir, self._settings.work_dir):
+                remove_temporary(folder / name, before=time.time() - ORPHAN_AGE_S)
         orphans = names - self._known(names)
         for fold_id in orphans & self._suspects:
             if not (fold_id.isascii() and fold_id.isalnum()):

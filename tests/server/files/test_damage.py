@@ -166,6 +166,21 @@ def test_fold_with_any_damaged_file_is_answered_in_sentences(
     assert b"Traceback" not in service.log.read_bytes()[logged_before:]
 
 
+@pytest.mark.parametrize("damage", [mistype, truncate, scribble])
+@pytest.mark.parametrize("name", ["input", "request.json"])
+def test_fold_made_again_of_damaged_input_is_refused(
+    service: Service, fold: str, directory: Path, name: str, damage: Callable[[Path], None]
+) -> None:
+    damage(directory / name)
+    for field in ("fold", "smooth"):
+        answer = service.http.post("/api/folds", data={field: fold})
+        assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
+    (directory / "manifest.json").unlink()  # as of a fold that failed
+    if name == "request.json":
+        answer = service.http.post("/api/folds", data={"fold": fold})
+        assert answer.json()["code"] in ("no-input", "damaged-data")
+
+
 @pytest.fixture(scope="module")
 def shipped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceHere]:
     data_dir = tmp_path_factory.mktemp("shipped") / "data"

@@ -271,6 +271,21 @@ def test_chunks_of_one_byte_are_read_at_a_rate(here_with: ServiceWith) -> None:
             client.recv(1)
 
 
+def test_fields_of_a_trailer_are_counted_like_those_of_a_head(here_with: ServiceWith) -> None:
+    service = here_with(requests_per_second_of_visitor=1).start()
+    head = b"POST /nowhere HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: 203.0.113.1\r\n"
+    trailer = b"0\r\n" + b"a:b\r\n" * 5000 + b"\r\n"
+    answers = b""
+    with connected(service) as client:
+        client.sendall(head + b"Transfer-Encoding: chunked\r\n\r\n" + trailer)
+        client.sendall(head + b"Content-Length: 0\r\n\r\n")
+        client.settimeout(0.5)
+        with pytest.raises(TimeoutError):
+            while piece := client.recv(4096):
+                answers += piece
+    assert answers.count(b"HTTP/1.1") == 1  # the rate lets nothing more be read for seconds
+
+
 def status_of(client: socket.socket, path: bytes) -> int:
     """Return the status of a request, 0 if the other side hangs up."""
     try:

@@ -16,6 +16,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
 from server.api import fold_states
+from server.api import frames as frame_routes
 from server.jobs.remaining import Remaining
 from server.store.tables import FoldRow
 from tests.server.http.test_bounds import from_address
@@ -135,3 +136,27 @@ def test_states_of_many_folds_are_read_by_one_thread(
     for fold in folds:
         assert next(iter(service.events(fold)))[0] == "progress"
     assert len(threads) == 1 and threads.pop().startswith("fold-states")
+
+
+def test_costly_batches_of_one_visitor_leave_threads_to_others(
+    here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = here_with().start()
+    fold, _, _ = growing_fold(service)
+    go_on, answers = threading.Event(), list[httpx.Response]()
+    make = frame_routes.kept_batch
+
+    def slow(*asked: Any) -> bytes:
+        go_on.wait(PATIENCE_S)
+        return make(*asked)
+
+    def look() -> None:
+        try:
+            stranger = from_address("198.51.100.1")
+            answers.append(service.http.get(f"/folds/{fold}", headers=stranger, timeout=10))
+        finally:
+            go_on.set()
+
+    monkeypatch.setattr(frame_routes, "kept_batch", slow)
+    flood = asyncio.run(ask(service, f"/folds/{fold}/batch", ["203.0.113.1"] * 60, look))
+    assert [answer.status_code for answer in (*answers, *flood)] == [200] * 61

@@ -12,6 +12,7 @@ import pytest
 
 from server.errors import ServiceError, TooMany, Unavailable
 from server.files.artifacts import Artifacts
+from server.limits.fair_threads import VISITOR, FairThreads
 from server.limits.quota import Permit, Quota
 from server.settings import Settings
 from server.store.folds import Store
@@ -161,3 +162,32 @@ def test_visitors_take_turns_and_who_leaves_the_line_has_none() -> None:
     assert begun == [a1, b1, c1, a2]
     a2.leave()
     assert (begun[-1], len(quota)) == (a3, 2)
+
+
+def test_fair_threads_with_many_calls_of_one_visitor_serve_another_next() -> None:
+    done: list[str | None] = []
+    go_on, inside = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        inside.set()
+        go_on.wait(30.0)
+
+    with FairThreads(2) as threads:
+        futures: list[Future[None]] = []
+        for visitor in ("203.0.113.0/24|203.0.113.1", "198.51.100.0/24|198.51.100.1"):
+            token = VISITOR.set(visitor)
+            if not futures:
+                futures = [threads.submit(hold)]
+                assert inside.wait(30.0)
+                futures += [threads.submit(done.append, visitor) for _ in range(50)]
+            else:  # the thread that one visitor cannot have
+                threads.submit(done.append, visitor).result(30.0)
+                assert done == [visitor]
+            VISITOR.reset(token)
+        go_on.set()
+        for future in futures:
+            future.result(30.0)
+        assert len(done) == 51
+        with pytest.raises(ZeroDivisionError):
+            threads.submit(lambda: 1 // 0).result(30.0)
+    assert threads.submit(hold).cancelled()

@@ -1,0 +1,69 @@
+"""Fair threads: threads for short work, in which visitors take turns.
+
+A plain pool works in the order of arrival: 200 requests of one visitor then hold up the next page
+of everybody else. Here networks take turns, and within a network visitors; one of them leaves at
+least one thread to others.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextvars import ContextVar
+from typing import Any, Final, ParamSpec, TypeVar
+
+from server.limits.quota import Permit, Quota
+
+VISITOR: Final[ContextVar[str | None]] = ContextVar("visitor", default=None)
+"""Visitor whose request is being answered; None outside of requests."""
+MAX_THREADS: Final = min(32, (os.cpu_count() or 1) + 4)
+"""Number of threads, as in the event loop's usual pool."""
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+
+
+class FairThreads(ThreadPoolExecutor):
+    """See the module's description.
+
+    Args:
+        count: Number of threads, 2 at least.
+    """
+
+    def __init__(self, count: int = MAX_THREADS) -> None:
+        super().__init__(count, thread_name_prefix="fair")
+        self._turns = Quota(
+            "threads",
+            total=None,
+            per_visitor=sys.maxsize,
+            at_once=count,
+            at_once_per_visitor=count - 1,
+        )
+
+    def submit(
+        self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> Future[Result]:
+        """Return the result of a call, which is made in the turn of the ``VISITOR``."""
+        made: Future[Result] = Future()
+
+        def work(permit: Permit) -> None:
+            with permit:
+                if made.set_running_or_notify_cancel():
+                    _complete(made, lambda: fn(*args, **kwargs))
+
+        def begin(permit: Permit) -> None:
+            try:
+                super(FairThreads, self).submit(work, permit)
+            except RuntimeError:  # the pool is shut down
+                made.cancel()
+
+        self._turns.enter(VISITOR.get(), begin)
+        return made
+
+
+def _complete(made: Future[Any], call: Callable[[], Any]) -> None:
+    try:
+        made.set_result(call())
+    except BaseException as error:
+        made.set_exception(error)
