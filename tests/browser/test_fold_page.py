@@ -218,6 +218,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     assert len(film) == len(frames)
 
 
+@pytest.mark.long
 def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", reduced_motion="no-preference", **SMALL)
     expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")

@@ -21,6 +21,7 @@ def asked_for(page: Page) -> list[str]:
     return found
 
 
+@pytest.mark.long
 def test_a_film_plays_is_scrubbed_and_shows_where_it_tangles(visit: Visit) -> None:
     page = visit("/")
     films = asked_for(page)

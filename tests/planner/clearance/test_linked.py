@@ -50,7 +50,7 @@ def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) 
         assert not (np.abs(seen) < half - 1e-9).all(axis=1).any()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("size", [0.9, *LONG_SIZES])
 def test_the_relief_takes_hardly_more_than_it_must(size: float) -> None:
     side = (np.arange(24) + 0.5) / 24.0 - 0.5

@@ -267,6 +267,7 @@ def test_the_plan_is_the_same_for_any_number_of_workers(
     assert not beside()
 
 
+@pytest.mark.long
 def test_a_fold_that_is_cancelled_leaves_no_process(tmp_path: FilePath) -> None:
     place = FOLDS["knotted"](tmp_path / "fold")
     begun: list[psutil.Process] = []

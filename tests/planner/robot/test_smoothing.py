@@ -22,7 +22,7 @@ from tests.planner.chains import coil, line, random_angles
 pytestmark = pytest.mark.slow
 
 Array = NDArray[np.float64]
-REAL = ("wrench-24", "mallet-64", pytest.param("wrench-94", marks=pytest.mark.long))
+REAL = ("wrench-24", *(pytest.param(s, marks=pytest.mark.long) for s in ("mallet-64", "wrench-94")))
 
 
 def recorded(folded: Callable[..., Any], shape: str) -> tuple[Chain, Array]:
@@ -77,6 +77,7 @@ def test_steps_are_even(folded: Callable[..., Any], smoothed: Callable[[str], Ar
     assert steps.max() <= 1.2 * SPACING_RAD[1]
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_motion_bit_for_bit(folded: Callable[..., Any]) -> None:
     chain, angles = recorded(folded, "wrench-24")
     first, again, other = (smooth(chain, angles, size=0.95, seed=seed) for seed in (5, 5, 6))

@@ -356,7 +356,9 @@ def brute_iou(mesh_boxes: list[tuple[tuple[float, ...], tuple[float, ...]]], v: 
     return float(both / (volume + len(cells) * v.pitch**3 - both))
 
 
-@pytest.mark.parametrize("cells", [20, 160, pytest.param(480, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "cells", [20, *(pytest.param(n, marks=pytest.mark.long) for n in (160, 480))]
+)
 def test_what_is_kept_of_a_thin_solid_is_true_and_what_is_lost_is_said(cells: int) -> None:
     voxels = voxels_of("table", cells)
     assert voxels.iou == pytest.approx(brute_iou(TABLE, voxels), abs=0.03)

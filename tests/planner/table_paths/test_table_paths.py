@@ -163,6 +163,7 @@ def test_a_chessboard_out_of_balance_is_told_of_all_cells_or_of_the_layer() -> N
     assert reason is not None and "layer 0: coloured like a chessboard" in reason.detail
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_path_goes_down_only_where_none_climbs_and_as_rarely_as_it_has_to() -> None:
     cells = shape("pawn")

@@ -90,6 +90,7 @@ def test_too_large_an_upload_is_refused_while_it_comes_in(desk: Service) -> None
     assert "0.191 MB that are accepted" in answer.json()["detail"]
 
 
+@pytest.mark.long
 def test_a_mesh_of_many_triangles_written_as_text_is_taken(service: Service) -> None:
     facet = (
         "  facet normal 0.000000e+00 0.000000e+00 -1.000000e+00\n    outer loop\n"

@@ -146,6 +146,7 @@ def test_unknown_folds_and_movies(service: Service, finished: dict[str, Any]) ->
     assert service.http.post("/api/folds/nosuchfold/movies", json={}).status_code == 404
 
 
+@pytest.mark.long
 def test_deleted_while_it_is_made_it_stops_within_a_second(
     service: Service, finished: dict[str, Any]
 ) -> None:
