@@ -115,7 +115,7 @@ def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
 
 @pytest.mark.long
 def test_a_time_limit_on_a_phone(visit: Visit, hasty: Service) -> None:
-    fold = hasty.fold(shape="wrench-160", preset="paper")["id"]
+    fold = hasty.fold(shape="wrench-94", preset="paper")["id"]
     state = hasty.wait_over(fold)
     assert state["error"]["code"] == "time-limit"
     frames = Timeline.open(hasty.directory(fold) / "timeline.zarr")
