@@ -78,6 +78,7 @@ def test_drag_a_letter_and_fold_it(visit: Visit, service: Service) -> None:
     called_off(page, service)
 
 
+@pytest.mark.long
 def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> None:
     page = visit("/shapes/new", width=1366, height=768, view=False)
     count, grid = page.locator("#count"), page.locator("#grid")

@@ -26,6 +26,7 @@ def colour_by(page: Page, name: str) -> np.ndarray:
     return picture(page)
 
 
+@pytest.mark.long
 def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
     page = visit("/", width=1000, height=620)
     choose(page, "box.npy", voxels(2, 2, 2))

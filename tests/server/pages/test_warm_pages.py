@@ -39,8 +39,9 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
         page, api = f"/folds/{row.id}", f"/api/folds/{row.id}"
         pages += [page, f"{page}/facts", f"{page}/drawing.svg", f"{page}/bundle", api]
         pages += [f"{page}/batch?from=0&to=50", f"{page}/figures", f"{api}/frames?to=5&poses=true"]
-        pages += [f"{api}/{name}" for name in ("plan.json", "plan.npz", "model.xml")]
-        pages += [f"{api}/exports", f"{page}/standalone.html"]
+        pages += [f"{api}/plan.json", f"{api}/plan.npz", f"{api}/exports"]
+        if row.modules < 100:  # what is made for the occasion takes seconds for the longest chain
+            pages += [f"{api}/model.xml", f"{page}/standalone.html"]
         assert "Made earlier with version" in client.get(page).text
     for page in pages:
         assert client.get(page).status_code == 200, page
