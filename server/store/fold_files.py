@@ -104,7 +104,9 @@ class Folders:
         with self._lock_of(copy.name):
             at, whole = self._looked.get(copy.name, (-LOOK_EVERY_S, False))
             now = time.monotonic()
-            if not ((whole or now - at < LOOK_EVERY_S) and (copy / INDEX).is_file()):
+            # A copy from before the end lacks files; of one that grows, a recent copy will do.
+            enough = whole if row.over else now - at < LOOK_EVERY_S
+            if not (enough and (copy / INDEX).is_file()):
                 self.storage.fetch(_key(row.id, row.kept), copy)
                 self._looked[copy.name] = (now, row.over)
             with suppress(OSError):

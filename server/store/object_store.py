@@ -12,7 +12,7 @@ import secrets
 import threading
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
@@ -145,7 +145,7 @@ class Storage:
             _write_whole(directory / HEAD, head)
         names = {file.name for file in listed}
         for name in [name for name in marks if name not in names]:
-            (directory / name).unlink(missing_ok=True)
+            _remove(directory / name, directory)
             del marks[name]
         write_whole(directory / INDEX, json.dumps(marks).encode())
         return True
@@ -325,6 +325,16 @@ def open_storage(settings: Settings) -> Storage | None:
             f"got FOLDBACK_STORAGE_URL={url!r}, expected something like s3://bucket/prefix: {error}"
         ) from error
     return Storage(store, url)  # pyright: ignore[reportArgumentType]
+
+
+def _remove(path: Path, root: Path) -> None:
+    """Remove a file, and directories below a root that are empty then: readers go by them, too."""
+    path.unlink(missing_ok=True)
+    with suppress(OSError):  # one that is not empty
+        for parent in path.parents:
+            if parent == root:
+                return
+            parent.rmdir()
 
 
 def _files(directory: Path) -> Iterator[tuple[str, tuple[int, int]]]:

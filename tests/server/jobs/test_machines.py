@@ -38,7 +38,7 @@ def check_whole(service: Service, fold_id: str) -> dict[str, Any]:
     state = service.wait_over(fold_id)
     assert state["status"] == "verified", state
     body = service.http.get(f"/api/folds/{fold_id}/frames?stride=10").json()
-    assert body["status"] == "complete"
+    assert body["status"] == "complete", body["detail"]
     assert service.http.get(f"/api/folds/{fold_id}/plan.npz").status_code == 200
     return state
 

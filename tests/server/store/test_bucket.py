@@ -28,6 +28,16 @@ def test_each_test_has_a_bucket_of_its_own(
     assert here.below("folds") == ["a"]
     assert here.fetch("folds/a/1", tmp_path / "copy")
     assert (tmp_path / "copy" / "one").read_bytes() == b"1"
+    # What is gone takes its directories along: a fold's attempts are looked for by theirs.
+    (tmp_path / "made" / "attempts" / "0").mkdir(parents=True)
+    (tmp_path / "made" / "attempts" / "0" / "two").write_bytes(b"2")
+    here.keep("folds/a/1", tmp_path / "made")
+    assert here.fetch("folds/a/1", tmp_path / "copy")
+    assert (tmp_path / "copy" / "attempts" / "0" / "two").exists()
+    (tmp_path / "made" / "attempts" / "0" / "two").unlink()
+    here.keep("folds/a/1", tmp_path / "made")
+    assert here.fetch("folds/a/1", tmp_path / "copy")
+    assert not (tmp_path / "copy" / "attempts").exists()
     assert there.below("folds") == []
     assert not there.fetch("folds/a/1", tmp_path / "other")
 
