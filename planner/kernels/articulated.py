@@ -37,7 +37,7 @@ EXACT = 1e-10
 """Share of the largest acceleration lacking up to which one counts as zero."""
 MOST_GRADIENTS = 400
 """Steps of projected gradients."""
-LEAST_SOFTNESS = 1e-15
+MIN_SOFTNESS = 1e-15
 """Least element of the diagonal R: without one A may be singular."""
 NEARLY = 1e-3
 """Share of the largest acceleration lacking, below which they end."""
@@ -824,7 +824,7 @@ def add_contacts(
         lack[k] = _lacking(
             k, contacts, depths[k], impedance, solref, solimp[1], positions, speeds, moved
         )
-        softness[k] = max(a[k, k] * (1.0 - impedance) / impedance, LEAST_SOFTNESS)
+        softness[k] = max(a[k, k] * (1.0 - impedance) / impedance, MIN_SOFTNESS)
     for k in range(m):
         a[k, k] += softness[k]
     forces = np.zeros(m)
@@ -882,7 +882,7 @@ def add_many_contacts(
         lack[k] = _lacking(
             k, contacts, depths[k], impedance, solref, solimp[1], positions, speeds, moved
         )
-        softness[1, k] = max(softness[0, k] * (1.0 - impedance) / impedance, LEAST_SOFTNESS)
+        softness[1, k] = max(softness[0, k] * (1.0 - impedance) / impedance, MIN_SOFTNESS)
     forces = np.zeros(m)
     response = Response(found, inverse, rigid_links, positions, top)
     _many_contacts(lack, softness, contacts, response, forces)

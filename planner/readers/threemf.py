@@ -31,7 +31,7 @@ RELATIONSHIPS: Final = "_rels/.rels"
 """Entry of the archive that names its main model."""
 MAIN_MODEL: Final = re.compile(rb"<[^<>]*/3dmodel[\"'][^<>]*>")
 TARGET: Final = re.compile(rb"\bTarget\s*=\s*[\"']/?([^\"'<>]*)")
-LARGEST_RELATIONSHIPS: Final = 1 << 16
+MAX_RELATIONSHIPS_BYTES: Final = 1 << 16
 """Bytes read of the relationships. Chosen: they take about 200 bytes each."""
 MATERIAL: Final = ("model", "surface")
 """Types of objects that are material."""
@@ -148,7 +148,7 @@ def _main_model(archive: zipfile.ZipFile) -> str:
     if RELATIONSHIPS not in archive.namelist():
         return ""
     with archive.open(RELATIONSHIPS) as stream:
-        text = stream.read(LARGEST_RELATIONSHIPS)
+        text = stream.read(MAX_RELATIONSHIPS_BYTES)
     found = MAIN_MODEL.search(text)
     target = TARGET.search(found[0]) if found else None
     return target[1].decode("utf-8", "replace").lower() if target else ""

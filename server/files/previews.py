@@ -63,7 +63,7 @@ SWEEP_BYTES: Final = 16 * 2**20
 of all previews if that is less. Chosen."""
 UNREAD_S: Final = 60.0
 """Seconds for which an upload without a report is not swept: it is being read. Chosen."""
-MOST_UNREAD: Final = 4
+MAX_UNREAD: Final = 4
 """Newest uploads of one visitor to which this applies: with more, a flood would stay. Chosen."""
 log = logging.getLogger("foldback.web")
 
@@ -348,7 +348,7 @@ class Previews:
             self._unread = {name: each for name, each in self._unread.items() if each[0] > now}
             for name, (_, visitor) in self._unread.items():  # in the order of their arrival
                 newest.setdefault(visitor, []).append(name)
-        return {name for names in newest.values() for name in names[-MOST_UNREAD:]}
+        return {name for names in newest.values() for name in names[-MAX_UNREAD:]}
 
 
 def _option_sets(directory: Path, *, of_strangers: bool) -> int:
