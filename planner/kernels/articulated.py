@@ -760,6 +760,30 @@ def _top(contacts: Contacts) -> int:
     return top
 
 
+@njit(**INNER)
+def _without_contacts(
+    contacts: Contacts,
+    found: Articulated,
+    hinges_out: Array,
+    rigid_links: int,
+    positions: Array,
+    velocities: Array,
+    spins: Array,
+) -> tuple[int, Array, Array, Array]:
+    """Return the last module that touches, the inverse of ``found.base``, and how modules move.
+
+    The latter are (n, 6) free accelerations up to that module, and (n, 6) velocities.
+    """
+    n = positions.shape[0]
+    inverse: Array = np.linalg.inv(found.base)  # pyright: ignore[reportAssignmentType]
+    top = _top(contacts)
+    moved = np.zeros((n, 6))
+    _moved_freely(found, hinges_out, rigid_links, positions, top, moved)
+    speeds = np.empty((n, 6))
+    _speeds_of(contacts, spins, velocities, speeds)
+    return top, inverse, moved, speeds
+
+
 @njit(**KERNEL)
 def add_contacts(
     contacts: Contacts,
@@ -799,12 +823,9 @@ def add_contacts(
     pairs, normals, points = contacts
     n, m = positions.shape[0], pairs.shape[0]
     rigid_links = joint.rigid_links
-    inverse: Array = np.linalg.inv(found.base)  # pyright: ignore[reportAssignmentType]
-    top = _top(contacts)
-    moved = np.zeros((n, 6))
-    _moved_freely(found, hinges_out, rigid_links, positions, top, moved)
-    speeds = np.empty((n, 6))
-    _speeds_of(contacts, spins, velocities, speeds)
+    top, inverse, moved, speeds = _without_contacts(
+        contacts, found, hinges_out, rigid_links, positions, velocities, spins
+    )
     answer = np.zeros((n, 6))
     nowhere = np.zeros(hinges_out.shape[0])
     wrenches = np.zeros((n, 6))
@@ -860,12 +881,9 @@ def add_many_contacts(
     pairs, normals, points = contacts
     n, m = positions.shape[0], pairs.shape[0]
     rigid_links = joint.rigid_links
-    inverse: Array = np.linalg.inv(found.base)  # pyright: ignore[reportAssignmentType]
-    top = _top(contacts)
-    moved = np.zeros((n, 6))
-    _moved_freely(found, hinges_out, rigid_links, positions, top, moved)
-    speeds = np.empty((n, 6))
-    _speeds_of(contacts, spins, velocities, speeds)
+    top, inverse, moved, speeds = _without_contacts(
+        contacts, found, hinges_out, rigid_links, positions, velocities, spins
+    )
     mobilities = np.empty((n, 6, 6))
     _mobilities(found, inverse, rigid_links, positions, mobilities)
     wrenches = np.zeros((n, 6))
