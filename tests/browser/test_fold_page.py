@@ -234,7 +234,8 @@ def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
     page.mouse.down()
     page.mouse.move(box["x"] + 280, box["y"] + box["height"] / 2 + 20, steps=4)
     page.mouse.up()
-    expect(page.locator("#follow")).to_have_attribute("aria-pressed", "false")
+    page.wait_for_url(re.compile("camera="))
+    expect(page.locator("#follow")).to_have_attribute("aria-pressed", "true")
 
 
 def test_two_visitors_don_t_share_a_playhead(visit: Visit, wrench: str) -> None:

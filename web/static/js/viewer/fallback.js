@@ -7,7 +7,7 @@ const MEASURED = 4; // pictures, of which the slowest does not count: it may hav
 const MANY = 300; // modules, which software never shows in time
 const REST_MS = 400;
 
-/** @typedef {[Snapshot, Uint8Array, Eye | null]} Picture */
+/** @typedef {[Snapshot, Uint8Array, Eye]} Picture */
 
 export class StandIn {
   /**
@@ -66,29 +66,27 @@ export class StandIn {
   /**
    * @param {Snapshot} shown
    * @param {Uint8Array} colours
-   * @param {Eye | null} view
-   * @param {boolean} follow
+   * @param {Eye} eye
    */
-  draw(shown, colours, view, follow) {
+  draw(shown, colours, eye) {
     const { stage, sketch } = this;
     if (!this.opened) {
-      this.given = [shown, colours, follow ? view : null];
+      this.given = [shown, colours, eye];
       // The view needs a picture to begin with; one that takes seconds for it gets no more of them.
-      if (!this.slow || !this.begun) { stage.draw(shown, colours, follow ? view : null); this.begun = stage.open; }
-      if (view) sketch.draw(shown, colours, view, stage.ground);
+      if (!this.slow || !this.begun) { stage.draw(shown, colours, eye); this.begun = stage.open; }
+      sketch.draw(shown, colours, eye, stage.ground);
       this.takeOver();
       return;
     }
-    const seen = follow ? view : stage.camera;
-    if (!this.slow || stage.through || !sketch.worker || !seen) {
-      stage.draw(shown, colours, follow ? view : null);
+    if (!this.slow || stage.through || !sketch.worker) {
+      stage.draw(shown, colours, eye);
       this.measure();
       if (this.latest) this.yield();
       return;
     }
-    this.latest = [shown, colours, follow ? view : null];
+    this.latest = [shown, colours, eye];
     stage.rest();
-    sketch.draw(shown, colours, seen, stage.ground);
+    sketch.draw(shown, colours, eye, stage.ground);
     this.canvas.classList.add("standing-in");
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.rest(), REST_MS);
