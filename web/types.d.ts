@@ -226,7 +226,7 @@ type Command =
   | ({ do: "set" } & Partial<Omit<Switches, "playing">>)
   | { do: "select"; module: number | null }
   | ({ do: "orbit" } & Orbit)
-  | { do: "camera"; camera: CameraAt | null }; // null as usual
+  | { do: "camera"; camera: CameraAt | null; gently?: boolean }; // null as usual
 interface State extends Switches {
   frame: number;
   frames: number;
@@ -499,6 +499,7 @@ interface Elements {
   "share-here": HTMLInputElement;
   "share-link": HTMLInputElement;
   sharing: HTMLDialogElement;
+  sides: HTMLSelectElement;
   sieve: HTMLFormElement;
   size: HTMLSelectElement;
   sketch: HTMLCanvasElement;

@@ -6,6 +6,7 @@ import { Timeline, Source } from "../player/timeline.js";
 import { showScale } from "../panels/legend.js";
 import { Place, viewOf } from "../player/address.js";
 import { pathButton } from "../viewer/fold_view.js";
+import { offerSides } from "../player/sides.js";
 import { Pair } from "../player/pair.js";
 import { Player } from "../player/player.js";
 import { StandIn } from "../viewer/fallback.js";
@@ -70,6 +71,7 @@ const sides = facts.map(({ id, running }, k) => {
   return { player, stage };
 });
 const pair = new Pair(sides.map(({ player }) => player));
+offerSides(pair);
 new Keys(pair, new Bar(pair));
 pair.on("begun", () => { if (!place.go() && !calm) pair.send({ do: "play" }); });
 const colours = get("colour-by");

@@ -194,20 +194,26 @@ export class CameraRig {
   /**
    * @param {CameraAt} camera
    * @param {Snapshot | null} shown
+   * @param {boolean} gently whether it glides there
    */
-  go(camera, shown) {
+  go(camera, shown, gently = false) {
     this.group = this.sight = null;
     this.choose({ ...camera, elevation: camera.elevation === null ? null : steep(camera.elevation), aside: null });
-    if (this.is.follow) { this.follower.view = null; return; }
+    const { view } = this.follower;
+    if (!gently) this.follower.view = null;
+    if (this.is.follow) return;
     this.pending = shown?.exact ? null : camera;
-    if (shown) this.place(camera, shown);
+    if (!shown) return;
+    this.follower.goal = this.placed(camera, shown);
+    this.follower.view = gently && view ? view : this.follower.goal;
   }
 
   /**
    * @param {CameraAt} camera
    * @param {Snapshot} shown
+   * @returns {View}
    */
-  place({ azimuth, elevation, zoom, aside }, shown) {
+  placed({ azimuth, elevation, zoom, aside }, shown) {
     this.fit();
     const usual = this.framed(shown);
     const from = { ...usual, azimuth: azimuth ?? usual.azimuth, elevation: steep(elevation ?? usual.elevation) };
@@ -215,7 +221,7 @@ export class CameraRig {
     const [right, up] = axesOf(from.azimuth, from.elevation);
     const [x, y] = aside ?? [0, 0];
     const target = /** @type {Vector} */ (base.target.map((v, k) => v + base.distance * (x * right[k] + y * up[k])));
-    this.follower.view = this.follower.goal = { ...from, target, distance: zoom * base.distance };
+    return { ...from, target, distance: zoom * base.distance };
   }
 
   // Where Follow has the camera.

@@ -161,7 +161,7 @@ export class Player extends Emitter {
     const { rig, shown, is } = this;
     if (message.do === "camera") {
       if (!message.camera) this.playhead.do({ do: "set", follow: true });
-      rig.go(message.camera ?? USUAL, shown);
+      rig.go(message.camera ?? USUAL, shown, message.gently);
     } else {
       if (message.move && is.follow) { this.playhead.do({ do: "set", follow: false }); rig.follow(false); }
       rig.orbit(message, shown);

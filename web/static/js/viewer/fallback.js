@@ -57,7 +57,7 @@ export class StandIn {
   open() {
     this.opened = true;
     this.onOpen();
-    if (!this.slow || !this.given || !this.sketch.worker) { this.canvas.classList.add("gone"); return; }
+    if (!this.slow || !this.given || !this.sketch.worker) { this.leave(); return; }
     this.latest = this.given;
     this.canvas.classList.add("standing-in");
     this.rest();
@@ -78,6 +78,7 @@ export class StandIn {
       this.takeOver();
       return;
     }
+    this.canvas.classList.remove("fading");
     if (!this.slow || stage.through || !sketch.worker) {
       stage.draw(shown, colours, eye);
       this.measure();
@@ -90,6 +91,12 @@ export class StandIn {
     this.canvas.classList.add("standing-in");
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.rest(), REST_MS);
+  }
+
+  // The drawing goes, in a fade where both show the same: of what moves it would leave a ghost.
+  leave() {
+    this.canvas.classList.toggle("fading", !this.busy());
+    this.canvas.classList.add("gone");
   }
 
   // Nothing has moved for a while: the view shows the same.
@@ -109,8 +116,8 @@ export class StandIn {
       if (this.latest !== latest) return;
       this.latest = null;
       this.stage.frame.classList.remove("behind");
-      this.canvas.classList.add("gone");
       this.canvas.classList.remove("standing-in");
+      this.leave();
     });
   }
 

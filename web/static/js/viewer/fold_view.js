@@ -5,6 +5,7 @@ import { Timeline } from "../player/timeline.js";
 import { Keys } from "../player/keys.js";
 import { Legend } from "../panels/legend.js";
 import { Place, viewOf } from "../player/address.js";
+import { offerSides } from "../player/sides.js";
 import { Player } from "../player/player.js";
 import { StandIn } from "./fallback.js";
 import { handOn } from "./hand.js";
@@ -57,6 +58,8 @@ export function pathButton(stages) {
 // `load` begins to load viser's client into the frame; the drawer is shown when a module is selected.
 /** @param {Viewed} viewed */
 export function view({ source, figures, load, over = true, details = null, play = !calm }) {
+  // What embeds ask for: the picture alone.
+  if (/[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
   const timeline = new Timeline(source, { over });
   const frame = get("view");
   const stage = new Stage(frame, {
@@ -84,6 +87,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   }, calm);
   through.changed = () => place.note();
   new ResizeObserver(() => player.show(true)).observe(frame);
+  offerSides(player);
   new Keys(player, bar, { alone: true, module: panel && (() => panel.begin()) });
 
   let started = false;
