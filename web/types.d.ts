@@ -500,6 +500,8 @@ interface Elements {
   "share-link": HTMLInputElement;
   sharing: HTMLDialogElement;
   sides: HTMLSelectElement;
+  "picture-clear": HTMLInputElement;
+  "picture-scale": HTMLSelectElement;
   sieve: HTMLFormElement;
   size: HTMLSelectElement;
   sketch: HTMLCanvasElement;

@@ -17,11 +17,13 @@ export class Pair extends Emitter {
     /** @type {number | null} */
     this.clock = null;
     this.due = false;
+    this.syncing = false;
     this.turning = false; // while a camera is passed on
     this.told = "";
     for (const player of players) {
       player.on("outline", () => this.begin());
       player.on("camera", () => this.turned(player));
+      player.on("state", () => this.sync()); // a frame was loaded
       player.on("module", (told) => this.tell("module", told));
     }
   }
@@ -131,8 +133,11 @@ export class Pair extends Emitter {
   }
 
   sync() {
+    if (this.syncing || !this.phases.length) return;
+    this.syncing = true;
     const frame = this.playhead.shown;
     for (const player of this.players) player.send({ do: "seek", frame: this.frameOf(player, frame) });
+    this.syncing = false;
     const at = this.phaseAt(frame);
     const errors = this.players.map(({ shown }) => (shown ? Array.from(shown.errors).reduce((most, e) => (e > most ? e : most), -1) : -1)).filter((e) => e >= 0);
     const state = {

@@ -89,7 +89,7 @@ export class Player extends Emitter {
     if (!this.colouring) return false;
     if (!this.timeline.chain) { this.unheard.push(asked); return true; }
     const message = this.sought(asked);
-    const { follow } = this.is;
+    const { follow, turn } = this.is;
     if (message.do === "orbit" || message.do === "camera") return this.look(message);
     if (message.do === "set" && "follow" in message) this.lookAt([]);
     if (message.do === "select") this.select(message.module);
@@ -97,7 +97,7 @@ export class Player extends Emitter {
     else if (message.do === "seek" || message.do === "step") this.chose = true;
     else if (message.do === "set" && message.live) this.chose = false;
     if (message.do === "set") {
-      if (this.is.follow !== follow) this.rig.follow(this.is.follow);
+      if (this.is.follow !== follow || (turn && !this.is.turn)) this.rig.follow(this.is.follow);
       this.aim();
     }
     this.show();
