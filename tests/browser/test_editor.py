@@ -27,6 +27,7 @@ def given(page: Page, name: str, data: bytes) -> None:
     expect(page.locator("#reading")).to_contain_text(f"{name}: ")
 
 
+@pytest.mark.long
 def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:
     page = visit("/shapes/new", width=1440, height=900, view=False)
     expect(page.locator("#empty")).to_be_visible()
@@ -203,6 +204,7 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
     assert plan["modules"] == len(own)
 
 
+@pytest.mark.long
 def test_a_path_drawn_with_a_finger_completed_and_cut(visit: Visit) -> None:
     page = visit("/shapes/new", width=390, height=844, view=False, has_touch=True)
     page.get_by_label("Letter E").click()

@@ -217,6 +217,7 @@ def test_a_knot(visit: Visit, service: Service) -> None:
     keep(page, "failure-knot-attempts")
 
 
+@pytest.mark.long
 def test_a_verified_fold_has_no_such_card(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.wait_for_function("() => window.foldback.timeline.complete")

@@ -81,6 +81,7 @@ def solid_spot(image: np.ndarray) -> tuple[int, int]:
     return int(xs[nearest]), int(ys[nearest])
 
 
+@pytest.mark.long
 def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
     page = visit("/", view=False)
     exploding = {"status": "running", "stage": "explode", "fraction": 0.4, "steps": 1200}
@@ -237,6 +238,7 @@ def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
     expect(page.locator("#follow")).to_have_attribute("aria-pressed", "false")
 
 
+@pytest.mark.long
 def test_two_visitors_don_t_share_a_playhead(visit: Visit, wrench: str) -> None:
     one, two = (visit(f"/folds/{wrench}", width=500, height=400, view=False) for _ in range(2))
     for page in (one, two):

@@ -160,6 +160,7 @@ def test_a_browser_is_forgotten_and_early_folds_are_carried_over(
     assert service.http.get(f"/folds/{early['id']}").status_code == 200
 
 
+@pytest.mark.long
 def test_a_key_that_got_about_is_replaced(visit: Visit, service: Service) -> None:
     leaked = new_token()
     fold = service.fold(SNAKE, seed="951", token=leaked)["id"]

@@ -17,6 +17,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 
 
+@pytest.mark.long
 def test_settings_are_offered_refused_at_their_field_and_shown(
     visit: Visit, service: Service
 ) -> None:

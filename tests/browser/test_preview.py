@@ -172,6 +172,7 @@ def test_a_3d_view_that_does_not_come_leaves_the_drawing_and_comes_later(
     assert abs(got - asked) <= 0.3 * asked
 
 
+@pytest.mark.long
 def test_the_most_modules_are_said_where_they_are_reached(
     visit: Visit, brick: dict[str, Any]
 ) -> None:
@@ -201,6 +202,7 @@ def test_no_path_is_explained_and_repaired_on_a_click(visit: Visit) -> None:
     expect(page.locator("#trouble")).to_be_visible()
 
 
+@pytest.mark.long
 def test_cells_apart_are_not_offered_what_does_not_help(visit: Visit) -> None:
     page = visit("/", width=1440, height=900, view=False)
     choose(page, "apart.json", voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]]))
@@ -212,6 +214,7 @@ def test_cells_apart_are_not_offered_what_does_not_help(visit: Visit) -> None:
     expect(page.locator("#notes li").first).to_have_text("Each voxel became 2×2×2 modules.")
 
 
+@pytest.mark.long
 def test_cells_in_no_order_are_shown_as_voxels(visit: Visit, service: Service) -> None:
     page = visit("/", width=960, height=640, view=False)
     choose(page, "cells.json", json.dumps(box(4, 3, 2)[::-2] + box(4, 3, 2)[::2]).encode())
@@ -227,9 +230,8 @@ def test_cells_in_no_order_are_shown_as_voxels(visit: Visit, service: Service) -
     called_off(page, service)
 
 
-@pytest.mark.parametrize(
-    ("width", "height"), [pytest.param(1440, 900, marks=pytest.mark.long), (390, 844)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
 def test_the_chain_starts_in_the_module_that_is_clicked(
     visit: Visit, service: Service, brick: dict[str, Any], width: int, height: int
 ) -> None:

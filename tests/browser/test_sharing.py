@@ -203,6 +203,7 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     expect(page.locator("#side-1")).to_contain_text("smoothed")
 
 
+@pytest.mark.long
 def test_everything_on_offer_can_be_downloaded(offered: Page, service: Service) -> None:
     links = offered.locator("#panel-downloads .downloads a")
     expect(links.first).to_be_visible()
@@ -215,6 +216,7 @@ def test_everything_on_offer_can_be_downloaded(offered: Page, service: Service) 
         assert len(answer.content) > 60, name
 
 
+@pytest.mark.long
 def test_motors_are_judged_and_a_movie_is_made(offered: Page, tmp_path: Path) -> None:
     page = offered
     robot = page.locator("form.options").nth(1)

@@ -78,6 +78,7 @@ def simulated(made: FilePath, tmp_path_factory: pytest.TempPathFactory) -> FileP
     return place
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_simulated_plan_of_windows_is_verified_with_its_robots(simulated: FilePath) -> None:
     plan = Plan.load(simulated / "plan.npz")

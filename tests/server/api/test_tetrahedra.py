@@ -15,6 +15,7 @@ RING = "- - - + - - - + - - -"
 U = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0]]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_typed_chain_folds_and_its_size_is_told(tmp_path: Path) -> None:
     out = str(tmp_path / "ring")

@@ -225,6 +225,7 @@ def test_a_cancelled_fold_is_computed_after_all(service: Service) -> None:
         admin_tasks.close()
 
 
+@pytest.mark.long
 def test_damaged_lists_folds_with_changed_files(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path)
     store = Store(settings)

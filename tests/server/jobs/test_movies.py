@@ -213,6 +213,7 @@ def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
     return CliRunner().invoke(application(), arguments, env=environment)
 
 
+@pytest.mark.long
 def test_the_command_films_a_directory(
     service: Service, finished: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -251,6 +252,7 @@ def test_without_opengl_it_says_what_to_install(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_movie_without_ffmpeg_says_how_to_get_it_and_gif_works(
     service: Service, finished: dict[str, Any], tmp_path: Path, without_ffmpeg: dict[str, str]
 ) -> None:
