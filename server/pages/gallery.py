@@ -24,7 +24,7 @@ from server.pages.cards import (
     kinds,
     standings,
 )
-from server.pages.page import page
+from server.pages.page import origin_of, page
 from server.pages.problem_page import not_found_page
 from server.pages.quantities import sentence
 
@@ -42,6 +42,7 @@ async def gallery_page(request: Request) -> Response:
     return page(
         "gallery.html",
         listed=True,
+        origin=origin_of(request),
         cards=shown,
         wanted=wanted,
         sieve=sieve,
