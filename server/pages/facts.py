@@ -267,7 +267,7 @@ def _verdict(
         parts = ["not verified", reason, modules]
         return {"tone": "bad", "text": " · ".join(p for p in parts if p)}
     if row.status == "cancelled":
-        return {"tone": "off", "text": "cancelled"}
+        return {"tone": "off", "text": "cancelled before it finished"}
     word = "in the queue" if row.status == "queued" else "computing"
     return {"tone": "busy", "text": " · ".join(p for p in (word, modules) if p)}
 
@@ -284,7 +284,7 @@ def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
         heading = "This plan is not verified" if judged else "This fold could not be computed"
         return {"heading": heading, "text": text}
     if row.status == "cancelled":
-        return {"heading": "This fold was cancelled", "text": "It was stopped before its end."}
+        return {"heading": "This fold was cancelled", "text": "It was stopped before it finished."}
     return None
 
 

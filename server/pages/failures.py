@@ -94,8 +94,8 @@ class _Overlap(TypedDict):
 
 
 def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
-    """Where a fold sticks that is over and not verified; None of others."""
-    if row.status not in ("failed", "cancelled"):
+    """Return where a failed fold stalled; None for others, those that were cancelled included."""
+    if row.status != "failed":
         return None
     frame: float | None = None
     evidence: EvidenceFigures | None = None
@@ -154,9 +154,8 @@ def exploding(summary: FoldSummary) -> int | None:
 
 def _stopped(row: ShownFold, words: str) -> str:
     """What ended a fold from outside, and where it was then."""
-    parts = ["it was cancelled"] if row.status == "cancelled" else []
-    if detail := (row.error or Fault()).get("detail"):
-        parts = [_plain(str(detail))]
+    detail = (row.error or Fault()).get("detail")
+    parts = [_plain(str(detail))] if detail else []
     if row.stage is None or row.stage in MOVING:
         parts.append(words)
     return ". ".join(sentence(part.rstrip(".")) for part in parts)
