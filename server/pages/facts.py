@@ -537,7 +537,8 @@ def _told(reason: str, summary: FoldSummary) -> str:
     def on_the_timeline(found: re.Match[str]) -> str:
         if explosion is None:
             return ""  # the percentage before it says where
-        return f" (frame {explosion + int(float(found[1])) + 1})"
+        # Rounded as the page rounds what it is at: halves up.
+        return f" (frame {explosion + int(float(found[1]) + 0.5) + 1})"
 
     return re.sub(
         r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)", on_the_timeline, reason
