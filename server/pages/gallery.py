@@ -63,5 +63,5 @@ def fold_shape(request: Request, name: str) -> Response:
     except ServiceError as error:
         problem = Problem.of(error)
         detail = sentence(problem.detail)
-        return not_found_page("This cannot be folded", detail, status_code=problem.status)
+        return not_found_page("This shape can't be folded", detail, status_code=problem.status)
     return RedirectResponse(accepted.links.page, status_code=303)

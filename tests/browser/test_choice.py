@@ -28,6 +28,6 @@ def test_all_plans_are_dots_and_rows(visit: Callable[..., Page], service: Servic
     axis = page.locator(".choice-axis")
     expect(axis).to_contain_text("Torque, mN·m, all folding in")
     page.get_by_role("button", name="Room").click()
-    expect(axis).to_have_text("Room, pitch")
+    expect(axis).to_have_text("Clearance, pitch")
     assert page.evaluate(FITS)
     keep(page, "choice")

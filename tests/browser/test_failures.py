@@ -110,7 +110,7 @@ def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
     page.locator("#follow").click()
     picture(page)
     assert page.evaluate(INSIDE, place["modules"])["distance"] > near
-    expect(page.locator("#again")).to_contain_text("Try the usual module size")
+    expect(page.locator("#again")).to_contain_text("Try the default module size")
 
 
 @pytest.mark.long
@@ -183,7 +183,7 @@ def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
     service.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
     assert service.wait_over(accepted["id"])["status"] == "cancelled"
     page = visit(f"/folds/{accepted['id']}", **LAPTOP)
-    expect(page.locator("#verdict")).to_have_text("cancelled before it finished")
+    expect(page.locator("#verdict")).to_have_text("Cancelled before it finished")
     expect(page.locator("#stuck")).to_be_hidden()
     assert page.locator("#jump option[value=stuck]").get_attribute("hidden") is not None
     expect(page.locator("#again")).to_contain_text("Fold again")
@@ -198,7 +198,7 @@ def test_a_knot(visit: Visit, service: Service) -> None:
     assert (state["status"], state["summary"]["stuck"]["kind"]) == ("failed", "knot")
     for options, name in ((LAPTOP, "failure-knot"), (PHONE, "failure-knot-phone")):
         page = opened(visit(f"/folds/{fold}", **options))
-        expect(page.locator("#stuck-heading")).to_have_text("Stuck: a knot")
+        expect(page.locator("#stuck-heading")).to_have_text("The chain is knotted")
         drawn = page.locator("#stuck-knot svg")
         assert drawn.get_attribute("aria-label") == "A knot with 3 crossings, determinant 3"
         assert drawn.locator("path").count() == 3

@@ -108,12 +108,12 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
     page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
     dropped(page, json.dumps({"format": "foldback-path/1", "cells": STAIRS, "name": "asked for"}))
     expect(page.locator("#verdict")).to_have_text(
-        "Preparing the solvers, once on this machine: 42 %"
+        "First start: preparing the solvers. This happens only once: 42 %"
     )
     keep(page, "fold-compiling")
     told.pop(0)
     expect(page.locator("#verdict")).to_have_text(
-        "Preparing the solvers, once on this machine: 61 % · about 25 s left "
+        "First start: preparing the solvers. This happens only once: 61 % · about 25 s left "
         "· then place 2 in the queue"
     )
     expect(page.get_by_role("progressbar", name="Preparing the solvers")).to_have_attribute(
@@ -137,7 +137,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     expect(page.locator("#verdict")).to_have_text(
         re.compile(
-            r"^verified \(simulated\): clearance at least 0\.\d+ .* least seen 0\.\d+ · 24 modules$"
+            r"^Verified \(simulated\): modules stay at least \d+\.\d % .* apart · 24 modules$"
         )
     )
     expect(page.locator("#name")).to_have_text("dropped wrench")
@@ -364,7 +364,7 @@ def test_a_bad_file_is_answered_on_the_spot(visit: Visit) -> None:
 
 def test_unknown_folds_are_told_in_words(visit: Visit) -> None:
     page = visit("/folds/nosuchfold")
-    expect(page.locator("h1")).to_have_text("There is no such fold")
+    expect(page.locator("h1")).to_have_text("Fold not found")
     keep(page, "not-found")
 
 

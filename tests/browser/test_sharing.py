@@ -84,7 +84,7 @@ def offered(service: Service, wrench: str) -> Iterator[Page]:
 def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_path: Path) -> None:
     offered.locator("#share").click()
     with offered.expect_download() as download:
-        offered.get_by_role("link", name="One page in one file").click()
+        offered.get_by_role("link", name="A single HTML file").click()
     offered.keyboard.press("Escape")
     path = tmp_path / download.value.suggested_filename
     download.value.save_as(path)

@@ -34,7 +34,7 @@ def test_a_typed_chain_folds_and_a_stray_character_is_pointed_at(
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     expect(page.locator("#verdict")).to_have_text(
         re.compile(
-            r"^verified \(simulated\): clearance at least 0\.\d+ .* least seen 0\.\d+ · 12 modules$"
+            r"^Verified \(simulated\): modules stay at least [\d.]+ % .* apart · 12 modules$"
         )
     )
     page.locator("#sketch.gone").wait_for(state="attached")
