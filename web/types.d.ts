@@ -169,7 +169,39 @@ interface Snapshot extends WindowPoses {
 
 interface View { target: Vector; azimuth: number; elevation: number; distance: number }
 interface Eye { position: Vector; target: Vector }
+// A camera relative to that from which Follow shows the chain: its direction, null for Follow's own; its
+// distance in that of Follow; and with Follow off how far beside the chain it looks, to the right and
+// up, in that distance as well.
+interface CameraAt { azimuth: number | null; elevation: number | null; zoom: number; aside: [right: number, up: number] | null }
+// What a hand does to the view: turns the camera, multiplies its distance, moves the picture by shares of
+// its height. Gently is in a glide.
+interface Orbit { turn?: [azimuth: number, elevation: number]; zoom?: number; move?: [x: number, y: number]; gently?: boolean }
+// A pointer event, or a wheel's, in pixels.
+interface Pointer { kind: string; id: number; x: number; y: number; by: number; button: number }
 interface Seeing { radius: number; aspect: number; field: number; home?: number }
+
+// What the address of a page says: see js/player/address.js. Frames and modules count from 0 here.
+
+interface AddressedView {
+  frame: number | null;
+  module: number | null;
+  from: number | null;
+  to: number | null;
+  loop: boolean;
+  camera: CameraAt | null;
+  colour: string | null;
+  path: boolean;
+  follow: boolean;
+  speed: number;
+  play: boolean | null;
+  named: boolean; // whether more than a moment is named, so that what is not is as usual
+}
+interface Addressed {
+  player: Playing;
+  view(): AddressedView | null;
+  colour(key: string): void;
+  path(on: boolean): void;
+}
 
 // What is told and asked on a page.
 
@@ -192,7 +224,9 @@ type Command =
   | { do: "pass"; seconds: number }
   | { do: "change"; way: 1 | -1 }
   | ({ do: "set" } & Partial<Omit<Switches, "playing">>)
-  | { do: "select"; module: number | null };
+  | { do: "select"; module: number | null }
+  | ({ do: "orbit" } & Orbit)
+  | { do: "camera"; camera: CameraAt | null; gently?: boolean }; // null as usual
 interface State extends Switches {
   frame: number;
   frames: number;
@@ -222,17 +256,19 @@ interface Playing {
   on(name: "waiting" | "begun", heard: () => void): void;
   on(name: "outline", heard: (outline: BarOutline) => void): void;
   on(name: "state", heard: (state: State) => void): void;
+  on(name: "colouring" | "camera", heard: () => void): void;
+  on(name: "module", heard: (told: ModuleTold) => void): void;
 }
 interface SceneHeard {
   open?: () => void;
   touch?: () => void;
+  pointer?: (pointer: Pointer) => void;
   pick?: (origin: Vector, direction: Vector) => void;
 }
 // What the frame of a 3D view says, or says nonsense instead: see bridge.js.
 interface ViewTold {
   is?: unknown;
-  position?: unknown;
-  target?: unknown;
+  pointer?: unknown;
   origin?: unknown;
   direction?: unknown;
   key?: unknown;
@@ -463,6 +499,9 @@ interface Elements {
   "share-here": HTMLInputElement;
   "share-link": HTMLInputElement;
   sharing: HTMLDialogElement;
+  sides: HTMLSelectElement;
+  "picture-clear": HTMLInputElement;
+  "picture-scale": HTMLSelectElement;
   sieve: HTMLFormElement;
   size: HTMLSelectElement;
   sketch: HTMLCanvasElement;

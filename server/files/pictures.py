@@ -5,15 +5,74 @@ Drawing needs compiled kernels, for which no page shall wait.
 
 from __future__ import annotations
 
+import json
 import shutil
+from collections import OrderedDict
+from collections.abc import Hashable, Mapping
 from pathlib import Path
-from typing import Final
+from threading import Lock
+from typing import Any, Final
+
+import numpy as np
 
 from server.processes.children import Pool
-from server.processes.scratch import CHAIN, PICTURE, Scratch
+from server.processes.scratch import CHAIN, MOMENT, PICTURE, Scratch
+from web.timeline.view import TimelineView
 
 MAX_PICTURE_BYTES: Final = 8 * 2**20
 """Larger files of a child are cut off; a picture of 1200×630 pixels takes 0.1 MB. Chosen."""
+MAX_RECENT: Final = 64
+"""Pictures of views in memory, of some 0.1 MB each; those beyond are drawn again. Chosen."""
+
+
+def moment_of(
+    caption: Mapping[str, str], view: str | None = None, timeline: TimelineView | None = None
+) -> dict[str, Any]:
+    """Return what a picture shows, as the process that draws it reads it.
+
+    Args:
+        caption: Fields of ``web.pictures.caption.Caption``.
+        view: Short form of ``web.pictures.picture_view.PictureView``.
+        timeline: The fold's frames; of the folded chain when None.
+
+    Raises:
+        TimelineError: If the timeline is damaged or is being replaced.
+    """
+    frame = None
+    if view is not None and timeline is not None and len(timeline):
+        index = min(max(int(view.partition(",")[0]) - 1, 0), len(timeline) - 1)
+        told = timeline.frames(index, index + 1)
+        errors = told.joint_error_rad[0]
+        frame = {
+            "angles_rad": told.joint_angles_rad[0].tolist(),
+            "position": told.root_position[0].tolist(),
+            "wxyz": told.root_wxyz[0].tolist(),
+            "errors_rad": [None if np.isnan(error) else float(error) for error in errors],
+            "scale_rad": timeline.error_scale_rad,
+        }
+    return {"caption": dict(caption), "view": view, "frame": frame}
+
+
+class RecentPictures:
+    """The latest pictures of views, each under its key. Safe to use from many threads."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._pictures: OrderedDict[Hashable, bytes] = OrderedDict()
+
+    def get(self, key: Hashable) -> bytes | None:
+        """Return the picture of a key, if it is still here."""
+        with self._lock:
+            if key in self._pictures:
+                self._pictures.move_to_end(key)
+            return self._pictures.get(key)
+
+    def put(self, key: Hashable, picture: bytes) -> None:
+        """Store a picture in place of the one that was used longest ago."""
+        with self._lock:
+            self._pictures[key] = picture
+            while len(self._pictures) > MAX_RECENT:
+                self._pictures.popitem(last=False)
 
 
 class Pictures:
@@ -27,13 +86,18 @@ class Pictures:
     def __init__(self, pool: Pool, scratch: Scratch) -> None:
         self._pool = pool
         self._scratch = scratch
+        self.recent = RecentPictures()
 
     def close(self) -> None:
         """End the children."""
         self._pool.close()
 
-    def drawn(self, chain: Path) -> bytes:
+    def drawn(self, chain: Path, moment: Mapping[str, Any]) -> bytes:
         """Return the picture of the chain in a file, as PNG.
+
+        Args:
+            chain: The file.
+            moment: As of ``moment_of``.
 
         Raises:
             OSError: When the file cannot be read, or the disk is full.
@@ -42,6 +106,7 @@ class Pictures:
         """
         with self._scratch.directory() as place:
             shutil.copyfile(chain, place / CHAIN)
+            (place / MOMENT).write_text(json.dumps(moment), encoding="utf-8")
             self._pool.call("picture", place)
             with open(place / PICTURE, "rb") as picture:
                 return picture.read(MAX_PICTURE_BYTES)

@@ -25,6 +25,7 @@ from server.pages.problem_page import not_found_page
 from server.store.shown import RUNNING, Found
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
+from web.pictures.picture_view import PictureView
 
 router = APIRouter(include_in_schema=False)
 
@@ -57,7 +58,14 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         drawing=drawing_in(found.directory) if drawable else "",
         details=True,
         origin=origin_of(request),
+        view=_asked_view(request),
     )
+
+
+def _asked_view(request: Request) -> str:
+    """Return the query of the picture of the view that a link asks for; empty without one."""
+    asked = request.query_params.get("view", "")
+    return f"?view={asked}" if PictureView.from_short(asked) else ""
 
 
 @router.get("/folds/{fold_id}/facts")

@@ -4,30 +4,41 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
+import json
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
-from planner.errors import InputError
+from planner.errors import DamagedError, InputError, TimelineError
 from planner.files import write_whole
-from planner.pipeline.attempt_folders import CHAIN, result
+from planner.pipeline.attempt_folders import CHAIN, TIMELINE, result
 from planner.verification.integrity import check
 from server.api.context import Context, context_of
 from server.api.finding import find_fold
 from server.errors import read_only
 from server.files.artifacts import newer
+from server.files.pictures import moment_of
 from server.http.client_address import address_of
 from server.http.security import LISTED
 from server.pages.fold import drawing_in
 from server.processes.children import ChildError
 from server.store.fold_files import EXPORTS_DIR
-from server.store.shown import RUNNING
+from server.store.shown import RUNNING, Found
+from web.pictures.picture_view import MAX_LENGTH, SHORT
 
 router = APIRouter(include_in_schema=False)
 
-NAME: Final = "picture.png"
+FILES: Final = "card"
+"""First word of the files with a fold's picture."""
+VERDICTS: Final = {
+    "verified": ("Verified", "good"),
+    "failed": ("Not verified", "bad"),
+    "cancelled": ("Cancelled", "off"),
+}
+"""Words and tone of a picture by the status of its fold."""
 DAY_S: Final = 86400
 MINUTE_S: Final = 60
 
@@ -58,12 +69,21 @@ async def drawing_of_fold(request: Request, fold_id: str) -> Response:
 
 
 @router.get("/folds/{fold_id}/picture.png")
-async def picture_of_fold(request: Request, fold_id: str) -> Response:
-    """The folded shape, 1200×630; drawn once when the fold is over."""
+async def picture_of_fold(
+    request: Request,
+    fold_id: str,
+    view: Annotated[str | None, Query(pattern=SHORT, max_length=MAX_LENGTH)] = None,
+) -> Response:
+    """The folded shape, 1200×630; drawn once when the fold is over. With ``view``, that view."""
     found = await find_fold(request, fold_id)
     if found is None:
         return _no_picture()
-    path, over = found.directory / EXPORTS_DIR / NAME, found.row.status not in RUNNING
+    if view is not None:
+        return await _picture_of_view(request, found, view)
+    path, over = (
+        found.directory / EXPORTS_DIR / file_of(found.row.title, found.row.status),
+        found.row.status not in RUNNING,
+    )
     data = None
     if over:
         await asyncio.to_thread(check, found.directory, CHAIN)
@@ -73,7 +93,7 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
         context = context_of(request)
         data = await context.artifacts.get_or_make(
             (path, over),
-            lambda: _picture_of(context, fold_id, path, keep=over),
+            lambda: _picture_of(context, found, path, keep=over),
             visitor=address_of(request),
         )
     if data is None:
@@ -81,6 +101,55 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     # While it computes, another of the candidates may take the place of this one.
     max_age_s = DAY_S if over else MINUTE_S
     return picture_answer(data, max_age_s, listed=found.row.public, private=not found.row.public)
+
+
+async def _picture_of_view(request: Request, found: Found, view: str) -> Response:
+    """Return the picture of a moment, seen as a link says; kept in memory for a while."""
+    context, row = context_of(request), found.row
+    over = row.status not in RUNNING
+    chain, timeline_path = result(found.directory, CHAIN), result(found.directory, TIMELINE)
+    if over:
+        await asyncio.to_thread(check, found.directory, CHAIN, TIMELINE)
+    recent = context.pictures.recent
+    key = (row.id, row.title, row.status, view)
+
+    def drawn() -> bytes | None:
+        known = recent.get(key) if over else None  # drawn while this one waited
+        if known is not None:
+            return known
+        timeline = context.timelines.get(timeline_path)
+        try:
+            made = context.pictures.drawn(
+                chain, moment_of(caption_of(row.title, row.status), view, timeline)
+            )
+        except DamagedError:
+            raise
+        except (InputError, ChildError, OSError, TimelineError):
+            return None
+        if over:
+            recent.put(key, made)
+        return made
+
+    data = recent.get(key) if over else None
+    if data is None:
+        data = await context.artifacts.get_or_make(key, drawn, visitor=address_of(request))
+    if data is None:
+        return _no_picture()
+    return picture_answer(
+        data, DAY_S if over else MINUTE_S, listed=row.public, private=not row.public
+    )
+
+
+def caption_of(title: str, status: str) -> dict[str, str]:
+    """Return what a picture says of a fold: its name, and in a few words how it ended."""
+    verdict, tone = VERDICTS.get(status, ("Computing", "busy"))
+    return {"name": title, "verdict": verdict, "tone": tone}
+
+
+def file_of(title: str, status: str) -> str:
+    """Return the file of a fold's picture; another one once it has another name or verdict."""
+    digest = hashlib.sha256(json.dumps(caption_of(title, status)).encode()).hexdigest()[:8]
+    return f"{FILES}-{digest}.png"
 
 
 def picture_answer(
@@ -115,20 +184,26 @@ def _stored_picture(path: Path) -> bytes | None:
         return None
 
 
-def _picture_of(context: Context, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
+def _picture_of(context: Context, found: Found, path: Path, *, keep: bool) -> bytes | None:
     """Return the picture of the chain in a fold's directory; None where it cannot be drawn."""
     store = context.store
     try:
-        data = context.pictures.drawn(result(path.parent.parent, CHAIN))
+        chain = result(path.parent.parent, CHAIN)
+        data = context.pictures.drawn(
+            chain, moment_of(caption_of(found.row.title, found.row.status))
+        )
     except (InputError, ChildError, OSError) as error:
         if context.settings.read_only:
             raise read_only() from error
         return None
     if keep:
         with contextlib.suppress(OSError):  # a full disk takes no picture from anybody
-            before = path.stat().st_size if path.exists() else 0
+            before = 0
+            for other in path.parent.glob(f"{FILES}-*.png"):
+                before += other.stat().st_size
+                other.unlink()
             path.parent.mkdir(exist_ok=True)
             write_whole(path, data)
             if store.folders.storage is None:
-                store.add_derived(fold_id, len(data) - before)
+                store.add_derived(found.row.id, len(data) - before)
     return data

@@ -6,12 +6,16 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
 from planner.motion.timeline import chain_from_attributes
-from server.processes.scratch import CHAIN, PICTURE
-from web.pictures.social_picture import social_picture
+from server.processes.scratch import CHAIN, MOMENT, PICTURE
+from web.pictures.caption import Caption
+from web.pictures.picture_view import PictureView
+from web.pictures.social_picture import FOLDED, Moment, social_picture
 
 
 def warm_up() -> None:
@@ -29,5 +33,26 @@ def draw(directory: Path) -> dict[str, Any]:
         chain = chain_from_attributes(json.loads((directory / CHAIN).read_bytes()))
     except (ValueError, KeyError, TypeError) as error:
         raise InputError("not-a-chain", f"{CHAIN}: got {error!r}, expected a chain.") from error
-    (directory / PICTURE).write_bytes(social_picture(chain))
+    (directory / PICTURE).write_bytes(_picture(chain, directory / MOMENT))
     return {}
+
+
+def _picture(chain: Chain, path: Path) -> bytes:
+    """Return the picture of a chain, as ``server.files.pictures.moment_of`` says."""
+    if not path.exists():
+        return social_picture(chain)
+    asked = json.loads(path.read_bytes())
+    frame = asked["frame"]
+    moment = None
+    if frame is not None:
+        errors = np.array(frame["errors_rad"], dtype=np.float64)  # None becomes NaN
+        poses = chain.poses(
+            np.array(frame["angles_rad"]), np.array(frame["position"]), np.array(frame["wxyz"])
+        )
+        moment = Moment(poses=poses, errors_rad=errors, error_scale_rad=frame["scale_rad"])
+    return social_picture(
+        chain,
+        caption=Caption(**asked["caption"]),
+        view=PictureView.from_short(asked["view"] or "") or FOLDED,
+        moment=moment,
+    )

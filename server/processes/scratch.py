@@ -17,6 +17,8 @@ MOTORS: Final = "motors"
 """File of its table of motors."""
 CHAIN: Final = "chain.json"
 """File of the chain whose picture is drawn in such a directory."""
+MOMENT: Final = "moment.json"
+"""File that says what is written into the picture, from where it is seen, and at which frame."""
 PICTURE: Final = "picture.png"
 """File of that picture."""
 

@@ -33,7 +33,7 @@ COMPUTE = """(count) => {
     player.aim();
     const colours = player.colours();
     player.stage.modules(player.shown, colours);
-    player.sketch.numbers(player.shown, colours, player.view, null);
+    player.sketch.numbers(player.shown, colours, player.rig.eye, null);
   }
   return (1000 * count) / (performance.now() - begun);
 }"""

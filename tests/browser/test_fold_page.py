@@ -235,7 +235,8 @@ def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
     page.mouse.down()
     page.mouse.move(box["x"] + 280, box["y"] + box["height"] / 2 + 20, steps=4)
     page.mouse.up()
-    expect(page.locator("#follow")).to_have_attribute("aria-pressed", "false")
+    page.wait_for_url(re.compile("camera="))
+    expect(page.locator("#follow")).to_have_attribute("aria-pressed", "true")
 
 
 @pytest.mark.long
@@ -254,7 +255,7 @@ def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, wrench: str) -> No
     page.wait_for_url("**/folds/*#frame=31")
     page.reload()
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
-    other = visit(f"/folds/{wrench}#frame=12&module=3", view=False, reduced_motion="no-preference")
+    other = visit(f"/folds/{wrench}#frame=12&module=4", view=False, reduced_motion="no-preference")
     expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
     expect(other.locator("#panel-module h2")).to_contain_text("Module 3")
 

@@ -29,7 +29,7 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 7 })")
     page.locator("#share").click()
     shown = page.locator("#share-link")
-    expect(shown).to_have_value(re.compile(rf"/folds/{wrench}#frame=31&module=7$"))
+    expect(shown).to_have_value(re.compile(rf"/folds/{wrench}#frame=31&module=8$"))
     link = shown.input_value()
     keep(page, "share")
     page.keyboard.press("Escape")
@@ -37,7 +37,7 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
     expect(page.locator("#range-to")).to_have_attribute("aria-valuenow", "20")
     assert page.evaluate("() => window.foldback.player.selected") is None
-    page.evaluate("() => { location.hash = '#frame=31&module=7'; }")
+    page.evaluate("() => { location.hash = '#frame=31&module=8'; }")
     expect(page.locator("#panel-module h2")).to_contain_text("Module 7")
     expect(page.locator("#range-part.whole")).to_be_attached()
     page.locator("#share").click()

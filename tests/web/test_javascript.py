@@ -28,6 +28,7 @@ from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path as CellPath
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError
+from planner.motion.timeline import chain_from_attributes
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
@@ -55,6 +56,10 @@ LONG_CHAINS = {
         TETRAHEDRON, np.deg2rad(np.resize([90.0, -90.0, 0.0, 40.0], 300)), name="long"
     ),
 }
+FILMS = (
+    *("wrench-24", "tetra-ring", "direct-mallet-24", "direct-mallet-64", "letter-l"),
+    *("tetra-cube-2", "box-4x4x4", "wrench-80", "mallet-24", "tetra-bar"),
+)
 FILES = sorted((Path(__file__).parent / "js").glob("*.test.js"))
 Vectors = Mapping[str, Any]
 
@@ -241,6 +246,23 @@ def camera() -> list[Vectors]:
     return found
 
 
+def films() -> list[Vectors]:
+    """Stored recordings, each with its scene bundle."""
+    kept = STATIC.parent / "paper"
+    return [
+        {
+            "name": name,
+            "bundle": text(
+                bundle_of(
+                    chain_from_attributes(json.loads((kept / name / "chain.json").read_bytes()))
+                )
+            ),
+            "batch": text((kept / name / "batch").read_bytes()),
+        }
+        for name in FILMS
+    ]
+
+
 def columns() -> Vectors:
     rng = np.random.default_rng(6)
     angles = np.cumsum(rng.normal(0, 0.02, (50, 7)), axis=0)
@@ -323,6 +345,7 @@ def cases(
                 "windows": windows(),
                 "touching": touching(),
                 "camera": camera(),
+                "films": films(),
                 "paths": paths(),
                 "columns": columns(),
                 "colours": colours(),

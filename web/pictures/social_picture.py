@@ -6,6 +6,7 @@ It is drawn without OpenGL, so that every link has one on every machine, and qui
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,11 +14,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from planner.chain.chain import Chain
-from web.pictures.camera import framing
+from planner.chain.kinematics import Poses
 from web.pictures.camera_path import GROUND_GAP
-from web.pictures.colours import NEUTRAL
+from web.pictures.caption import Caption, write_caption
+from web.pictures.colours import NEUTRAL, error_colours, module_errors
 from web.pictures.ground_shadow import ground_shadow
 from web.pictures.lighting import LEAN, THEMES, Theme, key_light, shade_colours
+from web.pictures.picture_view import PictureView
 from web.pictures.rasteriser import draw_triangles
 from web.pictures.still import Camera, module_triangles
 
@@ -27,24 +30,70 @@ SIZE: Final = (1200, 630)
 """Width and height in pixels, as Open Graph recommends."""
 TIMES: Final = 2
 MARGIN: Final = (0.82, 0.8)
+CAPTIONED_MARGIN: Final = (0.82, 0.6)
+"""Shares of the width and height to fill beside a caption."""
+FOLDED: Final = PictureView(frame=0)
 
 
-def social_picture(chain: Chain) -> bytes:
-    """A folded chain as a PNG file of ``SIZE`` pixels."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Moment:
+    """A chain at one moment of its fold.
+
+    Attributes:
+        poses: Poses of its modules.
+        errors_rad: (J,) joint errors; NaN where none is recorded.
+        error_scale_rad: Error at which a module is fully red.
+    """
+
+    poses: Poses
+    errors_rad: Array
+    error_scale_rad: float
+
+
+def social_picture(
+    chain: Chain,
+    *,
+    caption: Caption | None = None,
+    view: PictureView = FOLDED,
+    moment: Moment | None = None,
+) -> bytes:
+    """Return a chain as a PNG file of ``SIZE`` pixels.
+
+    Args:
+        chain: The chain.
+        caption: What is written into it.
+        view: The camera.
+        moment: The moment that is shown; the folded chain when None.
+    """
     theme = THEMES["light"]
-    poses = chain.folded_poses
+    module = chain.module
+    poses = chain.folded_poses if moment is None else moment.poses
     width, height = (TIMES * side for side in SIZE)
-    view = framing(
-        poses.positions, radius=chain.module.radius, aspect=width / height, margin=MARGIN
+    seen = view.camera(
+        poses.positions,
+        radius=module.radius,
+        aspect=width / height,
+        margin=MARGIN if caption is None else CAPTIONED_MARGIN,
     )
-    camera = Camera(view, width, height)
+    camera = Camera(seen, width, height)
     picture = np.array(_ground(poses.positions, camera, theme))
     colours = np.tile(np.array(NEUTRAL, np.uint8), (len(chain), 1))
+    if moment is not None:
+        errors = module_errors(
+            moment.errors_rad,
+            len(chain),
+            hinges=module.hinges_per_joint,
+            rigid_links=module.rigid_links,
+        )
+        if np.isfinite(errors).any():
+            colours = error_colours(errors, moment.error_scale_rad)
     draw_triangles(
         picture,
         *module_triangles(chain.module, poses.positions, poses.rotations, colours, camera, theme),
     )
     small = Image.fromarray(picture).resize(SIZE, Image.Resampling.BOX)
+    if caption is not None:
+        write_caption(small, caption)
     file = io.BytesIO()
     small.save(file, "PNG", optimize=True)
     return file.getvalue()

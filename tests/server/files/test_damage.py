@@ -23,6 +23,7 @@ from planner.plan.packed import unpack
 from planner.verification.integrity import check
 from server.api.finished import FOLDER
 from server.app import ROUTERS
+from server.pages.pictures import file_of
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service
 
@@ -246,7 +247,9 @@ def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceHe
         database.execute("UPDATE folds SET public = 0 WHERE id = ?", (fold_id,))
     database.close()
     (shipped.directory(fold_id) / "exports").mkdir(exist_ok=True)
-    (shipped.directory(fold_id) / "exports" / "picture.png").write_bytes(b"stored")
+    state = shipped.http.get(f"/api/folds/{fold_id}").json()
+    picture = file_of(state["title"], state["status"])
+    (shipped.directory(fold_id) / "exports" / picture).write_bytes(b"stored")
     routes = {
         route.path
         for module in ROUTERS

@@ -16,6 +16,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from server.files.artifacts import Artifacts
+from server.files.pictures import MAX_RECENT, RecentPictures
 from server.pages import pictures
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store, new_token
@@ -25,9 +26,15 @@ from tests.server.store.test_rows import row
 class Drawn(list[str]):
     """Names of the chains of which pictures were drawn, each a quick one."""
 
-    def drawn(self, path: Path) -> bytes:
+    def __init__(self) -> None:
+        super().__init__()
+        self.recent = RecentPictures()
+        self.moments: list[dict[str, object]] = []
+
+    def drawn(self, path: Path, moment: dict[str, object]) -> bytes:
         chain = chain_from_attributes(json.loads(path.read_bytes()))
         self.append(chain.name)
+        self.moments.append(moment)
         return f"a picture of {chain.name}".encode()
 
 
@@ -51,7 +58,9 @@ def take(directory: Path, name: str) -> None:
     (directory / "chain.json").write_text(json.dumps(chain_attributes(chain)))
 
 
-def asked(store: Store, directory: Path, drawn: Drawn, times: int = 1) -> list[httpx.Response]:
+def asked(
+    store: Store, directory: Path, drawn: Drawn, times: int = 1, query: str = ""
+) -> list[httpx.Response]:
     """What as many visitors are answered who ask at the same time."""
 
     async def ask() -> list[httpx.Response]:
@@ -60,12 +69,13 @@ def asked(store: Store, directory: Path, drawn: Drawn, times: int = 1) -> list[h
             store=store,
             artifacts=Artifacts(store),
             pictures=drawn,
+            timelines=SimpleNamespace(get=lambda path: None),
             settings=SimpleNamespace(read_only=False),
         )
         app.include_router(pictures.router)
         transport = httpx.ASGITransport(app)
         async with httpx.AsyncClient(transport=transport, base_url="http://here") as http:
-            address = f"/folds/{directory.name}/picture.png"
+            address = f"/folds/{directory.name}/picture.png{query}"
             return await asyncio.gather(*(http.get(address) for _ in range(times)))
 
     return asyncio.run(ask())
@@ -78,6 +88,36 @@ def test_a_crowd_gets_one_picture(store: Store, drawn: Drawn) -> None:
     assert {answer.headers["Cache-Control"] for answer in answers} == {"private, no-cache"}
     asked(store, directory, drawn)
     assert drawn == ["first"]
+
+
+def test_picture_of_a_view_is_drawn_once_and_not_stored(store: Store, drawn: Drawn) -> None:
+    directory = fold_in(store, "failed")
+    query = "?view=12,-62,24,1.2"
+    answers = asked(store, directory, drawn, 20, query)
+    answers += asked(store, directory, drawn, 1, query)
+    assert {answer.content for answer in answers} == {b"a picture of first"}
+    assert drawn == ["first"]
+    assert drawn.moments[0]["view"] == "12,-62,24,1.2"
+    caption = {"name": "snake", "verdict": "Not verified", "tone": "bad"}
+    assert drawn.moments[0]["caption"] == caption
+    assert os.listdir(directory) == ["chain.json"]
+
+
+def test_picture_of_a_nonsense_view_is_refused(store: Store, drawn: Drawn) -> None:
+    directory = fold_in(store, "verified")
+    for view in ("1", "1,2,3,x", "1,,,1,2", "9" * 70, "..%2F,,,1"):
+        (answer,) = asked(store, directory, drawn, query=f"?view={view}")
+        assert answer.status_code == 422, view
+    assert drawn == []
+
+
+def test_recent_pictures_beyond_the_limit_are_dropped() -> None:
+    recent = RecentPictures()
+    for key in range(MAX_RECENT + 1):
+        recent.put(key, b"a picture")
+        recent.get(0)
+    assert recent.get(0) is not None
+    assert recent.get(1) is None
 
 
 def test_while_a_fold_computes_its_picture_is_not_kept(store: Store, drawn: Drawn) -> None:
@@ -94,7 +134,7 @@ def test_a_picture_of_an_earlier_chain_is_drawn_anew(store: Store, drawn: Drawn)
     directory = fold_in(store, "verified")
     asked(store, directory, drawn)
     take(directory, "second")
-    later = (directory / EXPORTS_DIR / "picture.png").stat().st_mtime + 1.0
+    later = next((directory / EXPORTS_DIR).glob("card-*.png")).stat().st_mtime + 1.0
     os.utime(directory / "chain.json", (later, later))
     (answer,) = asked(store, directory, drawn)
     assert answer.content == b"a picture of second"

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Follower, anglesOf, blended, distanceNeeded, framing, outward, positionOf } from "../../../web/static/js/viewer/camera.js";
+import { Follower, blended, distanceNeeded, framing, outward, positionOf } from "../../../web/static/js/viewer/camera.js";
 import { clearestSight } from "../../../web/static/js/viewer/viewpoint.js";
 import { close, unpack, vectors } from "./vectors.js";
 
@@ -36,11 +36,6 @@ test("between two views nothing is cut off", () => {
   close(mixed.target, from.target.map((v, k) => (v + to.target[k]) / 2));
   const aside = Math.hypot(...mixed.target.map((v, k) => v - from.target[k]));
   assert.ok(mixed.distance >= from.distance + aside);
-});
-
-test("angles of a position lead back to it", () => {
-  const view = framing(SOME, SEEING);
-  close(anglesOf(positionOf(view), view.target), [view.azimuth, 0.4]);
 });
 
 test("modules are looked at from a side that nothing stands before", () => {

@@ -1,25 +1,12 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { placeIn } from "../../../web/static/js/player/address.js";
 import { Playhead } from "../../../web/static/js/player/playhead.js";
-
-const NOWHERE = { frame: null, module: null, from: null, to: null };
 
 function head(last = 239, growing = false) {
   const playhead = new Playhead({ last, growing });
   const set = (told) => { playhead.do({ do: "set", ...told }); return [playhead.is.from, playhead.is.to, playhead.is.loop]; };
   return { playhead, set };
 }
-
-test("an address names a frame, from 1 as on the page, a module, and the frames to loop over", () => {
-  assert.deepEqual(placeIn("#frame=12&module=3"), { ...NOWHERE, frame: 11, module: 3 });
-  assert.deepEqual(placeIn("#frame=0"), { ...NOWHERE, frame: 0 });
-  assert.deepEqual(placeIn("#from=8&to=20"), { ...NOWHERE, from: 7, to: 19 });
-  assert.deepEqual(placeIn("#to=20"), { ...NOWHERE, to: 19 });
-  for (const hash of ["", "#frame=-1&module=x", "#frame=1e9", "#module=12345678901", "#from=20&to=20", "#from=9&to=8", "#from=NaN&to=-4", "#from=1.5"]) {
-    assert.deepEqual(placeIn(hash), NOWHERE, hash);
-  }
-});
 
 test("the ends of a loop lie in the timeline, and one that would cross the other takes its place", () => {
   const { set } = head();

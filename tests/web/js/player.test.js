@@ -89,16 +89,16 @@ test("who wants little to move sees no glide to a frame that is sought, but one 
   for (const calm of [false, true]) {
     const { player, timeline } = await shown({ calm });
     draw(60);
-    const { distance } = player.follower.view;
+    const { distance } = player.rig.follower.view;
     player.send({ do: "seek", frame: Math.round(timeline.last / 2) });
     draw(1);
-    const goal = player.follower.goal;
+    const goal = player.rig.follower.goal;
     assert.notEqual(goal.distance, distance);
-    assert.equal(player.follower.view === goal, calm);
+    assert.equal(player.rig.follower.view === goal, calm);
     player.send({ do: "seek", frame: 0 });
     player.send({ do: "play" });
     draw(2);
-    assert.notEqual(player.follower.view, player.follower.goal);
+    assert.notEqual(player.rig.follower.view, player.rig.follower.goal);
   }
 });
 
@@ -180,10 +180,10 @@ test("it plays to the end, with the whole chain in view", async () => {
   player.send({ do: "play" });
   for (let k = 0; k < 900 && player.is.playing; k++) {
     draw(1);
-    const { position, target } = player.view;
+    const { position, target } = player.rig.eye;
     assert.ok(position.every(Number.isFinite) && target.every(Number.isFinite));
-    const { view } = player.follower;
-    assert.ok(view.distance >= (1 - 1e-9) * distanceNeeded(player.points(player.shown), view, player.seeing));
+    const { view } = player.rig.follower;
+    assert.ok(view.distance >= (1 - 1e-9) * distanceNeeded(player.rig.points(player.shown), view, player.rig.seeing));
   }
   assert.deepEqual([player.is.playing, player.playhead.frame, heard.state.playing], [false, timeline.last, false]);
   draw(200);
@@ -196,16 +196,16 @@ test("the camera goes to modules that are to be looked at, and back", async () =
   const { player } = await shown();
   player.send({ do: "seek", frame: 120 });
   draw(200);
-  const whole = player.follower.view;
+  const whole = player.rig.follower.view;
   player.lookAt([3, 4], clearestSight);
   draw(200);
-  const seen = player.follower.view;
-  const middle = [0, 1, 2].map((c) => ((player.shown.positions[9 + c] + player.shown.positions[12 + c]) / 2) * player.pitch);
-  close(seen.target, middle, { atol: 0.5 * player.pitch });
+  const seen = player.rig.follower.view;
+  const middle = [0, 1, 2].map((c) => ((player.shown.positions[9 + c] + player.shown.positions[12 + c]) / 2) * player.rig.pitch);
+  close(seen.target, middle, { atol: 0.5 * player.rig.pitch });
   player.lookAt([]);
   draw(200);
-  close(player.follower.view.target, whole.target, { atol: 0.1 * player.pitch });
-  close([player.follower.view.distance], [whole.distance], { rtol: 0.05 });
+  close(player.rig.follower.view.target, whole.target, { atol: 0.1 * player.rig.pitch });
+  close([player.rig.follower.view.distance], [whole.distance], { rtol: 0.05 });
 });
 
 test("the next change is looked for in frames that come in later, unless one goes elsewhere", async () => {

@@ -16,12 +16,14 @@ const page = new EventTarget();
 globalThis.addEventListener = page.addEventListener.bind(page);
 globalThis.document = { documentElement: { dataset: {} } };
 
+const POINTER = { kind: "pointermove", id: 1, x: 20, y: 30, by: 0, button: -1 };
+
 function listening() {
   const heard = [];
   const keys = [];
   const frame = new EventTarget();
   frame.addEventListener("keydown", ({ key, shiftKey }) => keys.push([key, shiftKey]));
-  const scene = new Scene(frame, { touch: () => heard.push("touch") }, ["End"]);
+  const scene = new Scene(frame, { touch: () => heard.push("touch"), pointer: (pointer) => heard.push(pointer) }, { keys: ["End"] });
   scene.bundle = {};
   scene.pick = (...ray) => heard.push(ray);
   return { scene, heard, keys };
@@ -31,26 +33,24 @@ test("nonsense from the view is not believed", () => {
   const { scene, heard, keys } = listening();
   const bad = [[NaN, 0, 0], [0, 0, Infinity], [1e300, 0, 0], [0, 0], [0, 0, 0, 0], "abc", null, ["1", "2", "3"], { length: 3 }, [[], [], []], new Float32Array(3)];
   for (const vector of bad) {
-    scene.hear({ is: "camera", position: vector, target: [0, 0, 0] });
-    scene.hear({ is: "camera", position: [0, 0, 1], target: vector });
+    scene.hear({ is: "pointer", pointer: { ...POINTER, x: vector } });
+    scene.hear({ is: "pointer", pointer: vector });
     scene.hear({ is: "pick", origin: vector, direction: [0, 0, 1] });
     scene.hear({ is: "pick", origin: [0, 0, 1], direction: vector });
   }
-  scene.hear({ is: "camera", position: [1, 2, 3], target: [1, 2, 3] }); // looks nowhere
   for (const told of [
     null, 1, "open", [], {}, { is: "constructor" }, { is: "done", id: "x" }, { is: "key", key: "F5" }, { is: "key", key: ["End"] },
   ]) scene.hear(told);
-  assert.deepEqual([heard, scene.camera, keys], [[], null, []]);
+  assert.deepEqual([heard, keys], [[], []]);
 });
 
 test("what makes sense is", () => {
   const { scene, heard, keys } = listening();
-  scene.hear({ is: "camera", position: [1, 2, 3], target: [0, 0, 0] });
+  scene.hear({ is: "pointer", pointer: POINTER });
   scene.hear({ is: "pick", origin: [1, 2, 3], direction: [0, 0, -1] });
   scene.hear({ is: "touch" });
   scene.hear({ is: "key", key: "End", shift: "yes" });
-  assert.deepEqual(heard, [[[1, 2, 3], [0, 0, -1]], "touch"]);
-  assert.deepEqual(scene.camera, { position: [1, 2, 3], target: [0, 0, 0] });
+  assert.deepEqual(heard, [POINTER, [[1, 2, 3], [0, 0, -1]], "touch"]);
   assert.deepEqual(keys, [["End", false]]);
 });
 

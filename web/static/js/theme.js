@@ -6,7 +6,9 @@
   const WORDS = { "": "as the system", light: "light", dark: "dark" };
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const root = document.documentElement;
-  let chosen = recall();
+  // An address may say the theme of the page, for this visit.
+  const addressed = () => /[?#&]theme=(light|dark)\b/.exec(location.search + location.hash)?.[1];
+  let chosen = addressed() ?? recall();
 
   function recall() {
     try {
@@ -44,5 +46,6 @@
   document.addEventListener("DOMContentLoaded", apply);
   document.addEventListener("click", ({ target }) => { if (target instanceof Element && target.closest("[data-theme-switch]")) change(); });
   dark.addEventListener("change", apply);
+  addEventListener("hashchange", () => { const asked = addressed(); if (asked && asked !== chosen) { chosen = asked; apply(); } });
   addEventListener("storage", ({ key }) => { if (key === KEPT) { chosen = recall(); apply(); } }); // in another window
 })();

@@ -4,9 +4,13 @@ import { Keys } from "../player/keys.js";
 import { COLOURINGS, MEASURED, colouring } from "../player/colours.js";
 import { Timeline, Source } from "../player/timeline.js";
 import { showScale } from "../panels/legend.js";
+import { Place, viewOf } from "../player/address.js";
+import { pathButton } from "../viewer/fold_view.js";
+import { offerSides } from "../player/sides.js";
 import { Pair } from "../player/pair.js";
 import { Player } from "../player/player.js";
 import { StandIn } from "../viewer/fallback.js";
+import { handOn } from "../viewer/hand.js";
 import { hasWebGL } from "../viewer/scene.js";
 import { Sketch } from "../viewer/sketch.js";
 import { Stage } from "../viewer/stage.js";
@@ -49,13 +53,15 @@ const sides = facts.map(({ id, running }, k) => {
   const sketch = new Sketch(canvas);
   const stage = new Stage(frame, {
     open: () => standIn.takeOver(),
-    touch: () => { if (player.is.follow) pair.send({ do: "set", follow: false }); },
+    pointer: (pointer) => hand.hear(pointer),
     pick: (origin, direction) => player.pick(origin, direction),
   });
   const standIn = new StandIn(canvas, stage, sketch);
   const player = new Player(new Timeline(new Source(`/folds/${id}`), { over: !running }), {
     stage, standIn, sketch, calm, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
   });
+  const hand = handOn(frame, player);
+  hand.on(canvas);
   new ResizeObserver(() => player.show(true)).observe(frame);
   player.on("state", (/** @type {State} */ { error_rad: error }) => {
     now.textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
@@ -65,24 +71,36 @@ const sides = facts.map(({ id, running }, k) => {
   return { player, stage };
 });
 const pair = new Pair(sides.map(({ player }) => player));
+offerSides(pair);
 new Keys(pair, new Bar(pair));
-pair.on("begun", () => { if (!calm) pair.send({ do: "play" }); });
+pair.on("begun", () => { if (!place.go() && !calm) pair.send({ do: "play" }); });
 const colours = get("colour-by");
 colours.append(...COLOURINGS.filter(([key]) => !MEASURED.has(key)).map(([key, label]) => element("option", { value: key }, label)));
-colours.onchange = () => {
-  for (const { player } of sides) player.colourBy(colouring(colours.value, player.timeline, null));
+/** @param {string} key */
+function colourBy(key) {
+  if (![...colours.options].some(({ value }) => value === key)) return;
+  colours.value = key;
+  for (const { player } of sides) player.colourBy(colouring(key, player.timeline, null));
   scale();
-};
+  place.note();
+}
+colours.onchange = () => colourBy(colours.value);
 const scale = () => {
   const { colouring: chosen, timeline } = sides[0].player;
   if (chosen) showScale(chosen, timeline);
 };
 pair.on("outline", scale);
-get("through").onclick = () => {
-  const on = get("through").getAttribute("aria-pressed") !== "true";
-  get("through").setAttribute("aria-pressed", String(on));
-  for (const { stage } of sides) stage.seeThrough(on);
-};
+const through = pathButton(sides.map(({ stage }) => stage));
+const place = new Place({
+  player: pair,
+  view() {
+    const view = viewOf(sides[0].player, through.on);
+    return view && { ...view, ...pair.moment };
+  },
+  colour: colourBy,
+  path: (on) => through.set(on),
+}, calm);
+through.changed = () => place.note();
 const toast = later(() => import("../panels/toast.js"), () => {});
 const say = (/** @type {string} */ text) => toast((part) => part.toast(text));
-get("share").onclick = () => copyText(location.href, () => say("Link copied"), () => say(location.href));
+get("share").onclick = () => copyText(location.origin + place.here(), () => say("Link copied"), () => say(location.href));

@@ -24,7 +24,7 @@ const companions = later(() => import("../panels/companions.js").then(({ Compani
 const downloads = later(() => import("../panels/downloads.js").then(({ Downloads }) => new Downloads(get("panel-downloads"))), toast);
 const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
 const progress = later(() => import("../panels/progress.js"), toast);
-const share = later(() => import("../panels/share.js").then(({ Share }) => new Share(facts, place, toast)), toast);
+const share = later(() => import("../panels/share.js").then(({ Share }) => new Share(facts, { place, player }, toast)), toast);
 let listing = false; // what can be downloaded, which is looked at
 
 get("share").onclick = () => share((it) => it.open(facts));

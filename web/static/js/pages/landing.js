@@ -32,13 +32,13 @@ function say(text, tone = "") {
  */
 async function start(fields, label) {
   say(`Sending ${label}…`);
-  const resting = player.send({ do: "pause" });
+  const resting = player.is.playing && player.send({ do: "pause" });
   const preset = get("preset").value;
   const settings = preset === "paper" ? changed() : {};
   const problem = await asking(({ askForFold }) => askForFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" }));
   if (problem === "") return;
   if (problem) say(refused(problem), "bad");
-  if (resting && !calm) player.send({ do: "play" });
+  if (resting) player.send({ do: "play" });
 }
 
 // A path or a chain is folded at once, unless it is knotted; all else is looked at first.

@@ -13,17 +13,19 @@ export class Legend {
     this.player = player;
     this.figures = figures;
     this.menu = get("colour-by");
+    /** @type {string | null} */
+    this.asked = null; // by the address
     this.fill();
-    this.menu.onchange = () => this.choose(this.menu.value);
+    this.menu.onchange = () => { keep(this.menu.value); this.choose(this.menu.value); };
     player.on("begun", () => {
-      const kept = recall();
+      const kept = this.asked ?? recall();
       if (kept && !(MEASURED.has(kept) && !figures.plots)) this.choose(kept);
     });
     player.on("outline", () => this.show());
     player.on("colouring", () => this.show());
     figures.on("begun", () => {
       this.fill();
-      const kept = recall();
+      const kept = this.asked ?? recall();
       if (kept && MEASURED.has(kept) && player.timeline.chain) this.choose(kept);
     });
     figures.on("loaded", () => { if (player.shown) player.show(true); });
@@ -38,10 +40,17 @@ export class Legend {
     if (known.some(([key]) => key === before)) this.menu.value = before;
   }
 
+  // Takes the colouring of an address once there is what it needs; the visitor's own stays stored.
+  /** @param {string} key */
+  ask(key) {
+    this.asked = key;
+    if (!MEASURED.has(key) || this.figures.plots) this.choose(key);
+  }
+
   /** @param {string} key */
   choose(key) {
     if (![...this.menu.options].some(({ value }) => value === key)) return;
-    try { localStorage.setItem(KEPT, key); } catch { /* not kept, then */ }
+    this.asked = null;
     const { stage } = this.player;
     if (stage) stage.pressed = key === "pressed" ? (shown) => this.figures.row(shown.low)?.pressed ?? null : null;
     this.player.colourBy(colouring(key, this.player.timeline, this.figures));
@@ -74,4 +83,9 @@ export function showScale(chosen, timeline) {
 
 function recall() {
   try { return localStorage.getItem(KEPT); } catch { return null; }
+}
+
+/** @param {string} key */
+function keep(key) {
+  try { localStorage.setItem(KEPT, key); } catch { /* not kept, then */ }
 }

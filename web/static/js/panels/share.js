@@ -1,15 +1,17 @@
 // Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
 import { file } from "./downloads.js";
+import { Picture } from "./picture.js";
 import { tokenOf } from "../lib/keys.js";
 import { copyText, get } from "../lib/text.js";
 
 export class Share {
   /**
    * @param {Facts} facts
-   * @param {import("../player/address.js").Place} place
+   * @param {{ place: import("../player/address.js").Place, player: import("../player/player.js").Player }} view
    * @param {(text: string) => void} toast
    */
-  constructor(facts, place, toast) {
+  constructor(facts, { place, player }, toast) {
+    new Picture(player, toast);
     this.place = place;
     this.toast = toast;
     this.dialog = get("sharing");
@@ -18,6 +20,9 @@ export class Share {
       const button = /** @type {HTMLElement | null} */ (this.dialog.querySelector(`[data-copy=${name}]`));
       if (button) button.onclick = () => this.copy(get(name));
     }
+    // The system's own way to send a link, where there is one.
+    get("share-send").hidden = !("share" in navigator);
+    get("share-send").onclick = () => navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {}); // closed again
     get("share-mine").hidden = !tokenOf(facts.id);
     this.embed = facts.embed;
   }
@@ -33,8 +38,7 @@ export class Share {
   }
 
   fill() {
-    const here = this.place.here();
-    const path = get("share-here").checked ? here : location.pathname;
+    const path = get("share-here").checked ? this.place.shared() : location.pathname;
     get("share-link").value = location.origin + path;
     if (!this.embed) return;
     const hash = path.includes("#") ? path.slice(path.indexOf("#")) : "";

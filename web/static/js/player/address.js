@@ -1,97 +1,177 @@
-// The place in a fold that the address names: #frame=12&module=3&from=8&to=20, frames from 1 as on the
-// page, the last two those that are looped over.
-/** @typedef {{ frame: number | null, module: number | null, from: number | null, to: number | null }} At */
+// Address of a view: everything that is seen, in the hash: see docs/links.md. Frames and modules count
+// from 1 there.
+import { USUAL } from "./camera_rig.js";
 
-const WAIT_MS = 250;
+const WAIT_MS = 250; // between a change and its note in the address
+const PLAYING_MS = 1000; // the same while frames pass
+const MAX_NUMBER = 1e6;
+const SPEEDS = [0.05, 20];
+const DEGREES = 180 / Math.PI;
+
+/** @type {AddressedView} */
+const NOTHING = { frame: null, module: null, from: null, to: null, loop: false, camera: null, colour: null, path: false, follow: true, speed: 1, play: null, named: false };
+
+const rounded = (/** @type {number} */ value, /** @type {number} */ digits) => String(Number(value.toFixed(digits)));
+
+// A camera as numbers: azimuth and elevation in degrees, empty for those of Follow, and the distance in
+// that of Follow; then how far beside the chain it looks, if it does not follow.
+/** @param {CameraAt} camera */
+export function cameraText({ azimuth, elevation, zoom, aside }) {
+  const turn = azimuth === null ? null : ((((azimuth * DEGREES + 180) % 360) + 360) % 360) - 180;
+  const angles = [turn, elevation === null ? null : elevation * DEGREES].map((angle) => (angle === null ? "" : rounded(angle, 2)));
+  return [...angles, rounded(zoom, 4), ...(aside ?? []).map((share) => rounded(share, 4))].join(",");
+}
+
+/**
+ * @param {string | null} text
+ * @returns {CameraAt | null}
+ */
+export function cameraIn(text) {
+  const parts = text?.split(",") ?? [];
+  if (!(parts.length === 3 || parts.length === 5) || parts.some((part) => part.length > 12)) return null;
+  const numbers = parts.map((part) => (part === "" ? null : Number(part)));
+  if (numbers.some((n) => n !== null && !(Math.abs(n) < MAX_NUMBER))) return null;
+  const [azimuth, elevation, zoom, right, up] = numbers;
+  if (!zoom || zoom < 0) return null;
+  const radians = (/** @type {number | null} */ degrees) => (degrees === null ? null : degrees / DEGREES);
+  return { azimuth: radians(azimuth), elevation: radians(elevation), zoom, aside: parts.length === 5 ? [right ?? 0, up ?? 0] : null };
+}
 
 /**
  * @param {string} hash
- * @returns {At}
+ * @returns {AddressedView}
  */
-export function placeIn(hash) {
+export function viewIn(hash) {
   const named = new URLSearchParams(hash.replace(/^#/, ""));
-  const number = (/** @type {string} */ name) => (/^\d{1,9}$/.test(named.get(name) ?? "") ? Number(named.get(name)) : null);
-  const frame = (/** @type {string} */ name) => { const told = number(name); return told === null ? null : Math.max(0, told - 1); };
-  const [from, to] = [frame("from"), frame("to")];
+  const number = (/** @type {string} */ name) => (/^\d{1,9}$/.test(named.get(name) ?? "") ? Math.max(0, Number(named.get(name)) - 1) : null);
+  const flag = (/** @type {string} */ name) => ({ 0: false, 1: true })[named.get(name) ?? ""] ?? null;
+  const [from, to] = [number("from"), number("to")];
   const crossed = from !== null && to !== null && from >= to;
-  return { frame: frame("frame"), module: number("module"), from: crossed ? null : from, to: crossed ? null : to };
+  const speed = Number(named.get("speed"));
+  const colour = named.get("colour") ?? "";
+  return {
+    frame: number("frame"), module: number("module"), from: crossed ? null : from, to: crossed ? null : to, loop: flag("loop") ?? false,
+    camera: cameraIn(named.get("camera")), colour: /^[a-z_-]{1,20}$/.test(colour) ? colour : null,
+    path: flag("path") ?? false, follow: flag("follow") ?? true,
+    speed: speed >= SPEEDS[0] && speed <= SPEEDS[1] ? speed : 1, play: flag("play") ?? flag("autoplay"),
+    named: ["frame", "camera", "colour", "path", "follow"].some((name) => named.has(name)),
+  };
 }
 
-/** @param {At} at */
-function linkTo({ frame, module, from, to }) {
+const same = (/** @type {CameraAt} */ a, /** @type {CameraAt} */ b) => cameraText(a) === cameraText(b);
+
+// The hash of a view, "" for one that is as a page shows it by itself.
+/** @param {AddressedView} view */
+export function hashOf({ frame, module, from, to, loop, camera, colour, path, follow, speed, play }, theme = "") {
   const parts = [];
-  if (frame) parts.push(`frame=${frame + 1}`);
-  if (module !== null) parts.push(`module=${module}`);
-  if (from !== null) parts.push(`from=${from + 1}`);
-  if (to !== null) parts.push(`to=${to + 1}`);
-  return location.pathname + (parts.length ? `#${parts.join("&")}` : "");
+  if (frame !== null) parts.push(`frame=${Math.round(frame) + 1}`);
+  if (module !== null) parts.push(`module=${module + 1}`);
+  if (from !== null) parts.push(`from=${Math.round(from) + 1}`);
+  if (to !== null) parts.push(`to=${Math.round(to) + 1}`);
+  if (loop && from === null && to === null) parts.push("loop=1");
+  if (camera && !(follow && same(camera, USUAL))) parts.push(`camera=${cameraText(camera)}`);
+  if (colour && colour !== "error") parts.push(`colour=${colour}`);
+  if (path) parts.push("path=1");
+  if (!follow) parts.push("follow=0");
+  if (speed !== 1) parts.push(`speed=${rounded(speed, 2)}`);
+  if (play) parts.push("play=1");
+  if (theme) parts.push(`theme=${theme}`);
+  return parts.length ? `#${parts.join("&")}` : "";
 }
 
-// Writes the place into the address while the fold rests there, so that a reload and a link show it;
-// not before the visitor has done something.
+// The frame and the camera in short, for the picture that a chat shows: what stands behind # is not sent.
+/** @param {AddressedView} view */
+export const shortOf = ({ frame, camera }) => `${Math.round(frame ?? 0) + 1},${cameraText(camera ?? USUAL)}`;
+
+// Writes the view into the address, so that a reload and a link show it; not before the visitor has done
+// something.
 export class Place {
-  /** @param {import("./player.js").Player} player */
-  constructor(player) {
-    this.player = player;
-    /** @type {At} */
-    this.at = { frame: null, module: null, from: null, to: null };
+  /**
+   * @param {Addressed} page
+   * @param {boolean} calm whether nothing plays by itself
+   */
+  constructor(page, calm) {
+    this.page = page;
+    this.calm = calm;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;
     this.acted = false;
+    this.playing = false;
     for (const kind of ["pointerdown", "keydown", "input"]) {
       addEventListener(kind, () => { this.acted = true; }, { capture: true });
     }
-    addEventListener("hashchange", () => this.follow());
-    player.on("state", (/** @type {State} */ { frame, playing, live, growing }) => {
-      if (playing || live || !this.acted) return;
-      this.note({ frame: growing ? null : Math.round(frame), ...this.range });
-    });
+    addEventListener("hashchange", () => { this.acted = true; this.go(); });
+    addEventListener("themechange", () => this.note());
+    addEventListener("pagehide", () => { if (this.timer !== undefined) this.write(); });
+    const { player } = page;
+    player.on("state", (/** @type {State} */ { playing }) => { this.playing = playing; this.note(); });
+    player.on("colouring", () => this.note());
+    player.on("camera", () => { this.acted = true; this.note(); });
     player.on("module", (/** @type {ModuleTold} */ { index }) => {
       this.acted ||= index !== null;
-      this.note({ module: index });
+      this.note();
     });
   }
 
-  // Goes where the address says; true when it names a frame.
+  // Shows what the address says; true when that says which frame, or to play or not.
   go() {
-    const { frame, module, from, to } = placeIn(location.hash);
-    if (module !== null) this.player.send({ do: "select", module });
-    if (from !== null || to !== null) this.player.send({ do: "set", from, to });
-    const begin = frame ?? this.range.from;
-    if (begin !== null) this.player.send({ do: "seek", frame: begin });
-    return frame !== null;
+    const view = viewIn(location.hash);
+    const play = view.play ?? viewIn(location.search.replace(/^\?/, "")).play;
+    const { player } = this.page;
+    if (view.named || this.acted) this.page.colour(view.colour ?? "error");
+    this.page.path(view.path);
+    player.send({ do: "select", module: view.module });
+    player.send({ do: "set", from: view.from, to: view.to, loop: view.loop || view.from !== null || view.to !== null, speed: view.speed, follow: view.follow });
+    const begin = view.frame ?? view.from;
+    if (begin !== null) player.send({ do: "seek", frame: begin });
+    if (view.camera) player.send({ do: "camera", camera: view.camera });
+    else if (this.acted && view.follow) player.send({ do: "camera", camera: null });
+    if (play && !this.calm) player.send({ do: "play" });
+    return view.frame !== null || play !== null;
   }
 
-  // The same when the address was changed while the page is open: what it does not name any more goes.
-  follow() {
-    const { module, from, to } = placeIn(location.hash);
-    this.acted = true;
-    if (module === null) this.player.send({ do: "select", module });
-    const looped = this.range.from !== null || this.range.to !== null;
-    if (looped && from === null && to === null) this.player.send({ do: "set", from, to });
-    this.go();
-  }
-
-  // The frames that are looped over.
-  get range() {
-    const { loop, from, to } = this.player.is;
-    return { from: loop ? from : null, to: loop ? to : null };
-  }
-
-  /** @param {Partial<At>} change */
-  note(change) {
-    const at = { ...this.at, ...change };
-    if (linkTo(at) === this.link()) return;
-    this.at = at;
+  note() {
+    if (!this.acted) return;
+    if (this.playing && this.timer !== undefined) return;
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => history.replaceState(null, "", this.link()), WAIT_MS);
+    this.timer = setTimeout(() => this.write(), this.playing ? PLAYING_MS : WAIT_MS);
   }
 
-  link() { return linkTo(this.at); }
+  write() {
+    clearTimeout(this.timer);
+    this.timer = undefined;
+    const link = this.here();
+    if (link !== location.pathname + location.search + location.hash) history.replaceState(null, "", link);
+  }
 
-  // A link to what is seen now, whether it rests or not.
+  // A link to what is seen now.
   here() {
-    if (!this.player.shown) return location.pathname + location.hash;
-    return linkTo({ frame: Math.round(this.player.playhead.frame), module: this.player.selected, ...this.range });
+    const view = this.page.view();
+    const query = new URLSearchParams(location.search);
+    query.delete("view");
+    const asked = query.size ? `?${query}` : "";
+    return location.pathname + asked + (view ? hashOf(view, document.documentElement.dataset.theme) : location.hash);
   }
+
+  // The same for sending it on, with what the picture in a chat needs.
+  shared() {
+    const view = this.page.view();
+    const here = this.here();
+    const hash = here.indexOf("#");
+    return view?.frame === null || view === null || hash < 0 ? here : `${here.slice(0, hash)}?view=${shortOf(view)}${here.slice(hash)}`;
+  }
+}
+
+// What a player shows, for the address of its page.
+/**
+ * @param {import("./player.js").Player} player
+ * @param {boolean} path
+ * @returns {AddressedView | null}
+ */
+export function viewOf({ shown, playhead, is, timeline, selected, colouring, rig }, path) {
+  if (!shown) return null;
+  return {
+    ...NOTHING, frame: timeline.growing && is.live ? null : playhead.frame, module: selected, from: is.loop ? is.from : null, to: is.loop ? is.to : null,
+    loop: is.loop, camera: rig.at(shown), colour: colouring?.key ?? null, path, follow: rig.follows, speed: is.speed, play: is.playing,
+  };
 }

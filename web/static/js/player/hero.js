@@ -1,5 +1,6 @@
 // The fold in motion on the first page.
 import { Timeline, Recording } from "./timeline.js";
+import { get } from "../lib/text.js";
 import { Player } from "./player.js";
 import { Sketch } from "../viewer/sketch.js";
 
@@ -21,6 +22,18 @@ export function playHero(hero, canvas, { calm }) {
     player.send({ do: "set", loop: true, speed: SPEED, turn: !calm });
     if (!calm) player.send({ do: "play" });
   });
+  // What moves by itself can be stopped.
+  const button = get("hero-pause");
+  player.on("state", (/** @type {State} */ { playing }) => {
+    button.hidden = false;
+    button.setAttribute("aria-label", playing ? "Pause the animation" : "Play the animation");
+    button.classList.toggle("playing", playing);
+  });
+  button.onclick = () => {
+    const playing = !player.is.playing;
+    player.send({ do: "set", turn: playing && !calm });
+    player.send({ do: playing ? "play" : "pause" });
+  };
   window.foldback = { timeline: player.timeline, player }; // for the console
   return player;
 }

@@ -2,6 +2,8 @@
 import { element, get } from "../lib/text.js";
 
 const KEPT = "foldback:single-keys";
+const TURN_RAD = Math.PI / 18; // by one press
+const ZOOM = 1.15;
 
 /**
  * @typedef {object} Row
@@ -35,6 +37,9 @@ const TABLE = [
   { shown: ["L"], text: "Loop", says: switched("loop", "Loop"), does: { l: ({ bar }) => bar.press("loop") } },
   { shown: ["I", "O"], text: "Loop from this frame, up to it", says: looped, does: { i: ({ player, bar }) => { player.send({ do: "set", from: bar.frame.frame }); }, o: ({ player, bar }) => { player.send({ do: "set", to: bar.frame.frame }); } } },
   { shown: ["X"], text: "Loop over everything again", says: looped, does: { x: send({ do: "set", from: null, to: null }) } },
+  { shown: ["W", "A", "S", "D"], text: "Turn the view", held: true, does: Object.fromEntries(/** @type {[string, [number, number]][]} */ ([["w", [0, TURN_RAD]], ["a", [-TURN_RAD, 0]], ["s", [0, -TURN_RAD]], ["d", [TURN_RAD, 0]]]).map(([key, turn]) => [key, send({ do: "orbit", turn, gently: true })])) },
+  { shown: ["+", "−"], text: "Nearer, farther", held: true, does: Object.fromEntries(/** @type {[string, number][]} */ ([["+", 1 / ZOOM], ["=", 1 / ZOOM], ["-", ZOOM]]).map(([key, zoom]) => [key, send({ do: "orbit", zoom, gently: true })])) },
+  { shown: ["0"], text: "Reset the view", does: { 0: send({ do: "camera", camera: null, gently: true }) } },
   { shown: ["M"], text: "Choose a module by number", there: ({ options }) => options.module, does: { m: ({ options }) => options.module?.() } },
   { shown: ["↑", "↓"], text: "Next module, previous, in its panel", there: ({ options }) => options.module, does: {} },
   { shown: ["PgUp", "PgDn"], text: "Ten frames on, back, in a plot", there: ({ options }) => options.module, does: {} },

@@ -17,8 +17,15 @@ export class Pair extends Emitter {
     /** @type {number | null} */
     this.clock = null;
     this.due = false;
+    this.syncing = false;
+    this.turning = false; // while a camera is passed on
     this.told = "";
-    for (const player of players) player.on("outline", () => this.begin());
+    for (const player of players) {
+      player.on("outline", () => this.begin());
+      player.on("camera", () => this.turned(player));
+      player.on("state", () => this.sync()); // a frame was loaded
+      player.on("module", (told) => this.tell("module", told));
+    }
   }
 
   get growing() { return this.players.some(({ timeline }) => timeline.growing); }
@@ -45,6 +52,12 @@ export class Pair extends Emitter {
     });
     if (first) this.tell("begun");
     this.sync();
+  }
+
+  // What of the view is that of the pair.
+  get moment() {
+    const { is, frame } = this.playhead;
+    return { frame, from: is.loop ? is.from : null, to: is.loop ? is.to : null, loop: is.loop, speed: is.speed, play: is.playing };
   }
 
   // Where a phase stands in the fold that has it.
@@ -88,11 +101,24 @@ export class Pair extends Emitter {
   /** @param {Command} message */
   send(message) {
     if (!this.phases.length) return false;
+    if (message.do === "orbit" || message.do === "camera") { this.players[0].send(message); return true; }
     if (message.do === "select") { for (const player of this.players) player.send(message); return true; }
     if (!this.playhead.do(message)) return false;
     if (message.do === "set") for (const player of this.players) player.send(this.ofCamera(message));
     this.sync();
     return true;
+  }
+
+  // Turning one turns the others: each to the same camera relative to its own chain.
+  /** @param {Player} player */
+  turned(player) {
+    if (this.turning) return;
+    this.turning = true;
+    const { follow } = player.is;
+    if (this.playhead.is.follow !== follow) this.send({ do: "set", follow });
+    for (const other of this.players) if (other !== player) other.send({ do: "camera", camera: player.rig.at(player.shown) });
+    this.turning = false;
+    this.tell("camera");
   }
 
   // What of a message is about the camera.
@@ -107,8 +133,11 @@ export class Pair extends Emitter {
   }
 
   sync() {
+    if (this.syncing || !this.phases.length) return;
+    this.syncing = true;
     const frame = this.playhead.shown;
     for (const player of this.players) player.send({ do: "seek", frame: this.frameOf(player, frame) });
+    this.syncing = false;
     const at = this.phaseAt(frame);
     const errors = this.players.map(({ shown }) => (shown ? Array.from(shown.errors).reduce((most, e) => (e > most ? e : most), -1) : -1)).filter((e) => e >= 0);
     const state = {

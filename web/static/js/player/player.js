@@ -1,9 +1,10 @@
 // A visitor's playhead over a timeline, and what follows from it: the pose, its colours, the camera.
 //
-// It takes the messages of playhead.js and three more: select {module} highlights a module, null for
-// none; pass {seconds} and change {way} seek a frame by its time, or the next that looks otherwise.
-// It tells what is by events: waiting, begun, outline, state, module, drawn, painted.
-import { Follower, anglesOf, blended, distanceNeeded, fewPoints, framing, outward, positionOf } from "../viewer/camera.js";
+// It takes the messages of playhead.js and more: select {module} highlights a module, null for none;
+// pass {seconds} and change {way} seek a frame by its time, or the next that looks otherwise; orbit
+// turns, zooms and moves the view, and camera {camera} sets it, null as usual.
+// It tells what is by events: waiting, begun, outline, state, module, camera, drawn, painted.
+import { CameraRig, USUAL } from "./camera_rig.js";
 import { colouring } from "./colours.js";
 import { picked } from "../lib/kinematics.js";
 import { Playhead, after, nextChange } from "./playhead.js";
@@ -11,16 +12,8 @@ import { Emitter } from "../lib/text.js";
 
 const LONGEST_TICK_S = 0.2;
 const TELL_MS = 200;
-const GOAL_EVERY = 12;
-const GOAL_EVERY_S = 0.2; // or of a timeline that is played, if that is more
-const GOALS_ASIDE = 4;
-const GOAL_SPREAD = 1.8;
-const MOST_GOALS = 4000;
-const ROOM = 1.08; // how much farther than needed the camera stays, so that nothing touches the edge
-const STEEPEST = 1.2;
 const USUAL_ASPECT = 1.6;
 const BESIDE = 0.4; // how blue the neighbours of the selected module are
-const AROUND = 3; // pitches around what is looked at that stay in view
 
 // As planner/chain/module.py calls a hinge.
 /**
@@ -35,7 +28,6 @@ function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
 /** @typedef {import("./timeline.js").Timeline} Timeline */
 /** @typedef {import("../viewer/stage.js").Stage} Stage */
 /** @typedef {import("../viewer/sketch.js").Sketch} Sketch */
-/** @typedef {typeof import("../viewer/viewpoint.js").clearestSight} Sight */
 
 export class Player extends Emitter {
   // Shows on `stage`, for which `standIn` may draw, or on the sketch alone. For who wants little to
@@ -46,7 +38,6 @@ export class Player extends Emitter {
    */
   constructor(timeline, { stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false }) {
     super();
-    this.calm = calm;
     this.timeline = timeline;
     this.stage = stage;
     this.sketch = sketch;
@@ -55,20 +46,14 @@ export class Player extends Emitter {
       this.standIn.busy = () => this.busy;
       this.standIn.painted = () => this.tell("painted", this.shown?.frame);
     }
-    this.aspectNow = aspect;
-    /** @type {number | undefined} */
-    this.aspect = undefined;
     this.playhead = new Playhead(timeline);
+    this.rig = new CameraRig(timeline, this.playhead, { aspect, calm });
     /** @type {import("./colours.js").Colouring | null} */
     this.colouring = null;
     /** @type {number | null} */
     this.selected = null;
     /** @type {number[]} */
     this.marked = [];
-    /** @type {number[] | null} */
-    this.looked = null;
-    /** @type {Sight | null} */
-    this.sight = null;
     /** @type {{ way: number, from: Row } | null} of a change that may lie in frames that are not here yet */
     this.search = null;
     /** @type {Snapshot | null} */
@@ -76,11 +61,6 @@ export class Player extends Emitter {
     this.told = "";
     this.toldAt = 0;
     this.lastPlaying = false;
-    this.follower = new Follower();
-    /** @type {[azimuth: number, elevation: number] | null} */
-    this.direction = null;
-    /** @type {Map<number, View>} */
-    this.goals = new Map();
     /** @type {number | null} */
     this.clock = null;
     this.due = false;
@@ -94,7 +74,7 @@ export class Player extends Emitter {
     timeline.on("grew", () => this.grew());
     timeline.on("loaded", () => {
       this.searchOn();
-      if (this.shown && !this.shown.exact) this.show(true);
+      if (this.shown && (!this.shown.exact || this.rig.approximate)) this.show(true);
     });
     if (timeline.chain) queueMicrotask(() => this.begin());
   }
@@ -109,14 +89,15 @@ export class Player extends Emitter {
     if (!this.colouring) return false;
     if (!this.timeline.chain) { this.unheard.push(asked); return true; }
     const message = this.sought(asked);
-    const { follow } = this.is;
+    const { follow, turn } = this.is;
+    if (message.do === "orbit" || message.do === "camera") return this.look(message);
     if (message.do === "set" && "follow" in message) this.lookAt([]);
     if (message.do === "select") this.select(message.module);
     else if (!this.playhead.do(message)) return false;
     else if (message.do === "seek" || message.do === "step") this.chose = true;
     else if (message.do === "set" && message.live) this.chose = false;
     if (message.do === "set") {
-      if (this.is.follow && !follow) this.takeOver();
+      if (this.is.follow !== follow || (turn && !this.is.turn)) this.rig.follow(this.is.follow);
       this.aim();
     }
     this.show();
@@ -174,35 +155,33 @@ export class Player extends Emitter {
     this.show(true);
   }
 
+  // Turns, zooms or moves the view, or sets it. To move it is to let go of the chain.
+  /** @param {Command & { do: "orbit" | "camera" }} message */
+  look(message) {
+    const { rig, shown, is } = this;
+    if (message.do === "camera") {
+      if (!message.camera) this.playhead.do({ do: "set", follow: true });
+      rig.go(message.camera ?? USUAL, shown, message.gently);
+    } else {
+      if (message.move && is.follow) { this.playhead.do({ do: "set", follow: false }); rig.follow(false); }
+      rig.orbit(message, shown);
+    }
+    this.show(true);
+    this.tell("camera", message);
+    return true;
+  }
+
   // Has the camera follow some modules instead of the whole chain, from where `sight` says that they are
   // seen best; none for all again.
   /**
    * @param {number[]} modules
-   * @param {Sight | null} sight
+   * @param {import("./camera_rig.js").Sight | null} sight
    */
   lookAt(modules, sight = null) {
-    if (!modules.length && !this.looked) return;
-    this.looked = modules.length ? modules : null;
-    if (this.looked && !this.is.follow) {
-      this.playhead.do({ do: "set", follow: true });
-      this.takeOver();
-    }
-    this.direction = null;
-    this.sight = this.looked && sight;
-    this.goals.clear();
+    if (!modules.length && !this.rig.group) return;
+    if (modules.length && !this.is.follow) this.playhead.do({ do: "set", follow: true });
+    this.rig.lookAt(modules, sight);
     this.show(true);
-  }
-
-  // Once more when the frame of the modules to look at is there.
-  /**
-   * @param {Snapshot} shown
-   * @param {Sight} sight
-   */
-  seek(shown, sight) {
-    const { azimuth_rad: azimuth, elevation_rad: elevation } = this.timeline.bundle.header.camera;
-    this.direction = sight(shown.positions, this.looked ?? [], [azimuth, elevation], outward);
-    if (shown.exact) this.sight = null;
-    this.goals.clear();
   }
 
   /**
@@ -231,8 +210,7 @@ export class Player extends Emitter {
     this.shown = null;
     this.search = null;
     this.colourBy(colouring(this.colouring?.key ?? "error", timeline, this.colouring?.figures));
-    this.follower = new Follower();
-    this.goals.clear();
+    this.rig.begin();
     this.selected = this.selected !== null && this.selected < timeline.chain.modules ? this.selected : null;
     this.stage?.set(timeline.bundle);
     this.sketch?.set(timeline.bundle);
@@ -246,7 +224,7 @@ export class Player extends Emitter {
 
   grew() {
     if (!this.timeline.chain) return;
-    this.goals.clear();
+    this.rig.goals.clear();
     this.tellOutline();
     this.show(true);
   }
@@ -277,7 +255,7 @@ export class Player extends Emitter {
     const drawn = this.changed;
     this.changed = false;
     let moved = this.stage?.bundle ? this.stage.moveGround(passed, this.shown) : false;
-    if (this.is.follow) moved = this.glide(passed) || moved;
+    moved = this.rig.glide(passed, this.shown) || moved;
     this.gliding = moved;
     if (drawn || moved) this.draw();
     this.clock = this.busy ? now : null;
@@ -294,7 +272,7 @@ export class Player extends Emitter {
       const shown = timeline.snapshot(frame);
       if (!shown) return;
       this.shown = shown;
-      if (this.sight) this.seek(shown, this.sight);
+      this.rig.turnToGroup(shown);
       this.aim();
       this.changed = true;
       if (this.selected !== null && moved) this.tellModule();
@@ -356,138 +334,18 @@ export class Player extends Emitter {
   }
 
   draw() {
-    const { shown, is, view } = this;
-    if (!shown) return;
+    const { shown, rig: { eye } } = this;
+    if (!shown || !eye) return;
     const colours = this.colours();
-    if (this.standIn) this.standIn.draw(shown, colours, view, is.follow);
-    else if (view) this.sketch?.draw(shown, colours, view, null);
+    if (this.standIn) this.standIn.draw(shown, colours, eye);
+    else this.sketch?.draw(shown, colours, eye, null);
     this.tell("drawn", shown.frame);
   }
 
-  // The camera.
-
-  get view() { return this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target }; }
-
-  get pitch() { return this.timeline.bundle.header.pitch; }
-
-  // A place in pitches as the scene has it.
-  /**
-   * @param {number} x
-   * @param {number} y
-   * @param {number} z
-   * @returns {Vector}
-   */
-  inUnits(x, y, z) { return [x * this.pitch, y * this.pitch, z * this.pitch]; }
-
-  // What the camera looks at of the modules to have in view; looked up once for a snapshot.
-  /**
-   * @param {Snapshot} snapshot
-   * @returns {Vector[]}
-   */
-  points(snapshot) {
-    if (this.looked) {
-      return this.looked.map((i) => this.inUnits(snapshot.positions[3 * i], snapshot.positions[3 * i + 1], snapshot.positions[3 * i + 2]));
-    }
-    snapshot.points ??= fewPoints(snapshot.positions, snapshot.framed).map((p) => this.inUnits(...p));
-    return snapshot.points;
-  }
-
-  get seeing() {
-    const { camera, chain } = this.timeline.bundle.header;
-    const radius = this.looked ? AROUND : chain.radius;
-    return { radius: radius * this.pitch, aspect: this.aspect ?? USUAL_ASPECT, field: camera.field_of_view_rad, home: camera.azimuth_rad };
-  }
-
-  /**
-   * @param {Snapshot} snapshot
-   * @param {number | null} azimuth
-   */
-  frameIt(snapshot, azimuth = null) {
-    const [direction, elevation] = this.direction ?? [null, this.timeline.bundle.header.camera.elevation_rad];
-    return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? direction, elevation });
-  }
-
-  get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.framesPerSecond)); }
-
-  // Where the camera should be around a frame: looked up once.
-  /** @param {number} index */
-  goal(index) {
-    let found = this.goals.get(index);
-    if (!found) {
-      const snapshot = this.timeline.peek(index * this.goalEvery);
-      if (!snapshot) return null;
-      found = this.frameIt(snapshot);
-      if (!snapshot.exact) return found;
-      if (this.goals.size > MOST_GOALS) this.goals.clear();
-      this.goals.set(index, found);
-    }
-    return found;
-  }
-
-  // Looks ahead and back along the timeline, so that the camera moves evenly and in time.
   aim() {
-    const { shown, is, timeline } = this;
-    if (!shown || !is.follow) return;
-    const aspect = this.aspectNow();
-    if (aspect > 0 && aspect !== this.aspect) { this.aspect = aspect; this.goals.clear(); }
-    this.aspect ??= USUAL_ASPECT;
-    const nearest = this.frameIt(shown, is.turn && this.follower.view ? this.follower.view.azimuth : null);
-    let goal = nearest;
-    const here = shown.frame / this.goalEvery;
-    const end = timeline.last / this.goalEvery;
-    // Towards both ends of a whole timeline it looks less far, and at rest there it frames exactly.
-    const reach = timeline.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
-    if (reach > 1e-6 && !is.turn) {
-      const views = [goal];
-      const weights = [1];
-      const middle = Math.round(here);
-      for (let k = Math.max(middle - GOALS_ASIDE, 0); k <= Math.min(middle + GOALS_ASIDE, Math.floor(end)); k++) {
-        const view = this.goal(k);
-        if (!view) continue;
-        views.push(view);
-        weights.push(Math.exp(-((((k - here) / reach) * GOAL_SPREAD) ** 2)));
-      }
-      goal = blended(views, weights, nearest);
-    }
-    goal = { ...goal, distance: Math.max(goal.distance, ROOM * this.needed(shown, goal)) };
-    const still = !(is.playing || is.live || is.turn);
-    this.follower.aim(goal, !this.follower.view || (this.calm && still));
+    if (!this.shown) return;
+    this.rig.aim(this.shown);
     this.gliding = true;
     this.wake();
-  }
-
-  /**
-   * @param {Snapshot} snapshot
-   * @param {View} view
-   */
-  needed(snapshot, view) { return distanceNeeded(this.points(snapshot), view, this.seeing); }
-
-  /** @param {number} passed */
-  glide(passed) {
-    const { is, shown, follower } = this;
-    if (this.aspectNow() !== this.aspect) { follower.view = null; this.aim(); }
-    if (is.turn && follower.view) {
-      follower.view = { ...follower.view, azimuth: follower.view.azimuth + this.timeline.bundle.header.camera.turn_rad_s * passed };
-      this.aim();
-    }
-    const moved = follower.move(passed) || is.turn;
-    if (moved && follower.view && shown) {
-      const least = this.needed(shown, follower.view);
-      if (follower.view.distance < least) follower.view = { ...follower.view, distance: least };
-    }
-    return moved;
-  }
-
-  // Goes on from where the visitor has turned the camera, and keeps that direction.
-  takeOver() {
-    const camera = this.stage?.camera;
-    if (!camera) return;
-    const [azimuth, elevation] = anglesOf(camera.position, camera.target);
-    this.direction = [azimuth, Math.min(STEEPEST, Math.max(-STEEPEST, elevation))];
-    this.goals.clear();
-    this.follower.view = {
-      target: camera.target, azimuth, elevation: this.direction[1],
-      distance: Math.hypot(...camera.position.map((v, k) => v - camera.target[k])),
-    };
   }
 }

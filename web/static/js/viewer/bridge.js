@@ -136,11 +136,12 @@
   }
 
   // Only the page around the frame hands over a port, and only one is taken.
-  /** @param {MessageEvent<{ keys?: string[], scheme?: string } | null>} event */
+  /** @param {MessageEvent<{ keys?: string[], holds?: boolean, scheme?: string } | null>} event */
   function begin({ source, ports, data }) {
     if (source !== parent || parent === window || ports.length !== 1) return;
     removeEventListener("message", begin);
     if (Array.isArray(data?.keys)) keys = data.keys;
+    if (data?.holds === true) hold();
     dress(data?.scheme);
     [port] = ports;
     port.onmessage = take;
@@ -149,11 +150,10 @@
   addEventListener("message", begin);
 
   // What the client would tell its server.
-  /** @param {{ type?: string, position: number[], look_at: number[], ray_origin?: number[], ray_direction: number[] }} message */
+  /** @param {{ type?: string, ray_origin?: number[], ray_direction: number[] }} message */
   function told(message) {
     if (message.type === "ViewerCameraMessage") {
       notice(); // it glides to where it was sent
-      say({ is: "camera", position: [...message.position], target: [...message.look_at] });
     } else if (message.type === "ScenePointerMessage" && message.ray_origin) {
       say({ is: "pick", origin: [...message.ray_origin], direction: [...message.ray_direction] });
     }
@@ -197,4 +197,19 @@
     if (Math.hypot(event.clientX - start[0], event.clientY - start[1]) > MOVED_PX) { forget(); say({ is: "touch" }); }
   }, { capture: true });
   addEventListener("wheel", () => say({ is: "touch" }), { capture: true, passive: true });
+
+  // Where the page moves the camera it hears of pointers and wheels, and the client, which would move
+  // it too, does not: its camera listens to moves at the document, its clicks at elements below it.
+  const LINE_PX = 33; // a wheel that counts in lines
+  function hold() {
+    const relay = (/** @type {MouseEvent & { pointerId?: number, deltaY?: number, deltaMode?: number }} */ event) => {
+      const { type, pointerId: id = 0, clientX: x, clientY: y, deltaY = 0, deltaMode, button } = event;
+      say({ is: "pointer", pointer: { kind: type, id, x, y, by: deltaMode ? LINE_PX * deltaY : deltaY, button } });
+    };
+    for (const name of /** @type {const} */ (["pointerdown", "pointerup", "pointercancel", "pointermove"])) addEventListener(name, relay, { capture: true });
+    document.documentElement.addEventListener("pointermove", (event) => event.stopPropagation());
+    addEventListener("wheel", (event) => { event.preventDefault(); event.stopImmediatePropagation(); relay(event); }, { capture: true, passive: false });
+    for (const name of /** @type {const} */ (["keydown", "keyup"])) addEventListener(name, (event) => { if (event.key !== "Tab") event.stopPropagation(); }, { capture: true });
+    addEventListener("contextmenu", (event) => event.preventDefault()); // the right button moves the view
+  }
 })();

@@ -1,4 +1,4 @@
-// A camera that keeps the whole chain in view, smoothly, until a visitor takes hold of it.
+// A camera that keeps the whole chain in view, smoothly.
 // `web/pictures/camera.py` frames movies by the same equations.
 const MOST_POINTS = 600;
 /** @type {Vector[]} */
@@ -42,24 +42,12 @@ export function positionOf(view) {
   return vector((k) => view.target[k] + view.distance * out[k]);
 }
 
-// Azimuth and elevation from which `position` looks at `target`.
-/**
- * @param {Vector} position
- * @param {Vector} target
- * @returns {[azimuth: number, elevation: number]}
- */
-export function anglesOf(position, target) {
-  const off = position.map((v, k) => v - target[k]);
-  const length = Math.max(Math.hypot(...off), 1e-9);
-  return [Math.atan2(off[1], off[0]), Math.asin(Math.min(1, Math.max(-1, off[2] / length)))];
-}
-
 /**
  * @param {number} azimuth
  * @param {number} elevation
  * @returns {[right: Vector, up: Vector, out: Vector]}
  */
-function axesOf(azimuth, elevation) {
+export function axesOf(azimuth, elevation) {
   const out = outward(azimuth, elevation);
   /** @type {Vector} */
   const right = [-Math.sin(azimuth), Math.cos(azimuth), 0];

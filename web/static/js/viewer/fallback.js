@@ -7,7 +7,7 @@ const MEASURED = 4; // pictures, of which the slowest does not count: it may hav
 const MANY = 300; // modules, which software never shows in time
 const REST_MS = 400;
 
-/** @typedef {[Snapshot, Uint8Array, Eye | null]} Picture */
+/** @typedef {[Snapshot, Uint8Array, Eye]} Picture */
 
 export class StandIn {
   /**
@@ -57,7 +57,7 @@ export class StandIn {
   open() {
     this.opened = true;
     this.onOpen();
-    if (!this.slow || !this.given || !this.sketch.worker) { this.canvas.classList.add("gone"); return; }
+    if (!this.slow || !this.given || !this.sketch.worker) { this.leave(); return; }
     this.latest = this.given;
     this.canvas.classList.add("standing-in");
     this.rest();
@@ -66,32 +66,37 @@ export class StandIn {
   /**
    * @param {Snapshot} shown
    * @param {Uint8Array} colours
-   * @param {Eye | null} view
-   * @param {boolean} follow
+   * @param {Eye} eye
    */
-  draw(shown, colours, view, follow) {
+  draw(shown, colours, eye) {
     const { stage, sketch } = this;
     if (!this.opened) {
-      this.given = [shown, colours, follow ? view : null];
+      this.given = [shown, colours, eye];
       // The view needs a picture to begin with; one that takes seconds for it gets no more of them.
-      if (!this.slow || !this.begun) { stage.draw(shown, colours, follow ? view : null); this.begun = stage.open; }
-      if (view) sketch.draw(shown, colours, view, stage.ground);
+      if (!this.slow || !this.begun) { stage.draw(shown, colours, eye); this.begun = stage.open; }
+      sketch.draw(shown, colours, eye, stage.ground);
       this.takeOver();
       return;
     }
-    const seen = follow ? view : stage.camera;
-    if (!this.slow || stage.through || !sketch.worker || !seen) {
-      stage.draw(shown, colours, follow ? view : null);
+    this.canvas.classList.remove("fading");
+    if (!this.slow || stage.through || !sketch.worker) {
+      stage.draw(shown, colours, eye);
       this.measure();
       if (this.latest) this.yield();
       return;
     }
-    this.latest = [shown, colours, follow ? view : null];
+    this.latest = [shown, colours, eye];
     stage.rest();
-    sketch.draw(shown, colours, seen, stage.ground);
+    sketch.draw(shown, colours, eye, stage.ground);
     this.canvas.classList.add("standing-in");
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.rest(), REST_MS);
+  }
+
+  // The drawing goes, in a fade where both show the same: of what moves it would leave a ghost.
+  leave() {
+    this.canvas.classList.toggle("fading", !this.busy());
+    this.canvas.classList.add("gone");
   }
 
   // Nothing has moved for a while: the view shows the same.
@@ -111,8 +116,8 @@ export class StandIn {
       if (this.latest !== latest) return;
       this.latest = null;
       this.stage.frame.classList.remove("behind");
-      this.canvas.classList.add("gone");
       this.canvas.classList.remove("standing-in");
+      this.leave();
     });
   }
 

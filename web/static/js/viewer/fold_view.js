@@ -4,9 +4,11 @@ import { Bar } from "../player/bar.js";
 import { Timeline } from "../player/timeline.js";
 import { Keys } from "../player/keys.js";
 import { Legend } from "../panels/legend.js";
-import { Place } from "../player/address.js";
+import { Place, viewOf } from "../player/address.js";
+import { offerSides } from "../player/sides.js";
 import { Player } from "../player/player.js";
 import { StandIn } from "./fallback.js";
+import { handOn } from "./hand.js";
 import { hasWebGL } from "./scene.js";
 import { Sketch } from "./sketch.js";
 import { Stage } from "./stage.js";
@@ -15,6 +17,25 @@ import { get } from "../lib/text.js";
 const DRAW_MS = 250;
 const START_DELAY_MS = 1500;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+// The button that shows the path of the chain through see-through modules.
+/** @param {Stage[]} stages */
+export function pathButton(stages) {
+  const button = get("through");
+  const path = {
+    on: false,
+    changed: () => {},
+    set(/** @type {boolean} */ on) {
+      if (on === path.on) return;
+      path.on = on;
+      button.setAttribute("aria-pressed", String(on));
+      for (const stage of stages) stage.seeThrough(on);
+      path.changed();
+    },
+  };
+  button.onclick = () => path.set(!path.on);
+  return path;
+}
 
 /**
  * The drawer, and what fills its panels.
@@ -37,12 +58,14 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 // `load` begins to load viser's client into the frame; the drawer is shown when a module is selected.
 /** @param {Viewed} viewed */
 export function view({ source, figures, load, over = true, details = null, play = !calm }) {
+  // What embeds ask for: the picture alone.
+  if (/[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
   const timeline = new Timeline(source, { over });
   const frame = get("view");
   const stage = new Stage(frame, {
     open: () => standIn.takeOver(),
     pick: (origin, direction) => player.pick(origin, direction),
-    touch: () => { if (player.is.follow) player.send({ do: "set", follow: false }); },
+    pointer: (pointer) => hand.hear(pointer),
   });
   // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
   const sketch = new Sketch(get("sketch"), () => {
@@ -52,17 +75,19 @@ export function view({ source, figures, load, over = true, details = null, play 
   const standIn = new StandIn(sketch.canvas, stage, sketch);
   standIn.onOpen = () => get("cover").classList.add("gone");
   const player = new Player(timeline, { stage, standIn, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm });
+  const hand = handOn(frame, player);
+  hand.on(sketch.canvas);
   const plots = details && new details.Plots(get("panel-plots"), player, figures);
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
-  const place = new Place(player);
-  new Legend(player, figures);
+  const legend = new Legend(player, figures);
   const panel = details && new details.ModulePanel(get("panel-module"), player, figures, () => details.drawer.openAt("module"));
-  get("through").onclick = () => {
-    const on = get("through").getAttribute("aria-pressed") !== "true";
-    get("through").setAttribute("aria-pressed", String(on));
-    stage.seeThrough(on);
-  };
+  const through = pathButton([stage]);
+  const place = new Place({
+    player, view: () => viewOf(player, through.on), colour: (key) => legend.ask(key), path: (on) => through.set(on),
+  }, calm);
+  through.changed = () => place.note();
   new ResizeObserver(() => player.show(true)).observe(frame);
+  offerSides(player);
   new Keys(player, bar, { alone: true, module: panel && (() => panel.begin()) });
 
   let started = false;

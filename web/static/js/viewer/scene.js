@@ -61,26 +61,36 @@ function staged(messages, arrays) {
 const isVector = (value) => Array.isArray(value) && value.length === 3
   && value.every((v) => Number.isFinite(v) && Math.abs(v) < FARTHEST);
 
+/**
+ * @param {unknown} value
+ * @returns {value is Pointer}
+ */
+function isPointer(value) {
+  if (typeof value !== "object" || value === null) return false;
+  const { kind, id, x, y, by, button } = /** @type {Record<string, unknown>} */ (value);
+  return typeof kind === "string" && [id, x, y, by, button].every((v) => Number.isFinite(v) && Math.abs(Number(v)) < FARTHEST);
+}
+
 /** @template {Staged} [Told=Bundle] */
 export class Scene {
   // Heard are: open(), touch() when the camera was taken hold of. `keys` pressed in the frame count as
-  // pressed in the page.
+  // pressed in the page. With `holds` the page moves the camera: pointers are heard, and the client
+  // leaves them alone.
   /**
    * @param {HTMLIFrameElement} frame
    * @param {SceneHeard} heard
-   * @param {string[]} keys
+   * @param {{ keys?: string[], holds?: boolean }} options
    */
-  constructor(frame, heard, keys = []) {
+  constructor(frame, heard, { keys = [], holds = false } = {}) {
     this.frame = frame;
     this.heard = heard;
     this.keys = keys;
+    this.holds = holds;
     this.open = false;
     /** @type {Told | null} */
     this.bundle = null;
     /** @type {Set<string | undefined>} */
     this.nodes = new Set();
-    /** @type {Eye | null} */
-    this.camera = null;
     /** @type {MessagePort | null} */
     this.port = null;
     this.asks = 0;
@@ -135,17 +145,8 @@ export class Scene {
     const { port1, port2 } = new MessageChannel();
     this.port = port1;
     port1.onmessage = ({ data }) => this.hear(data);
-    this.frame.contentWindow?.postMessage({ keys: this.keys, scheme: scheme() }, "*", [port2]);
+    this.frame.contentWindow?.postMessage({ keys: this.keys, holds: this.holds, scheme: scheme() }, "*", [port2]);
     for (const [id, { what }] of this.asked) port1.postMessage({ do: what, id });
-  }
-
-  // The camera was moved; one that looks nowhere is not believed.
-  /**
-   * @param {unknown} position
-   * @param {unknown} target
-   */
-  moved(position, target) {
-    if (isVector(position) && isVector(target) && position.some((v, k) => v !== target[k])) this.camera = { position, target };
   }
 
   // A ray in the scene was clicked.
@@ -164,8 +165,8 @@ export class Scene {
         if (this.bundle) this.build();
         this.heard.open?.();
         return;
-      case "camera":
-        this.moved(told.position, told.target);
+      case "pointer":
+        if (isPointer(told.pointer)) this.heard.pointer?.(told.pointer);
         return;
       case "pick":
         if (this.bundle && isVector(told.origin) && isVector(told.direction)) this.pick(told.origin, told.direction);

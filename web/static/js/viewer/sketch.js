@@ -11,6 +11,8 @@ function gradientOf(element) {
   return place && stops.length ? { place, stops } : null;
 }
 
+const MAX_SIDE_PX = 8192; // of a picture; browsers have no larger canvases everywhere
+
 export class Sketch {
   static script = "/static/js/viewer/sketch_worker.js";
 
@@ -21,10 +23,14 @@ export class Sketch {
    */
   constructor(canvas, onFirst = () => {}) {
     this.canvas = canvas;
+    /** @type {ReturnType<typeof gradientOf>} */
+    this.painted = null; // the ground
     this.onDrawn = () => {};
     /** @type {Worker | null} */
     this.worker = null;
     this.waiting = false;
+    /** @type {((png: Blob) => void)[]} */
+    this.pictures = []; // who waits for one
     /** @type {ArrayBuffer | null} */
     this.next = null;
     this.pitch = 1;
@@ -36,7 +42,8 @@ export class Sketch {
     const worker = new Worker(Sketch.script);
     this.worker = worker;
     let first = true;
-    worker.onmessage = () => {
+    worker.onmessage = ({ data }) => {
+      if (data instanceof Blob) { this.pictures.shift()?.(data); return; }
       if (first) { first = false; onFirst(); }
       this.onDrawn();
       this.waiting = false;
@@ -52,6 +59,7 @@ export class Sketch {
   ground() {
     this.canvas.style.background = "";
     const found = gradientOf(this.canvas);
+    this.painted = found;
     if (found) this.canvas.style.background = "none";
     return found;
   }
@@ -110,6 +118,22 @@ export class Sketch {
     numbers[8] = Math.min(rod, n);
     new Uint8Array(data, 4 * numbers.length).set(colours);
     return data;
+  }
+
+  // The view as a PNG, `scale` times as large as on the page.
+  /**
+   * @param {[shown: Snapshot, colours: Uint8Array, view: Eye, ground: number | null]} drawn
+   * @param {{ scale: number, transparent: boolean }} options
+   * @returns {Promise<Blob>}
+   */
+  picture(drawn, { scale, transparent }) {
+    const { width, height } = this.size();
+    const size = { width, height, scale: Math.min(scale, MAX_SIDE_PX / Math.max(width, height)) };
+    const data = this.numbers(...drawn);
+    return new Promise((done) => {
+      this.pictures.push(done);
+      this.worker?.postMessage({ is: "picture", data, size, ground: transparent ? null : this.painted }, [data]);
+    });
   }
 
   /** @param {ArrayBuffer} data */

@@ -18,7 +18,8 @@ const GAP = 0.6; // and how bright it is
  *   | { is: "size", size: typeof size }
  *   | { is: "table", colours: { top: Colour, edge: Colour } }
  *   | { is: "outline", outline: Drawn }
- *   | { is: "frame", data: ArrayBuffer }} Told
+ *   | { is: "frame", data: ArrayBuffer }
+ *   | { is: "picture", data: ArrayBuffer, size: typeof size, ground: Ground | null }} Told
  */
 
 // Both are there from "begin" on.
@@ -60,8 +61,25 @@ onmessage = (/** @type {MessageEvent<Told>} */ { data }) => {
   } else if (data.is === "frame") {
     latest = data.data;
     ask(true);
+  } else if (data.is === "picture") {
+    picture(data);
   }
 };
+
+// Draws one frame on a paper of its own, of any size and with or without a ground, as a PNG.
+/** @param {Told & { is: "picture" }} asked */
+async function picture(asked) {
+  const own = { paper, pen, size, ground, back };
+  ({ size, ground } = asked);
+  paper = new OffscreenCanvas(1, 1);
+  pen = penOf(paper, !ground);
+  back = null;
+  clear();
+  if (outline) draw(outline, asked.data);
+  const drawn = paper;
+  ({ paper, pen, size, ground, back } = own);
+  postMessage(await drawn.convertToBlob({ type: "image/png" }));
+}
 
 // By the processor: quicker where graphics are software.
 /**

@@ -18,8 +18,8 @@ export class Stage extends Scene {
    * @param {SceneHeard} heard
    */
   constructor(frame, heard) {
-    super(frame, heard, [...KEYS, "Escape"]); // which closes the drawer
-    /** @type {[Snapshot, Uint8Array, Eye | null] | null} */
+    super(frame, heard, { keys: [...KEYS, "Escape"], holds: true }); // Escape closes the drawer
+    /** @type {[Snapshot, Uint8Array, Eye] | null} */
     this.latest = null;
     /** @type {number | null} */
     this.ground = null;
@@ -68,14 +68,14 @@ export class Stage extends Scene {
    */
   pick(origin, direction) { this.heard.pick?.([origin[0] / this.pitch, origin[1] / this.pitch, origin[2] / this.pitch], direction); }
 
-  // Shows poses in colours (3n sRGB bytes); `view` moves the camera, null leaves it.
+  // Shows poses in colours (3n sRGB bytes) as the camera sees them.
   /**
    * @param {Snapshot} snapshot
    * @param {Uint8Array} colours
-   * @param {Eye | null} view
+   * @param {Eye} eye
    */
-  draw(snapshot, colours, view) {
-    this.latest = [snapshot, colours, view];
+  draw(snapshot, colours, eye) {
+    this.latest = [snapshot, colours, eye];
     if (!this.open) return;
     const messages = [update("/modules", this.modules(snapshot, colours)), update("/ends", this.ends(snapshot))];
     if (this.away) messages.push(...this.seen.map((name) => visibility(name, true)));
@@ -86,7 +86,7 @@ export class Stage extends Scene {
       const [x, y] = this.middle(snapshot);
       messages.push({ type: "SetPositionMessage", owner: "", name: "/ground", position: [x * this.pitch, y * this.pitch, this.ground] });
     }
-    if (view) messages.push(...cameraTo(view));
+    messages.push(...cameraTo(eye));
     this.apply(messages);
   }
 

@@ -1,0 +1,134 @@
+// A camera that a visitor turns and zooms goes on following the chain, and cuts nothing of it off.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { cameraText } from "../../../web/static/js/player/address.js";
+import { Player } from "../../../web/static/js/player/player.js";
+import { axesOf } from "../../../web/static/js/viewer/camera.js";
+import { close, random, recorded, turnOfEvents, vectors } from "./vectors.js";
+
+const EVERY = 10; // frames
+const CORNERS = [-0.5, 0.5].flatMap((x) => [-0.5, 0.5].flatMap((y) => [-0.5, 0.5].map((z) => [x, y, z])));
+const due = [];
+let now = 0;
+
+function draw(pictures) {
+  for (let k = 0; k < pictures && due.length; k++) {
+    now += 1000 / 30;
+    for (const then of due.splice(0)) then(now);
+  }
+}
+
+async function shown(given = vectors.timeline, options = {}) {
+  globalThis.requestAnimationFrame = (then) => due.push(then);
+  const { timeline } = await recorded(given);
+  const player = new Player(timeline, options);
+  player.colourBy = (chosen) => { player.colouring = chosen; };
+  await turnOfEvents();
+  draw(200);
+  return { timeline, player };
+}
+
+// How many corners of modules are outside of the picture.
+function outside({ rig, shown: snapshot, timeline }) {
+  const { view } = rig.follower;
+  const { field, aspect } = rig.seeing;
+  const [right, up, out] = axesOf(view.azimuth, view.elevation);
+  const { header: { sketch, pitch } } = timeline.bundle;
+  const corners = timeline.chain.cells ? CORNERS : sketch.corners;
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  let count = 0;
+  for (let i = 0; i < timeline.chain.modules; i++) {
+    const [w, x, y, z] = snapshot.wxyzs.subarray(4 * i, 4 * i + 4);
+    for (const [a, b, c] of corners) {
+      const [u, v, t] = [2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)];
+      const at = [a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u];
+      const off = at.map((value, k) => (value + snapshot.positions[3 * i + k]) * pitch - view.target[k]);
+      const depth = view.distance - dot(off, out);
+      const tall = Math.tan(field / 2) * depth;
+      if (depth <= 0 || Math.abs(dot(off, up)) > tall || Math.abs(dot(off, right)) > tall * aspect) count++;
+    }
+  }
+  return count;
+}
+
+const part = (low, high) => low + ((high - low) * random(10_000)) / 10_000;
+
+for (const film of vectors.films) {
+  test(`no corner of ${film.name} is outside of the picture while it is followed`, async () => {
+    let aspect = 1.6;
+    const { player, timeline } = await shown(film, { aspect: () => aspect, calm: true });
+    for (let frame = 0; frame <= timeline.last; frame += EVERY) {
+      aspect = [1.6, 0.6, 2.4][random(3)];
+      player.send({ do: "seek", frame });
+      player.send({ do: "orbit", turn: [part(-3, 3), part(-1.5, 1.5)], zoom: part(0.2, 1.5), gently: random(2) === 0 });
+      draw(1 + random(3)); // also on its way
+      assert.equal(outside(player), 0, `frame ${frame}`);
+      assert.ok(player.is.follow);
+    }
+    player.send({ do: "seek", frame: 0 });
+    player.send({ do: "play" });
+    for (let k = 0; k < 60; k++) { draw(1); assert.equal(outside(player), 0, `played, picture ${k}`); }
+  });
+}
+
+test("a turned and zoomed camera stays so in other frames, until it is set back", async () => {
+  const { player, timeline } = await shown();
+  const usual = player.rig.follower.view;
+  player.send({ do: "orbit", turn: [0.5, 0.2], zoom: 2 });
+  draw(200);
+  const turned = player.rig.follower.view;
+  close([turned.azimuth, turned.elevation], [usual.azimuth + 0.5, usual.elevation + 0.2]);
+  assert.ok(turned.distance > 1.7 * usual.distance);
+  player.send({ do: "seek", frame: timeline.last });
+  draw(200);
+  close([player.rig.follower.view.azimuth], [turned.azimuth]);
+  player.send({ do: "seek", frame: 0 });
+  player.send({ do: "camera", camera: null });
+  draw(200);
+  close([player.rig.follower.view.azimuth, player.rig.follower.view.distance], [usual.azimuth, usual.distance]);
+});
+
+test("zooming in ends where the chain would be cut off, and zooming out begins at once", async () => {
+  const { player } = await shown();
+  for (let k = 0; k < 20; k++) player.send({ do: "orbit", zoom: 0.7 });
+  draw(200);
+  const near = player.rig.follower.view.distance;
+  assert.equal(outside(player), 0);
+  player.send({ do: "orbit", zoom: 1.1 });
+  draw(200);
+  close([player.rig.follower.view.distance], [1.1 * near], { rtol: 1e-3 });
+});
+
+test("moving the picture lets go of the chain, and Follow goes on from that direction", async () => {
+  const { player, timeline } = await shown();
+  player.send({ do: "orbit", turn: [0.7, 0] });
+  player.send({ do: "orbit", move: [0.2, 0.1] });
+  assert.equal(player.is.follow, false);
+  const { position } = player.rig.eye;
+  player.send({ do: "seek", frame: timeline.last });
+  draw(200);
+  assert.deepEqual(player.rig.eye.position, position);
+  const { azimuth } = player.rig.follower.view;
+  player.send({ do: "set", follow: true });
+  draw(200);
+  close([player.rig.follower.view.azimuth], [azimuth]);
+  assert.equal(outside(player), 0);
+});
+
+test("a camera of an address shows another player the same", async () => {
+  for (const orbits of [[{ turn: [0.7, -0.3] }, { zoom: 1.7 }], [{ zoom: 1.3 }], [{ turn: [1, 0.4], zoom: 1.2 }, { move: [0.2, -0.1] }, { zoom: 0.6 }]]) {
+    const [{ player: one }, { player: other }] = [await shown(), await shown()];
+    one.send({ do: "seek", frame: 40 });
+    for (const orbit of orbits) one.send({ do: "orbit", ...orbit });
+    draw(200);
+    const camera = one.rig.at(one.shown);
+    other.send({ do: "set", follow: one.is.follow });
+    other.send({ do: "seek", frame: 40 });
+    other.send({ do: "camera", camera });
+    draw(200);
+    // The direction and the place of the camera are seen, not how far away its target is.
+    close(other.rig.eye.position, one.rig.eye.position, { atol: 1e-6 * one.rig.follower.view.distance });
+    close([other.rig.follower.view.azimuth, other.rig.follower.view.elevation], [one.rig.follower.view.azimuth, one.rig.follower.view.elevation]);
+    assert.equal(cameraText(other.rig.at(other.shown)), cameraText(camera));
+  }
+});

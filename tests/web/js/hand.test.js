@@ -1,0 +1,48 @@
+// What pointers and wheels do to the camera.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { Hand } from "../../../web/static/js/viewer/hand.js";
+import { close } from "./vectors.js";
+
+function held(follows = true) {
+  const done = [];
+  const hand = new Hand((orbit) => done.push(orbit), { height: () => 100, follows: () => follows });
+  const say = (kind, x = 0, y = 0, more = {}) => hand.hear({ kind, id: 1, x, y, by: 0, button: 0, ...more });
+  return { done, say };
+}
+
+test("a drag turns the camera once it has moved far enough to be no click", () => {
+  const { done, say } = held();
+  say("pointermove", 50, 50); // no button is pressed
+  say("pointerdown", 10, 10);
+  say("pointermove", 12, 11);
+  assert.deepEqual(done, []);
+  say("pointermove", 35, 10);
+  close(done[0].turn, [-Math.PI / 2, 0]);
+  say("pointerup");
+  say("pointermove", 90, 90);
+  assert.equal(done.length, 1);
+});
+
+test("the right button moves the picture and a wheel zooms", () => {
+  const { done, say } = held();
+  say("pointerdown", 0, 0, { button: 2 });
+  say("pointermove", 10, 20);
+  close(done[0].move, [0.1, -0.2]);
+  say("wheel", 0, 0, { by: 100 });
+  say("wheel", 0, 0, { by: -100 });
+  close([done[1].zoom * done[2].zoom], [1]);
+  assert.ok(done[1].zoom > 1); // farther
+});
+
+test("two fingers zoom and move the picture only where nothing is followed", () => {
+  for (const follows of [true, false]) {
+    const { done, say } = held(follows);
+    say("pointerdown", 40, 0);
+    say("pointerdown", 60, 0, { id: 2 });
+    say("pointermove", 80, 0, { id: 2 });
+    close([done[0].zoom], [0.5]);
+    assert.equal("move" in done[0], !follows);
+    assert.equal(done[0].turn, undefined);
+  }
+});

@@ -1,0 +1,92 @@
+"""Picture view: the frame and the camera of a link, as its ``view=`` says them in short."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from web.pictures.camera import ELEVATION_RAD, View, distance_needed, framing
+
+Array = NDArray[np.float64]
+
+NUMBER: Final = r"-?\d{1,3}(?:\.\d{1,4})?"
+SHORT: Final = rf"^\d{{1,9}},(?:{NUMBER})?,(?:{NUMBER})?,{NUMBER}(?:,{NUMBER},{NUMBER})?$"
+"""Pattern of the short form: frame from 1, azimuth and elevation in degrees or empty, distance as
+a multiple of the usual one, and, if the camera does not follow, how far beside the chain it looks.
+"""
+MAX_LENGTH: Final = 64
+"""Characters of the short form."""
+MAX_ELEVATION_RAD: Final = 1.56
+"""Steepest camera; at π/2 the picture has no upward direction. As in js/player/camera_rig.js."""
+MAX_ZOOM: Final = 40.0
+"""Largest distance, as a multiple of the usual one. As in js/player/camera_rig.js."""
+MIN_ZOOM: Final = 0.02
+ROOM: Final = 1.08
+"""Smallest distance while following, as a multiple of that at which the chain touches the edge."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureView:
+    """A moment of a fold and a camera relative to its chain.
+
+    Attributes:
+        frame: Frame from 0.
+        azimuth_rad: Direction to look from; chosen from the chain when None.
+        elevation_rad: Angle above the ground to look from; the usual one when None.
+        zoom: Distance, as a multiple of the usual one.
+        aside: How far beside the chain it looks, to the right and up, as multiples of the usual
+            distance; None when it follows.
+    """
+
+    frame: int
+    azimuth_rad: float | None = None
+    elevation_rad: float | None = None
+    zoom: float = 1.0
+    aside: tuple[float, float] | None = None
+
+    @classmethod
+    def from_short(cls, text: str) -> PictureView | None:
+        """Return the view of a short form; None if it is none."""
+        if len(text) > MAX_LENGTH or not re.fullmatch(SHORT, text, re.ASCII):
+            return None
+        frame, azimuth, elevation, zoom, *aside = text.split(",")
+        return cls(
+            frame=max(0, int(frame) - 1),
+            azimuth_rad=float(np.deg2rad(float(azimuth))) if azimuth else None,
+            elevation_rad=float(np.deg2rad(float(elevation))) if elevation else None,
+            zoom=min(MAX_ZOOM, max(MIN_ZOOM, float(zoom))),
+            aside=(float(aside[0]), float(aside[1])) if aside else None,
+        )
+
+    def camera(
+        self, points: Array, *, radius: float, aspect: float, margin: tuple[float, float]
+    ) -> View:
+        """Return the camera for a chain whose modules are at ``points`` (n, 3)."""
+        elevation = ELEVATION_RAD if self.elevation_rad is None else self.elevation_rad
+        base = framing(
+            points,
+            radius=radius,
+            aspect=aspect,
+            azimuth_rad=self.azimuth_rad,
+            elevation_rad=float(np.clip(elevation, -MAX_ELEVATION_RAD, MAX_ELEVATION_RAD)),
+            margin=margin,
+        )
+        target, distance = base.target, self.zoom * base.distance
+        if self.aside is None:
+            needed = distance_needed(points, base, radius=radius, aspect=aspect)
+            distance = max(distance, ROOM * needed)
+        else:
+            out = (base.position - base.target) / base.distance
+            right = np.array([-np.sin(base.azimuth_rad), np.cos(base.azimuth_rad), 0.0])
+            across, upwards = self.aside
+            target = target + base.distance * (across * right + upwards * np.cross(out, right))
+        return View(
+            target=target,
+            azimuth_rad=base.azimuth_rad,
+            elevation_rad=base.elevation_rad,
+            distance=distance,
+        )

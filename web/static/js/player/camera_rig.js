@@ -1,0 +1,370 @@
+// Camera of a player. It follows the chain from a direction and at a distance that the visitor chooses,
+// and cuts nothing off; with Follow off it stays where the visitor puts it.
+import { Follower, axesOf, blended, distanceNeeded, fewPoints, framing, outward, positionOf } from "../viewer/camera.js";
+
+const GOAL_EVERY = 12; // frames between the views that are blended
+const GOAL_EVERY_S = 0.2; // the same in seconds of playback; the larger of both counts
+const GOALS_ASIDE = 4; // such views ahead and behind
+const GOAL_SPREAD = 1.8; // how steeply their weights fall
+const MAX_GOALS = 4000; // views in memory
+const ROOM = 1.08; // smallest distance, as a multiple of that at which the chain touches the edge
+const USUAL_ASPECT = 1.6;
+const AROUND_PITCH = 3; // radius that is shown around each module of a group
+const MAX_ELEVATION = 1.56; // rad; at π/2 the picture has no upward direction
+const MAX_ZOOM = 8; // largest distance while following, as a multiple of the usual one
+const NEAREST_PITCH = 1.5; // smallest distance from the target with Follow off
+const FARTHEST = 40; // largest distance with Follow off, as a multiple of the usual one
+const MIN_DEPTH = 0.02; // smallest distance that an address can say
+
+/** @typedef {typeof import("../viewer/viewpoint.js").clearestSight} Sight */
+
+/** @type {CameraAt} */
+export const USUAL = Object.freeze({ azimuth: null, elevation: null, zoom: 1, aside: null });
+
+const clamp = (/** @type {number} */ value, /** @type {number} */ low, /** @type {number} */ high) => Math.min(high, Math.max(low, value));
+const steep = (/** @type {number} */ elevation) => clamp(elevation, -MAX_ELEVATION, MAX_ELEVATION);
+
+export class CameraRig {
+  /**
+   * @param {import("./timeline.js").Timeline} timeline
+   * @param {{ is: Switches, framesPerSecond: number }} playhead
+   * @param {{ aspect: () => number, calm: boolean }} options
+   */
+  constructor(timeline, playhead, { aspect, calm }) {
+    this.timeline = timeline;
+    this.playhead = playhead;
+    this.aspectNow = aspect;
+    this.calm = calm; // whether a frame that is sought is shown without a glide
+    /** @type {number | undefined} */
+    this.aspect = undefined;
+    this.follower = new Follower();
+    /** @type {CameraAt} */
+    this.choice = USUAL; // direction and distance while following
+    this.minZoom = 1; // at which nothing is cut off
+    /** @type {CameraAt | null} */
+    this.pending = null; // a camera relative to a frame that is not loaded yet
+    /** @type {number[] | null} */
+    this.group = null; // modules that are followed instead of the whole chain
+    /** @type {Sight | null} */
+    this.sight = null; // finds the direction in which the group is seen best
+    /** @type {Map<number, View>} */
+    this.goals = new Map();
+    this.approximate = false; // whether the goal depends on frames that are not loaded yet
+  }
+
+  get is() { return this.playhead.is; }
+
+  get pitch() { return this.timeline.bundle.header.pitch; }
+
+  get eye() {
+    const { view } = this.follower;
+    return view && { position: positionOf(view), target: view.target };
+  }
+
+  // Starts anew with another timeline; the visitor's direction and distance stay.
+  begin() {
+    this.follower = new Follower();
+    this.goals.clear();
+  }
+
+  // What is followed.
+
+  /**
+   * @param {number[]} modules none for the whole chain
+   * @param {Sight | null} sight
+   */
+  lookAt(modules, sight) {
+    this.group = modules.length ? modules : null;
+    this.sight = this.group && sight;
+    this.choose(USUAL);
+  }
+
+  /** @param {CameraAt} choice */
+  choose(choice) {
+    this.choice = choice;
+    this.pending = null;
+    this.goals.clear();
+  }
+
+  // Finds the direction for a group once more when its frame is loaded.
+  /** @param {Snapshot} shown */
+  turnToGroup(shown) {
+    if (!this.sight) return;
+    const { azimuth_rad: home, elevation_rad: rise } = this.timeline.bundle.header.camera;
+    const [azimuth, elevation] = this.sight(shown.positions, this.group ?? [], [home, rise], outward);
+    if (shown.exact) this.sight = null;
+    this.choose({ ...USUAL, azimuth, elevation });
+  }
+
+  // Follow goes on from the direction that the camera has, and off where it is.
+  /** @param {boolean} on */
+  follow(on) {
+    const { follower } = this;
+    if (!follower.view) return;
+    if (on) this.choose({ ...USUAL, azimuth: follower.view.azimuth, elevation: follower.view.elevation });
+    else follower.goal = follower.view;
+  }
+
+  // What the visitor's hand and keys do.
+
+  /**
+   * @param {Orbit} orbit
+   * @param {Snapshot | null} shown
+   */
+  orbit({ turn, zoom, move, gently = false }, shown) {
+    const { follower } = this;
+    if (!follower.view || !shown) return;
+    this.sight = null;
+    this.pending = null;
+    if (turn) {
+      const from = (gently ? follower.goal : null) ?? follower.view;
+      const [azimuth, elevation] = [from.azimuth + turn[0], steep(from.elevation + turn[1])];
+      if (this.is.follow) this.choose({ ...this.choice, azimuth, elevation });
+      this.turned(azimuth, elevation, gently);
+    }
+    if (zoom && this.is.follow) {
+      const least = Math.min(1, this.minZoom);
+      this.choice = { ...this.choice, zoom: clamp(Math.max(this.choice.zoom, least) * zoom, least, MAX_ZOOM) };
+    } else if (zoom) this.moved(gently, (view) => ({ ...view, distance: clamp(view.distance * zoom, NEAREST_PITCH * this.pitch, FARTHEST * this.whole(shown, view).distance) }));
+    if (move) this.moved(gently, (view) => ({ ...view, target: this.shifted(view, view.target, -move[0], -move[1]) }));
+  }
+
+  /**
+   * @param {number} azimuth
+   * @param {number} elevation
+   * @param {boolean} gently
+   */
+  turned(azimuth, elevation, gently) {
+    if (this.is.follow && gently) return; // the camera glides there
+    this.moved(gently, (view) => ({ ...view, azimuth, elevation }));
+  }
+
+  // Changes the view at once, or, gently, where it glides to.
+  /**
+   * @param {boolean} gently
+   * @param {(view: View) => View} change
+   */
+  moved(gently, change) {
+    const { follower } = this;
+    if (!follower.view) return;
+    const before = follower.view;
+    follower.goal = change(gently ? follower.goal ?? before : before);
+    if (!gently) follower.view = follower.goal;
+  }
+
+  // A point moved across the picture by shares of its height.
+  /**
+   * @param {View} view
+   * @param {Vector} point
+   * @param {number} x
+   * @param {number} y
+   */
+  shifted(view, point, x, y) {
+    const [right, up] = axesOf(view.azimuth, view.elevation);
+    const height = 2 * Math.tan(this.seeing.field / 2) * view.distance;
+    return /** @type {Vector} */ (point.map((v, k) => v + height * (x * right[k] + y * up[k])));
+  }
+
+  // What an address says.
+
+  // True while the camera is that of Follow, which needs no position.
+  get follows() { return this.is.follow && !this.group; }
+
+  // The camera independently of the pitch and of where the chain is: while following the visitor's
+  // choice, else its position relative to that from which the whole chain would be seen.
+  /**
+   * @param {Snapshot | null} shown
+   * @returns {CameraAt}
+   */
+  at(shown) {
+    if (this.pending) return this.pending;
+    if (this.follows) return this.choice;
+    const view = this.follower.goal ?? this.follower.view;
+    if (!view || !shown) return USUAL;
+    const base = this.whole(shown, view);
+    const [right, up, out] = axesOf(view.azimuth, view.elevation);
+    const along = (/** @type {Vector} */ axis) => axis.reduce((sum, v, k) => sum + v * (view.target[k] - base.target[k]), 0) / base.distance;
+    return {
+      azimuth: view.azimuth, elevation: view.elevation,
+      zoom: Math.max(MIN_DEPTH, view.distance / base.distance + along(out)), aside: [along(right), along(up)],
+    };
+  }
+
+  // Takes a camera that an address says; again when the frame is loaded, if that matters.
+  /**
+   * @param {CameraAt} camera
+   * @param {Snapshot | null} shown
+   * @param {boolean} gently whether it glides there
+   */
+  go(camera, shown, gently = false) {
+    this.group = this.sight = null;
+    this.choose({ ...camera, elevation: camera.elevation === null ? null : steep(camera.elevation), aside: null });
+    const { view } = this.follower;
+    if (!gently) this.follower.view = null;
+    if (this.is.follow) return;
+    this.pending = shown?.exact ? null : camera;
+    if (!shown) return;
+    this.follower.goal = this.placed(camera, shown);
+    this.follower.view = gently && view ? view : this.follower.goal;
+  }
+
+  /**
+   * @param {CameraAt} camera
+   * @param {Snapshot} shown
+   * @returns {View}
+   */
+  placed({ azimuth, elevation, zoom, aside }, shown) {
+    this.fit();
+    const usual = this.framed(shown);
+    const from = { ...usual, azimuth: azimuth ?? usual.azimuth, elevation: steep(elevation ?? usual.elevation) };
+    const base = this.whole(shown, from);
+    const [right, up] = axesOf(from.azimuth, from.elevation);
+    const [x, y] = aside ?? [0, 0];
+    const target = /** @type {Vector} */ (base.target.map((v, k) => v + base.distance * (x * right[k] + y * up[k])));
+    return { ...from, target, distance: zoom * base.distance };
+  }
+
+  // Where Follow has the camera.
+
+  // The whole chain as Follow shows it from the direction of a view.
+  /**
+   * @param {Snapshot} shown
+   * @param {View} view
+   */
+  whole(shown, { azimuth, elevation }) {
+    return framing(this.pointsOf(shown, null), { ...this.seeingOf(null), azimuth, elevation });
+  }
+
+  // The points to have in view, in units of the scene; of the whole chain once for a snapshot.
+  /**
+   * @param {Snapshot} snapshot
+   * @param {number[] | null} group
+   * @returns {Vector[]}
+   */
+  pointsOf(snapshot, group) {
+    const scaled = (/** @type {number[]} */ point) => /** @type {Vector} */ (point.map((v) => v * this.pitch));
+    if (group) return group.map((i) => scaled([...snapshot.positions.subarray(3 * i, 3 * i + 3)]));
+    snapshot.points ??= fewPoints(snapshot.positions, snapshot.framed).map(scaled);
+    return snapshot.points;
+  }
+
+  /** @param {Snapshot} snapshot */
+  points(snapshot) { return this.pointsOf(snapshot, this.group); }
+
+  /** @param {number[] | null} group */
+  seeingOf(group) {
+    const { camera, chain } = this.timeline.bundle.header;
+    const radius = group ? AROUND_PITCH : chain.radius;
+    return { radius: radius * this.pitch, aspect: this.aspect ?? USUAL_ASPECT, field: camera.field_of_view_rad, home: camera.azimuth_rad };
+  }
+
+  get seeing() { return this.seeingOf(this.group); }
+
+  /**
+   * @param {Snapshot} snapshot
+   * @param {number | null} azimuth
+   */
+  framed(snapshot, azimuth = null) {
+    const { choice } = this;
+    const elevation = choice.elevation ?? this.timeline.bundle.header.camera.elevation_rad;
+    return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? choice.azimuth, elevation });
+  }
+
+  get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.framesPerSecond)); }
+
+  // The view around a frame, computed once.
+  /** @param {number} index */
+  goal(index) {
+    let view = this.goals.get(index);
+    if (!view) {
+      const snapshot = this.timeline.peek(index * this.goalEvery);
+      if (!snapshot) return null;
+      view = this.framed(snapshot);
+      if (!snapshot.exact) { this.approximate = true; return view; }
+      if (this.goals.size > MAX_GOALS) this.goals.clear();
+      this.goals.set(index, view);
+    }
+    return view;
+  }
+
+  // True when the shape of the window is another one.
+  fit() {
+    const aspect = this.aspectNow();
+    this.aspect ??= USUAL_ASPECT;
+    if (!(aspect > 0) || aspect === this.aspect) return false;
+    this.aspect = aspect;
+    this.goals.clear();
+    return true;
+  }
+
+  // Sets the view to glide to; true while following.
+  /** @param {Snapshot} shown */
+  aim(shown) {
+    const { is, follower, choice } = this;
+    if (this.pending) { this.go(this.pending, shown); return false; }
+    if (!is.follow) return false;
+    this.fit();
+    const still = !(is.playing || is.live || is.turn);
+    const nearest = this.framed(shown, is.turn && follower.view ? follower.view.azimuth : null);
+    // Of a long timeline only what is around the playhead is loaded: at rest that would show.
+    const goal = is.turn || (still && this.timeline.windowed) ? nearest : this.among(shown, nearest);
+    const least = ROOM * this.needed(shown, goal);
+    this.minZoom = (this.group ? NEAREST_PITCH * this.pitch : least) / goal.distance;
+    const distance = this.group && choice.zoom < 1 ? goal.distance * choice.zoom : Math.max(goal.distance * choice.zoom, least);
+    follower.aim({ ...goal, distance }, !follower.view || (this.calm && still));
+    return true;
+  }
+
+  // Looks ahead and back along the timeline, so that the camera moves evenly and in time.
+  /**
+   * @param {Snapshot} shown
+   * @param {View} nearest
+   */
+  among(shown, nearest) {
+    const { timeline } = this;
+    const here = shown.frame / this.goalEvery;
+    const end = timeline.last / this.goalEvery;
+    // Towards both ends of a whole timeline it looks less far, and at rest there it frames exactly.
+    const reach = timeline.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
+    this.approximate = false;
+    if (reach <= 1e-6) return nearest;
+    const views = [nearest];
+    const weights = [1];
+    const middle = Math.round(here);
+    for (let k = Math.max(middle - GOALS_ASIDE, 0); k <= Math.min(middle + GOALS_ASIDE, Math.floor(end)); k++) {
+      const view = this.goal(k);
+      if (!view) continue;
+      views.push(view);
+      weights.push(Math.exp(-((((k - here) / reach) * GOAL_SPREAD) ** 2)));
+    }
+    return blended(views, weights, nearest);
+  }
+
+  // The smallest distance at which nothing is cut off.
+  /**
+   * @param {Snapshot} snapshot
+   * @param {View} view
+   */
+  needed(snapshot, view) { return distanceNeeded(this.points(snapshot), view, this.seeing); }
+
+  // Lets the camera glide on; true while it moves.
+  /**
+   * @param {number} passed in seconds
+   * @param {Snapshot} shown
+   */
+  glide(passed, shown) {
+    const { is, follower } = this;
+    if (!is.follow) return follower.move(passed);
+    if (this.aspectNow() !== this.aspect) { follower.view = null; this.aim(shown); }
+    if (is.turn && follower.view) {
+      follower.view = { ...follower.view, azimuth: follower.view.azimuth + this.timeline.bundle.header.camera.turn_rad_s * passed };
+      this.aim(shown);
+    }
+    const moved = follower.move(passed) || is.turn;
+    if (moved && follower.view && !(this.group && this.choice.zoom < 1)) {
+      const least = this.needed(shown, follower.view);
+      if (follower.view.distance < least) follower.view = { ...follower.view, distance: least };
+    }
+    return moved;
+  }
+}
