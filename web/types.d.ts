@@ -37,6 +37,8 @@ interface Chain {
   hinge_names: string[];
   cells: boolean;
   pitch_m: number;
+  folded_wxyz: Quaternion; // of module 0 in the shape as it was drawn
+  folded_root_wxyz: Quaternion;
 }
 // A convex module, and how many of it there are.
 interface Hull { modules: number; face_normals: Vector[]; vertices: Vector[] }
@@ -191,6 +193,7 @@ type Command =
   | { do: "step"; by: number }
   | { do: "pass"; seconds: number }
   | { do: "change"; way: 1 | -1 }
+  | { do: "fold"; percent: number }
   | ({ do: "set" } & Partial<Omit<Switches, "playing">>)
   | { do: "select"; module: number | null };
 interface State extends Switches {
@@ -200,6 +203,7 @@ interface State extends Switches {
   time_s: number | null;
   phase: string;
   error_rad: number | null;
+  folded: number | null; // share, 0 to 1
 }
 interface JointTold {
   name: string;

@@ -165,28 +165,19 @@ export class Bar {
       `${PHASES[state.phase] ?? ""}, frame ${Math.round(state.frame) + 1} of ${state.frames}`);
   }
 
-  // Within its phase a fold goes from straight to folded, and an explosion the other way.
   /** @param {State} state */
-  showFolded({ frame }) {
-    const phase = this.outline?.phases.find(({ to }) => frame < to) ?? this.outline?.phases.at(-1);
-    if (!phase) return;
-    const share = Math.min(1, Math.max(0, (frame - phase.from) / Math.max(1, phase.to - 1 - phase.from)));
-    const folded = 100 * (phase.name === "playback" ? share : 1 - share);
+  showFolded({ folded }) {
+    if (folded === null) return;
     const slider = get("folded");
-    if (document.activeElement !== slider || !slider.matches(":active")) slider.value = String(folded);
-    get("r-folded").textContent = `${Math.round(folded)} %`;
+    if (document.activeElement !== slider || !slider.matches(":active")) slider.value = String(100 * folded);
+    get("r-folded").textContent = `${Math.round(100 * folded)} %`;
   }
 
   get folding() { return this.outline?.phases.findLast(({ name }) => name === "playback"); }
 
-  // Goes to so much of the fold itself.
+  // Goes to the frame of the fold itself that is folded so far.
   /** @param {number} percent */
-  fold(percent) {
-    const { folding } = this;
-    if (!folding) return;
-    const { from, to } = folding;
-    this.player.send({ do: "seek", frame: from + (percent / 100) * (to - 1 - from) });
-  }
+  fold(percent) { if (this.folding) this.player.send({ do: "fold", percent }); }
 
   /** @param {number} frame */
   place(frame) {

@@ -23,6 +23,8 @@ export class Playhead {
     this.frame = 0;
     this.coarse = false;
     this.hold = 0;
+    /** @type {{ framesPerSecond: number | null } | null} sets the pace while it has one */
+    this.story = null;
     /** @type {Switches} */
     this.is = { playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false, from: null, to: null };
   }
@@ -102,7 +104,9 @@ export class Playhead {
     return true;
   }
 
-  get framesPerSecond() { return Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.timeline.last + 1) / WHOLE_PLAYBACK_S)); }
+  get framesPerSecond() {
+    return this.story?.framesPerSecond ?? Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.timeline.last + 1) / WHOLE_PLAYBACK_S));
+  }
 
   /**
    * @param {number} by

@@ -42,7 +42,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   const stage = new Stage(frame, {
     open: () => standIn.takeOver(),
     pick: (origin, direction) => player.pick(origin, direction),
-    touch: () => { if (player.is.follow) player.send({ do: "set", follow: false }); },
+    touch: () => { player.story.turned(); if (player.is.follow) player.send({ do: "set", follow: false }); },
   });
   // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
   const sketch = new Sketch(get("sketch"), () => {
@@ -85,7 +85,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   player.on("begun", () => {
     if (begun) return;
     begun = true;
-    if (!place.go() && !timeline.growing && play) player.send({ do: "play" });
+    if (!place.go() && !player.story.telling && play) player.send({ do: "play" });
   });
   window.foldback = { timeline, player }; // for the console
   return { timeline, player, stage, sketch, bar, place, plots };
