@@ -183,6 +183,7 @@ interface Switches {
   follow: boolean;
   turn: boolean;
   live: boolean;
+  real: boolean; // one second of the robot takes one second; "speed" does not count
   from: number | null; // frames that are looped over; null for those of the timeline
   to: number | null;
 }
@@ -204,6 +205,7 @@ interface State extends Switches {
   phase: string;
   error_rad: number | null;
   folded: number | null; // share, 0 to 1
+  pace: number | null; // seconds of the robot in one second of playing; null where there is no robot
 }
 interface JointTold {
   name: string;
@@ -440,6 +442,7 @@ interface Elements {
   lower: HTMLButtonElement;
   "mesh-cells": HTMLInputElement;
   model: SVGSVGElement;
+  notify: HTMLButtonElement;
   more: HTMLButtonElement;
   "modules-number": HTMLInputElement;
   modules: HTMLInputElement;

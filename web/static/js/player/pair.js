@@ -126,7 +126,7 @@ export class Pair extends Emitter {
     const state = {
       ...this.playhead.is, frame: this.playhead.frame, frames: this.last + 1, growing: this.growing, phase: at.name,
       time_s: null, error_rad: errors.length ? Math.max(...errors) : null,
-      folded: this.folded,
+      folded: this.folded, pace: null,
     };
     const text = JSON.stringify(state);
     if (text !== this.told) { this.told = text; this.tell("state", state); }

@@ -320,12 +320,23 @@ export class Player extends Emitter {
     for (const e of shown.errors) if (Math.abs(e) > error) error = Math.abs(e);
     const state = {
       ...is, frame: playhead.frame, frames: timeline.total, growing: timeline.growing, time_s: shown.time_s, phase: shown.phase, error_rad: error < 0 ? null : error,
-      folded: Math.round(1000 * timeline.folded(shown)) / 1000,
+      folded: Math.round(1000 * timeline.folded(shown)) / 1000, pace: this.paceAt(shown),
     };
     const text = JSON.stringify(state);
     if (text === this.told) return;
     this.told = text;
     this.tell("state", state);
+  }
+
+  // Seconds of the robot that pass in one second of playing; null where no robot moves.
+  /** @param {Snapshot} shown */
+  paceAt({ low, phase, exact }) {
+    const { timeline, playhead, is } = this;
+    if (phase === "explosion" || !exact || this.story.telling) return null;
+    if (is.real) return 1;
+    const first = Math.min(low, Math.max(0, timeline.last - 1));
+    const [a, b] = [timeline.row(first), timeline.row(first + 1)];
+    return a && b && a.phase === b.phase && b.time_s > a.time_s ? (b.time_s - a.time_s) * playhead.framesPerSecond * is.speed : null;
   }
 
   tellModule() {
