@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from functools import lru_cache
 from pathlib import Path
@@ -546,8 +547,8 @@ def _told(reason: str, summary: FoldSummary) -> str:
     def on_the_timeline(found: re.Match[str]) -> str:
         if explosion is None:
             return ""  # the percentage before it says where
-        # Rounded as the page rounds what it is at: halves up.
-        return f" (frame {explosion + int(float(found[1]) + 0.5) + 1})"
+        # Rounded as the page rounds the frame that it shows: half a frame counts up.
+        return f" (frame {math.floor(explosion + float(found[1]) + 0.5) + 1})"
 
     return re.sub(
         r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)", on_the_timeline, reason

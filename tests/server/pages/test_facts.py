@@ -131,7 +131,7 @@ def test_a_reason_counts_frames_as_the_page_does(tmp_path: Path) -> None:
     facts = fold_facts(found(tmp_path, 5, summary=summary, error=error))
     said = facts["problem"]["text"]
     assert said.startswith("In the plan, modules 3 and 7 overlap")
-    assert "40 % into the fold (frame 225)" in said  # 211 + 12.5, rounded, and 1 is the first
+    assert "40 % into the fold (frame 225)" in said  # 211 + 12.5 rounds up, and 1 is the first
     for text in (said, facts["verdict"]["text"], json.dumps(facts["properties"])):
         assert "of the plan" not in text
         assert "(frame 225)" in text

@@ -17,12 +17,13 @@ const OVER = ["verified", "failed", "cancelled"];
 export class Progress {
   /**
    * @param {Facts} facts
-   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void }} around
+   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void, onProgress?: (now: ProgressTold) => void }} around
    */
-  constructor(facts, { onDone, toast }) {
+  constructor(facts, { onDone, toast, onProgress = () => {} }) {
     this.facts = facts;
     this.onDone = onDone;
     this.toast = toast;
+    this.onProgress = onProgress;
     this.token = tokenOf(facts.id);
     this.cancelling = false;
     /** @type {EventSource | null} */
@@ -72,6 +73,7 @@ export class Progress {
   show(now) {
     this.now = now;
     if (OVER.includes(now.status)) return; // the verdict follows
+    this.onProgress(now);
     const compiling = now.message === COMPILING ? { fraction: now.fraction ?? 0, remaining_s: null } : null;
     const preparing = now.preparing ?? compiling;
     const queue = now.queue_position ?? 0;
