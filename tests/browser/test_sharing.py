@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import Browser, Page, expect
 
 from planner.plan.plan import Plan
@@ -29,7 +30,7 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 7 })")
     page.locator("#share").click()
     shown = page.locator("#share-link")
-    expect(shown).to_have_value(re.compile(rf"/folds/{wrench}#frame=31&module=8$"))
+    expect(shown).to_have_value(re.compile(rf"/folds/{wrench}\?view=31,,,1#frame=31&module=8$"))
     link = shown.input_value()
     keep(page, "share")
     page.keyboard.press("Escape")
@@ -251,3 +252,100 @@ def test_networks_are_shown_a_picture(service: Service, wrench: str) -> None:
         answer = service.http.get(found[1])
         assert answer.headers["Content-Type"] == "image/png"
         assert answer.content[16:24] == (1200).to_bytes(4, "big") + (630).to_bytes(4, "big")
+
+
+LEVELS = 8
+"""Difference of a pixel that is not seen."""
+PLACES = (
+    "#frame=25&camera=30,40,1.3",
+    "#frame=60&camera=-100,-20,0.5&colour=chain&theme=light",
+    "#frame=100&camera=10,15,0.8,0.05,-0.1&follow=0&module=4",
+    "#frame=40&camera=,,1.5&path=1",
+    "#frame=1",
+)
+
+
+def off(page: Page, other: Page) -> float:
+    """Share of pixels by which two pages differ."""
+    a, b = picture(page), picture(other)
+    return float((np.abs(a - b).max(axis=-1) > LEVELS).mean())
+
+
+def test_view_that_was_turned_by_hand_is_in_its_link(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}#frame=60", view=False)
+    expect(page.locator("#scrub")).to_be_enabled()
+    box = page.locator("main.stage").bounding_box()
+    assert box
+    page.wait_for_function("() => window.foldback.player.shown?.exact")
+    page.mouse.move(box["x"] + 300, box["y"] + 150)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 360, box["y"] + 190, steps=3)
+    page.mouse.up()
+    page.keyboard.press("d")
+    page.keyboard.press("-")
+    page.wait_for_url(re.compile(r"#frame=60&camera=-?[\d.]+,[\d.]+,1\.15$"))
+    expect(page.locator("#follow")).to_have_attribute("aria-pressed", "true")
+    other = visit(page.url, view=False)
+    expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 60 of"))
+    other.wait_for_function("() => window.foldback.player.shown?.exact")
+    assert off(page, other) <= 0.01
+    keep(other, "link-turned")
+    page.locator("#sides").select_option("reset")
+    page.wait_for_url(re.compile(r"#frame=60$"))
+    assert off(page, other) > 0.01
+    embedded = visit(f"/embed/{wrench}?theme=light&controls=0#frame=60", view=False)
+    expect(embedded.locator("#bar")).to_be_hidden()
+    assert embedded.evaluate("document.documentElement.dataset.theme") == "light"
+
+
+def test_picture_of_the_view_is_saved(visit: Visit, wrench: str, tmp_path: Path) -> None:
+    page = visit(f"/folds/{wrench}#frame=60&camera=30,20,1", view=False)
+    expect(page.locator("#scrub")).to_be_enabled()
+    page.locator("#share").click()
+    expect(page.locator("#share-link")).to_have_value(
+        re.compile(r"\?view=60,30,20,1#frame=60&camera=30,20,1$")
+    )
+    shown = page.locator("main.stage").bounding_box()
+    assert shown
+    for scale, transparent in ((3, False), (1, True)):
+        page.locator("#picture-scale").select_option(str(scale))
+        page.locator("#picture-clear").set_checked(transparent)
+        with page.expect_download() as download:
+            page.locator("#picture-save").click()
+        path = tmp_path / f"{scale}.png"
+        download.value.save_as(path)
+        with Image.open(path) as saved:
+            size = [round(scale * shown[side]) for side in ("width", "height")]
+            assert saved.size == tuple(size)
+            alpha = np.asarray(saved.convert("RGBA"))[..., 3]
+        assert (alpha.min() == 0) == transparent
+        assert alpha.max() == 255
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["page", "embed", "standalone"])
+def test_link_shows_another_browser_the_same_picture(
+    visit: Visit, service: Service, wrench: str, tmp_path: Path, kind: str
+) -> None:
+    address = f"/{'embed' if kind == 'embed' else 'folds'}/{wrench}"
+    if kind == "standalone":
+        path = tmp_path / "fold.html"
+        path.write_bytes(service.http.get(f"/folds/{wrench}/standalone.html").content)
+        address = path.as_uri()
+    for hash_ in PLACES:
+        first = visit(address + hash_, width=640, height=480)
+        first.locator("#sketch.gone").wait_for(state="attached")
+        # What the page itself says of what it shows leads to the same.
+        here = first.evaluate(
+            "() => { dispatchEvent(new Event('input')); foldback.player.show(true);"
+            " foldback.player.tell('camera'); }"
+        )
+        assert here is None
+        picture(first)
+        first.wait_for_timeout(400)
+        other = visit(first.url, width=640, height=480)
+        other.locator("#sketch.gone").wait_for(state="attached")
+        assert off(first, other) <= 0.01, (kind, hash_, first.url)
+        assert "frame=" in first.url
+        for page in (first, other):
+            page.close()

@@ -69,7 +69,7 @@ def asked(
             store=store,
             artifacts=Artifacts(store),
             pictures=drawn,
-            timelines=SimpleNamespace(get=lambda path: None),
+            timelines=SimpleNamespace(get=lambda _: None),  # pyright: ignore
             settings=SimpleNamespace(read_only=False),
         )
         app.include_router(pictures.router)
