@@ -131,6 +131,9 @@ reproduction: $(STAMP) ## The paper's experiments: runs what is missing, tells a
 docs: $(STAMP) ## The Python library's reference, as pages in out/reference
 	@$(BIN)/python -m docs.make_reference
 
+texts: $(STAMP) ## List every text that people can see in out/texts.md (ARGS="--sample 200")
+	@$(BIN)/python -m docs.make_texts $(ARGS)
+
 constraints: $(STAMP) ## Write constraints.txt from what is installed
 	@{ echo "# Versions that are tested together; \`make constraints\` writes this file."; \
 	   $(BIN)/python -m pip freeze --disable-pip-version-check --exclude-editable \
