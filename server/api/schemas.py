@@ -35,7 +35,8 @@ class ProblemBody(BaseModel):
     status: int
     code: str = Field(description="Short stable word for programs.")
     detail: str = Field(description="What was found, what was expected, what to do.")
-    where: str | None = Field(description="Where in the input, if it is about one.")
+    message: str = Field(description="The detail as plain sentences for people.")
+    where: str | None = Field(description="Position in the input, if the problem has one.")
 
 
 class Links(BaseModel):

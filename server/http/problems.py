@@ -37,6 +37,7 @@ from server.errors import (
     read_only,
 )
 from server.http.access_log import request_id_of
+from server.messages import message_for_people
 from server.store.object_store import StorageError
 
 MEDIA_TYPE: Final = "application/problem+json"
@@ -109,6 +110,7 @@ class Problem:
             "status": self.status,
             "code": self.code,
             "detail": self.detail,
+            "message": message_for_people(self.detail),
             "where": self.where,
         }
 
