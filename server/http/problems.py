@@ -159,7 +159,7 @@ def of_trouble(error: BaseException | None) -> ServiceError | None:
 def _disk() -> NoRoom:
     return NoRoom(
         "no-room",
-        "The disk of the service takes nothing any more; nothing was lost. Try again later.",
+        "The disk of the service is full; nothing was lost. Try again later.",
         retry_after_s=FULL_RETRY_S,
     )
 
@@ -193,7 +193,7 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
         return response_of(
             Unavailable(
                 "storage",
-                "The storage of the service does not answer just now; try again in a moment.",
+                "The storage of the service does not answer right now; try again in a moment.",
                 retry_after_s=STORAGE_RETRY_S,
             )
         )
