@@ -167,9 +167,11 @@ def post_fold(
     ] = None,
     preset: Annotated[
         Literal["default", "paper", "direct"],
-        Form(description=(
-            "`direct` drives every joint straight to its target (fails for most shapes)."
-        )),
+        Form(
+            description=(
+                "`direct` drives every joint straight to its target (fails for most shapes)."
+            )
+        ),
     ] = "default",
     settings: Annotated[
         str,
@@ -183,19 +185,20 @@ def post_fold(
     seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
     module_size: Annotated[
         float | None,
-        Form(ge=MODULE_SIZES[0], le=MODULE_SIZES[1], description=(
-            "Edge of a module in pitches (one pitch is the distance between modules)."
-        )),
+        Form(
+            ge=MODULE_SIZES[0],
+            le=MODULE_SIZES[1],
+            description=(
+                "Edge of a module in pitches (one pitch is the distance between modules)."
+            ),
+        ),
     ] = None,
     strategy: Annotated[
         Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"],
         Form(
-            description=(
-                "How the chain is released: all at once, rigid blocks first, or one part at "
-            )
-            "a time from its far end, which `auto` uses for long chains. `one-by-one`, a "
-            "baseline, "
-            "bends one joint at a time."
+            description="How the chain is released: all at once, rigid blocks first, or one part "
+            "at a time from its far end, which `auto` uses for long chains. `one-by-one`, a "
+            "baseline, bends one joint at a time."
         ),
     ] = "auto",
     prefer: Annotated[
