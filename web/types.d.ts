@@ -339,7 +339,7 @@ interface Facts {
 
 // Answers of the API.
 
-interface Refused { code?: string; detail?: string; where?: string }
+interface Refused { code?: string; detail?: string; message?: string; where?: string }
 interface Preparing { fraction: number; remaining_s: number | null }
 interface ProgressTold {
   preparing?: Preparing | null; // while the solvers are compiled

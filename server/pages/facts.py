@@ -36,6 +36,7 @@ from planner.simulation.parameters import AUTO, FLOATING
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words
+from server.messages import message_for_people
 from server.pages import certificate_words
 from server.pages.certificate_words import TableTold
 from server.pages.choice_words import PREFERENCE_WORDS, Choice, choice_of, superlative
@@ -278,9 +279,9 @@ def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
     if row.status == "failed":
         text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
         where = error.get("where")
+        text = message_for_people(_told(text, summary))
         if where and where not in text:
-            text = f"{where}: {text}"
-        text = sentence(_told(text, summary))
+            text = f"{sentence(where)}: {text}"
         judged = error.get("code", "not-verified") == "not-verified" and "certificate" in summary
         heading = "This plan could not be verified" if judged else "This fold could not be computed"
         return {"heading": heading, "text": text}

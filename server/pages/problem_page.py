@@ -7,8 +7,8 @@ from typing import Final
 from fastapi.responses import Response
 
 from server.http.problems import Problem
+from server.messages import message_for_people
 from server.pages.page import page
-from server.pages.quantities import sentence
 from web.pictures.isometric import isometric_svg
 
 HEADINGS: Final = {
@@ -40,6 +40,6 @@ def not_found_page(
 def problem_page(problem: Problem) -> Response:
     """The same for whatever went wrong."""
     heading = HEADINGS.get(problem.status, "Something went wrong")
-    answer = not_found_page(heading, sentence(problem.detail), status_code=problem.status)
+    answer = not_found_page(heading, message_for_people(problem.detail), status_code=problem.status)
     answer.headers.update(problem.headers)
     return answer

@@ -156,7 +156,9 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
     for _ in range(15):
         page.keyboard.press("PageUp")
     page.locator('[data-x="31"][data-y="31"]').click()
-    expect(count).to_have_text("131\u2009072 modules, of at most 12\u2009000: paint fewer cells.")
+    expect(count).to_have_text(
+        "131\u2009072 modules are too many (at most 12\u2009000). Paint fewer cells."
+    )
     expect(page.locator("#fold")).to_be_disabled()
     page.locator("#undo").click()
     page.locator("#size").select_option("10")

@@ -59,7 +59,9 @@ def test_drop_a_mesh_look_change_and_fold(visit: Visit, service: Service) -> Non
     page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
     settled(page)
     expect(page.locator("#name")).to_have_text("brick")
-    expect(page.locator("#verdict")).to_have_text(re.compile(r"\d+ modules · \d+ % of the shape"))
+    expect(page.locator("#verdict")).to_have_text(
+        re.compile(r"\d+ modules · matches your model: \d+ %")
+    )
     expect(page.locator("#knot")).to_have_text("None")
     seen = picture(page)
     assert (warm(seen) > 40).mean() > 0.003

@@ -56,7 +56,7 @@ def test_a_mesh_becomes_tetrahedra(visit: Visit) -> None:
     settled(page)
     expect(page.locator("#method-part")).to_be_hidden()
     expect(page.locator("#verdict")).to_have_text(
-        re.compile(r"^\d+ tetrahedra · \d+ % of the shape")
+        re.compile(r"^\d+ tetrahedra · matches your model: \d+ %")
     )
     modules = int(re.findall(r"\d+", page.locator("#fold").inner_text())[0])
     assert modules % 12 == 0

@@ -77,7 +77,7 @@ def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service
     )
     page.locator("[name=size]").select_option("1920x1080")
     page.locator("[name=seconds]").select_option("20")
-    page.get_by_role("button", name="Make the movie").click()
+    page.get_by_role("button", name="Create movie").click()
     state = page.locator(".movie-state").first
     expect(state).to_have_text(re.compile("Picture [0-9]+ of 600"))
     stop = page.locator("#panel-downloads").get_by_role("button", name="Stop")
@@ -86,5 +86,5 @@ def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service
     stop.click()
     expect(state).to_have_text("Stopped")
     expect(stop).to_be_hidden()
-    expect(page.get_by_role("button", name="Make the movie")).to_be_enabled()
+    expect(page.get_by_role("button", name="Create movie")).to_be_enabled()
     assert service.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold)).status_code == 204

@@ -85,7 +85,7 @@ export class Progress {
       if (now.paused) text = now.message ?? "Paused";
       else text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
       if (now.wait_s != null) text += left;
-      else if (queue > 0) text += " · no worker is running just now";
+      else if (queue > 0) text += " · no worker is running right now";
     } else if (now.message === READY) text = "Getting ready";
     else {
       const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %${left}`];
@@ -133,7 +133,7 @@ export class Progress {
       if (this.now) this.show(this.now);
       get("cancel").disabled = false;
       get("cancel").hidden = answer.status === 403;
-      this.toast(answer.status === 403 ? "Others have asked for it too: it goes on" : "It could not be cancelled");
+      this.toast(answer.status === 403 ? "Other people requested this fold too, so it will keep running" : "It could not be cancelled");
     }
   }
 }
