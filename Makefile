@@ -17,7 +17,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-fast test-long faults coverage load audit deploy-check docs lint format bench success-map reproduction constraints clean tools test-foreign
+.PHONY: help run test test-fast test-long faults coverage load audit deploy-check docs texts lint format bench success-map reproduction constraints clean tools test-foreign
 
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -130,6 +130,9 @@ reproduction: $(STAMP) ## The paper's experiments: runs what is missing, tells a
 
 docs: $(STAMP) ## The Python library's reference, as pages in out/reference
 	@$(BIN)/python -m docs.make_reference
+
+texts: $(STAMP) ## List every text that people can see in out/texts.md (ARGS="--sample 200")
+	@$(BIN)/python -m docs.make_texts $(ARGS)
 
 constraints: $(STAMP) ## Write constraints.txt from what is installed
 	@{ echo "# Versions that are tested together; \`make constraints\` writes this file."; \

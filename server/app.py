@@ -27,6 +27,7 @@ from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
 from server.http import problems
 from server.http.access_log import Access
+from server.http.head import HeadAsGet
 from server.http.read_only import ReadOnly
 from server.http.request_rate import RequestRate
 from server.http.response_cache import ResponseCache
@@ -52,6 +53,7 @@ from server.pages import (
     fold,
     gallery,
     landing,
+    oembed,
     paper,
     pictures,
     preview,
@@ -94,6 +96,7 @@ ROUTERS: Final = (
     gallery,
     frames,
     share,
+    oembed,
     pictures,
     preview,
     privacy,
@@ -165,6 +168,7 @@ def create_app(
     app.include_router(robot.schemas)
 
     app.add_middleware(ResponseCache)
+    app.add_middleware(HeadAsGet)
     app.add_middleware(
         BodyLimit,
         most_bytes=settings.max_upload_bytes,

@@ -37,6 +37,8 @@ interface Chain {
   hinge_names: string[];
   cells: boolean;
   pitch_m: number;
+  folded_wxyz: Quaternion; // of module 0 in the shape as it was drawn
+  folded_root_wxyz: Quaternion;
 }
 // A convex module, and how many of it there are.
 interface Hull { modules: number; face_normals: Vector[]; vertices: Vector[] }
@@ -213,6 +215,7 @@ interface Switches {
   follow: boolean;
   turn: boolean;
   live: boolean;
+  real: boolean; // one second of the robot takes one second; "speed" does not count
   from: number | null; // frames that are looped over; null for those of the timeline
   to: number | null;
 }
@@ -223,6 +226,7 @@ type Command =
   | { do: "step"; by: number }
   | { do: "pass"; seconds: number }
   | { do: "change"; way: 1 | -1 }
+  | { do: "fold"; percent: number }
   | ({ do: "set" } & Partial<Omit<Switches, "playing">>)
   | { do: "select"; module: number | null }
   | ({ do: "orbit" } & Orbit)
@@ -234,6 +238,8 @@ interface State extends Switches {
   time_s: number | null;
   phase: string;
   error_rad: number | null;
+  folded: number | null; // share, 0 to 1
+  pace: number | null; // seconds of the robot in one second of playing; null where there is no robot
 }
 interface JointTold {
   name: string;
@@ -333,7 +339,7 @@ interface Facts {
 
 // Answers of the API.
 
-interface Refused { code?: string; detail?: string; where?: string }
+interface Refused { code?: string; detail?: string; message?: string; where?: string }
 interface Preparing { fraction: number; remaining_s: number | null }
 interface ProgressTold {
   preparing?: Preparing | null; // while the solvers are compiled
@@ -472,6 +478,7 @@ interface Elements {
   lower: HTMLButtonElement;
   "mesh-cells": HTMLInputElement;
   model: SVGSVGElement;
+  notify: HTMLButtonElement;
   more: HTMLButtonElement;
   "modules-number": HTMLInputElement;
   modules: HTMLInputElement;

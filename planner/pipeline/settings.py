@@ -161,7 +161,7 @@ SETTINGS: Final = (
     ),
     Setting(
         name="pitch_cm",
-        label="Diameter of a module",
+        label="Module diameter",
         unit="cm",
         source="published",
         meaning="The length that the gains are read with.",
@@ -259,7 +259,7 @@ ROBOT_SETTINGS: Final = (
     ),
     Setting(
         name="mass_error",
-        label="Error of masses",
+        label="Mass error",
         unit="of them",
         source="ours",
         meaning="Standard deviation of the modules' masses and inertias.",
@@ -309,7 +309,7 @@ ROBOT_SETTINGS: Final = (
     ),
     Setting(
         name="encoder_noise",
-        label="Noise of encoders",
+        label="Encoder noise",
         unit="rad",
         source="ours",
         meaning="Standard deviation of what they read.",

@@ -47,18 +47,20 @@ async def get_frames(
     fold_id: str,
     context: Here,
     start: Annotated[int, Query(alias="from", ge=0, description="First frame.")] = 0,
-    stop: Annotated[int | None, Query(alias="to", ge=0, description="Past the last one.")] = None,
-    stride: Annotated[int, Query(ge=1, le=1_000_000, description="Every so many-th.")] = 1,
-    poses: Annotated[bool, Query(description="Also where every module is.")] = False,
+    stop: Annotated[
+        int | None, Query(alias="to", ge=0, description=("One past the last frame."))
+    ] = None,
+    stride: Annotated[int, Query(ge=1, le=1_000_000, description="Return every Nth frame.")] = 1,
+    poses: Annotated[bool, Query(description="Include the pose of every module.")] = False,
 ) -> Response:
-    """Frames that are there, while it still computes too; `next` leads to the rest."""
+    """Return the frames computed so far, also while the fold runs; `next` leads to the rest."""
     timeline = await asyncio.to_thread(_timeline, context, fold_id)
     total = len(timeline)
     end = total if stop is None else min(stop, total)
     if start > end:
         raise Unusable(
             "no-such-frames",
-            f"got frames {start} to {end}, expected a stretch of the {total} there are.",
+            f"got frames {start} to {end}, expected a range within the {total} there are.",
             where="query.from",
         )
     numbers = 2 * len(timeline.chain.joint_names) + (7 * len(timeline.chain) if poses else 0)
@@ -135,11 +137,11 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
 
 @router.get(
     "/exports",
-    summary="Formats that a finished fold can be downloaded in",
+    summary="List download formats of a finished fold",
     responses=problems(404, 409),
 )
 def get_exports(fold_id: str, context: Here) -> ExportList:
-    """Formats of other programs, in the order in which they are offered."""
+    """List the formats of other programs, in display order."""
     row = _finished(context, fold_id)
     moving = has_motion(row.summary)
     return ExportList(
@@ -149,18 +151,18 @@ def get_exports(fold_id: str, context: Here) -> ExportList:
 
 @router.get(
     "/exports/{name}",
-    summary="Download it in one of these formats",
+    summary="Download a fold in one of these formats",
     response_class=FileResponse,
     responses={
         200: {
-            "description": "The file; made when it is first asked for.",
+            "description": "The file. It is created on the first request.",
             "content": {export.media_type: {} for export in EXPORTS},
         },
         **problems(404, 409, 413, 429, 503, 507),
     },
 )
 async def get_export(request: Request, fold_id: str, name: str, context: Here) -> FileResponse:
-    """A file in one of the formats that the list names."""
+    """Return a file in one of the listed formats."""
     row = await asyncio.to_thread(_finished, context, fold_id)
     try:
         export = export_named(name)
@@ -221,7 +223,7 @@ def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
     """The problem that a fold has not made something, or not yet."""
     if row.over:
         reason = f" ({row.error['detail']})" if row.error else ""
-        return NotFound("no-such-artifact", f"This fold ended without its {what}{reason}.")
+        return NotFound("no-such-artifact", f"This fold finished without its {what}{reason}.")
     return Conflict(
         "not-ready",
         f"The {what} is not there yet: the fold is {row.status}. Follow its events.",

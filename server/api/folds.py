@@ -60,42 +60,43 @@ def listed(settings: tuple[Setting, ...]) -> str:
 def _options(
     module: Annotated[
         Literal["cube", "tetrahedron"],
-        Form(description="What meshes, voxels and cells become; chains say so themselves."),
+        Form(description="Module type for meshes, voxels and cells. A chain file states its own."),
     ] = "cube",
     modules: Annotated[
         int | None,
         Form(
             ge=MODULE_COUNTS[0],
             le=MODULE_COUNTS[1],
-            description="About how many modules; meshes get 160 if not said.",
+            description="Approximate number of modules. Default for meshes: 160.",
         ),
     ] = None,
     method: Annotated[
         Literal["auto", "blocks", "exact", "snake"],
-        Form(description="How a path is found: `blocks` makes 2×2×2 modules of each voxel."),
+        Form(description="Path method. `blocks` splits each voxel into 2×2×2 modules."),
     ] = "auto",
     repair: Annotated[
-        bool, Form(description="Add or drop cells where there is no path otherwise.")
+        bool, Form(description="Add or remove cells if there is no path otherwise.")
     ] = False,
     ends: Annotated[
-        Literal["any", "surface"], Form(description="`surface`: both ends on the outside.")
+        Literal["any", "surface"],
+        Form(description=("`surface` puts both ends of the chain on the outside.")),
     ] = "any",
     as_voxels: Annotated[
-        bool, Form(description="Take a list of cells as a shape, not as a path.")
+        bool, Form(description="Read a list of cells as a shape, not as a path.")
     ] = False,
     start: Annotated[
         str | None,
         Form(
             pattern=rf"^{START}$",
-            description="The cell that the chain begins in, as `x,y,z` of a preview's `cells`.",
+            description="The cell where the chain starts, as `x,y,z` of a preview's `cells`.",
         ),
     ] = None,
     world: Annotated[
         Literal["floating", "table"],
         Form(
-            description="Where it folds: without gravity, or resting on a `table` all the time, "
-            "along a path that allows that, with as little torque as can be had. Settings are "
-            f"then {listed(TABLE_SETTINGS)}."
+            description="World: `floating` has no gravity; on a `table` the chain stays supported "
+            "throughout and needs as little torque as possible. Settings on a table: "
+            f"{listed(TABLE_SETTINGS)}."
         ),
     ] = "floating",
 ) -> ShapeOptions:
@@ -113,7 +114,7 @@ def _options(
 
 PathOptions = Annotated[ShapeOptions, Depends(_options)]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
-GalleryShape = Annotated[str | None, Form(description="Or the name of a gallery shape.")]
+GalleryShape = Annotated[str | None, Form(description="Or: the name of a gallery shape.")]
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -125,7 +126,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
 @router.post(
     "",
     status_code=202,
-    summary="Fold an upload or a shape of the gallery",
+    summary="Fold an upload or a gallery shape",
     responses=problems(404, 409, 413, 422, 429, 503, 507),
 )
 def post_fold(
@@ -136,14 +137,14 @@ def post_fold(
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
-        str | None, Form(max_length=64, pattern=ID, description="Or the id of a preview.")
+        str | None, Form(max_length=64, pattern=ID, description="Or: the id of a preview.")
     ] = None,
     fold: Annotated[
         str | None,
         Form(
             max_length=64,
             pattern=ID,
-            description="Or the id of a fold: its input once more, and its options for the shape.",
+            description="Or: the id of a fold, to use its input and its shape options again.",
         ),
     ] = None,
     refold: Annotated[
@@ -151,8 +152,8 @@ def post_fold(
         Form(
             max_length=64,
             pattern=ID,
-            description="The id of a finished fold: its chain goes from there over straight to the "
-            "shape, which must have as many modules of the same kind.",
+            description="The id of a finished fold. Its chain unfolds and then folds into the "
+            "shape, which must have the same number of modules of the same kind.",
         ),
     ] = None,
     smooth: Annotated[
@@ -160,50 +161,61 @@ def post_fold(
         Form(
             max_length=64,
             pattern=ID,
-            description="Or the id of a verified fold: its motion, made shorter and quieter, as a "
-            "fold of its own. It is not recorded again, so preset and strategy stay as usual.",
+            description="Or: the id of a verified fold, to make its motion shorter and smoother as "
+            "a new fold. Preset and strategy do not apply, because nothing is recorded again.",
         ),
     ] = None,
     preset: Annotated[
         Literal["default", "paper", "direct"],
-        Form(description="`direct` servoes straight to the shape: the baseline that fails."),
+        Form(
+            description=(
+                "`direct` drives every joint straight to its target (fails for most shapes)."
+            )
+        ),
     ] = "default",
     settings: Annotated[
         str,
         Form(
             # Longer ones are refused in the planner's words.
             json_schema_extra={"maxLength": LONGEST},
-            description="Other numbers for the presets `paper` and `direct`, as "
-            f"`damping=0.05,radial_gain=0.2`. There are: {listed(SETTINGS)}.",
+            description="Other values for the presets `paper` and `direct`, for example "
+            f"`damping=0.05,radial_gain=0.2`. Available settings: {listed(SETTINGS)}.",
         ),
     ] = "",
     seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
     module_size: Annotated[
         float | None,
-        Form(ge=MODULE_SIZES[0], le=MODULE_SIZES[1], description="Edge of a module in pitches."),
+        Form(
+            ge=MODULE_SIZES[0],
+            le=MODULE_SIZES[1],
+            description=(
+                "Edge of a module in pitches (one pitch is the distance between modules)."
+            ),
+        ),
     ] = None,
     strategy: Annotated[
         Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"],
         Form(
-            description="How the chain is let go: all at once, rigid blocks first, or unit by unit "
-            "from its far end, which `auto` takes for long ones; `one-by-one` bends one joint "
-            "after the other, a baseline."
+            description="How the chain is released: all at once, rigid blocks first, or one part "
+            "at a time from its far end, which `auto` uses for long chains. `one-by-one`, a "
+            "baseline, bends one joint at a time."
         ),
     ] = "auto",
     prefer: Annotated[
         Literal["computing", "time", "torque", "clearance"],
         Form(
-            description="Which of several verified plans is wanted: the first one, the one that "
-            "folds in the least time at the joints' speed limit, with the least torque when all "
-            "take the same time, or with the largest clearance that is proved. All but the first "
-            "try other strategies, paths and smoothings, which takes several times as long; "
-            "the plan's `attempts` list them with their figures."
+            description="Preferred plan: the first verified one, or of several verified plans the "
+            "one with the shortest folding time at the joints' speed limit, the least torque at "
+            "equal folding time, or the largest proved clearance. All but the first try other "
+            "strategies, paths and smoothings, which takes several times as long; the plan's "
+            "`attempts` list them with their figures."
         ),
     ] = "computing",
 ) -> Accepted:
-    """Accepts it and puts it into the queue. The same again with the same token is the same fold.
+    """Accept a fold and add it to the queue.
 
-    So is a shape of the gallery, as it is usually folded, for everybody.
+    The same request with the same token returns the same fold. A gallery shape with default
+    options is folded once for everyone.
     """
     asked = Asked(
         preset=preset,
@@ -277,12 +289,12 @@ def post_fold(
 
 @router.get(
     "",
-    summary="Folds of the gallery, and one's own",
+    summary="List gallery folds and your own folds",
     dependencies=[Depends(in_list_rate)],
     responses=problems(429),
 )
 def get_folds(context: Here, credentials: Bearer) -> Folds:
-    """Others' folds are never listed; their links are for who was given them."""
+    """List gallery folds and your own. Other people's folds are never listed."""
     rows = {row.id: row for row in context.store.list_public()}
     if (token := token_of(credentials)) is not None:
         rows.update({row.id: row for row in context.store.list_owned(token)})
@@ -290,9 +302,9 @@ def get_folds(context: Here, credentials: Bearer) -> Folds:
     return Folds(folds=[Fold.of(row, context.store, context.remaining) for row in newest_first])
 
 
-@router.get("/{fold_id}", summary="The state of a fold", responses=problems(404))
+@router.get("/{fold_id}", summary="Get the state of a fold", responses=problems(404))
 def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
-    """What is known of it now."""
+    """Return the current state."""
     row = context.store.fold(fold_id)
     context.store.looked(row)
     mark(request, row)
@@ -311,13 +323,13 @@ async def follower(request: Request, fold_id: str, context: Here) -> AsyncIterat
     summary="Follow a fold",
     dependencies=[Depends(follower)],
     response_class=EventSourceResponse,
-    response_description="Server-sent events: `progress` as it changes, `done` at the end.",
+    response_description="Server-sent events: `progress` for each change, `done` at the end.",
     responses=problems(404, 429),
 )
 async def get_events(
     fold_id: str, context: Here, response: Response
 ) -> AsyncIterator[ServerSentEvent]:
-    """Server-sent events until the fold is over."""
+    """Send server-sent events until the fold has finished."""
     response.headers["Cache-Control"] = "no-store"
     async for event in context.fold_states.events(fold_id):
         yield event
@@ -325,7 +337,7 @@ async def get_events(
 
 @router.get(
     "/{fold_id}/refolds",
-    summary="Shapes of the gallery that a fold can be refolded into",
+    summary="List gallery shapes that a fold can be refolded into",
     responses=problems(404),
 )
 def get_refolds(fold_id: str, context: Here) -> Shapes:
@@ -339,9 +351,9 @@ def get_refolds(fold_id: str, context: Here) -> Shapes:
     "/{fold_id}/cancel", status_code=202, summary="Stop a fold", responses=problems(401, 403, 404)
 )
 def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
-    """Stops it. One of the gallery that others have asked for too goes on.
+    """Cancel it. A gallery fold that other people requested too keeps running.
 
-    Its input stays for an hour, if not much of the same visitor does, for another try.
+    The input is kept for up to an hour, so that the fold can be started again.
     """
     store = context.store
     before = store.fold(fold_id)
@@ -355,24 +367,26 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
 
 
 @router.patch(
-    "/{fold_id}", summary="Rename a fold, or hand it over", responses=problems(401, 403, 404, 422)
+    "/{fold_id}",
+    summary=("Rename a fold or change its owner token"),
+    responses=problems(401, 403, 404, 422),
 )
 def patch_fold(fold_id: str, changes: FoldChanges, context: Here, credentials: Bearer) -> Fold:
-    """Its name is what pages, lists and downloads are called; that in its plan stays.
+    """Change the name on pages, in lists and of downloads; the name inside the plan stays.
 
-    Nobody renames those of the gallery.
+    Gallery folds cannot be renamed.
     """
     store = context.store
     row, token = store.fold(fold_id), needed(credentials)
     if row.public:
         raise Forbidden(
-            "public", "This fold belongs to the gallery, which everybody sees; its name stays."
+            "public", "This is a gallery fold, which everyone can see; it cannot be renamed."
         )
     name = None if changes.name is None else clean_name(changes.name, max_length=LONGEST_NAME)
     if name == "":
         raise Unusable(
             "empty-name",
-            f"got a name without anything that prints, expected 1 to {LONGEST_NAME} characters.",
+            f"got a name without printable characters, expected 1 to {LONGEST_NAME} characters.",
             where="name",
         )
     if not change_fold(store, fold_id, token, name=name, new_token=changes.owner_token):
@@ -384,12 +398,12 @@ def patch_fold(fold_id: str, changes: FoldChanges, context: Here, credentials: B
     "/{fold_id}", status_code=204, summary="Delete a fold", responses=problems(401, 403, 404)
 )
 def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
-    """Deletes it for good. Those of the gallery are everybody's: nobody deletes them."""
+    """Delete it permanently. Gallery folds cannot be deleted."""
     store = context.store
     row, token = store.fold(fold_id), needed(credentials)
     if row.public:
         raise Forbidden(
-            "public", "This fold belongs to the gallery, which everybody sees; it stays."
+            "public", "This is a gallery fold, which everyone can see; it cannot be deleted."
         )
     if not store.delete(fold_id, token):
         raise _not_owner()

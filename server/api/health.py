@@ -22,13 +22,13 @@ from server.store.stats import Stats
 router = APIRouter(tags=["operation"])
 
 
-@router.get("/health", summary="Is it alive?")
+@router.get("/health", summary="Liveness check")
 async def get_health() -> dict[str, str]:
-    """Answers whenever the web process runs."""
+    """Answer 200 whenever the web process runs."""
     return {"status": "ok"}
 
 
-@router.get("/ready", summary="Can it take folds?")
+@router.get("/ready", summary="Readiness check")
 def get_ready(request: Request) -> JSONResponse:
     """503 with reasons while database, disk or storage fail, no worker lives, or it is ending."""
     readiness: Readiness = request.app.state.readiness
@@ -50,10 +50,10 @@ def get_ready(request: Request) -> JSONResponse:
 class PreparingState(BaseModel):
     """Whether the solvers are still being compiled."""
 
-    preparing: PreparingBody | None = Field(description="Null once a worker can compute.")
+    preparing: PreparingBody | None = Field(description="Null when a worker is ready to compute.")
 
 
-@router.get("/api/preparing", summary="Are the solvers still being compiled?")
+@router.get("/api/preparing", summary="Progress of compiling the solvers")
 def get_preparing(context: Here, response: Response) -> PreparingState:
     """How far the workers are that compile the solvers, once on a machine."""
     response.headers["Cache-Control"] = "no-store"
@@ -62,7 +62,7 @@ def get_preparing(context: Here, response: Response) -> PreparingState:
 
 @router.get(
     "/metrics",
-    summary="Figures for Prometheus",
+    summary="Prometheus metrics",
     response_class=PlainTextResponse,
     responses=problems(403),
 )
@@ -71,7 +71,7 @@ async def get_metrics(request: Request, context: Here, credentials: Bearer) -> R
     if not _may_read(context, credentials):
         raise Forbidden(
             "not-public",
-            "The figures are for operators; send the value of FOLDBACK_METRICS_TOKEN as "
+            "Metrics are for operators only; send the value of FOLDBACK_METRICS_TOKEN as "
             "'Authorization: Bearer …'.",
         )
     stats: Stats = request.app.state.stats

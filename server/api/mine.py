@@ -58,16 +58,18 @@ async def holder(request: Request, response: Response, context: Here, credential
 Holder = Annotated[str, Depends(holder)]
 
 
-@router.get("/folds", summary="Folds that one has made", responses=problems(401, 422, 429))
+@router.get("/folds", summary="List my folds", responses=problems(401, 422, 429))
 def get_my_folds(
     context: Here,
     token: Holder,
     before: Annotated[
         str | None, Query(pattern=BEFORE, description="Of `next`, for those that follow.")
     ] = None,
-    limit: Annotated[int, Query(ge=1, le=MOST_FOLDS, description="How many to tell.")] = 24,
+    limit: Annotated[
+        int, Query(ge=1, le=MOST_FOLDS, description=("Maximum number of results."))
+    ] = 24,
 ) -> FoldsMade:
-    """Those that were asked for with this token first, also of gallery shapes."""
+    """List the folds first requested with this token, gallery shapes included."""
     found = folds_made(context.store, token, before=before, limit=limit)
     query = urlencode({"before": found.next, "limit": limit}, safe=",")
     return FoldsMade(
@@ -77,9 +79,9 @@ def get_my_folds(
     )
 
 
-@router.get("/previews", summary="Shapes that one has looked at", responses=problems(401, 429))
+@router.get("/previews", summary="List my previews", responses=problems(401, 429))
 def get_my_previews(context: Here, token: Holder) -> PreviewsMade:
-    """Those that were sent with this token, as they were looked at last."""
+    """List the previews uploaded with this token, with their latest options."""
     keep_s = context.settings.preview_keep_s
     rows = previews_made(context.store, token, keep_s=keep_s)
     return PreviewsMade(
@@ -103,20 +105,20 @@ def get_my_previews(context: Here, token: Holder) -> PreviewsMade:
 @router.delete(
     "/previews/{preview_id}",
     status_code=204,
-    summary="Delete a shape that one has looked at",
+    summary="Delete a preview",
     responses=problems(401, 403, 429),
 )
 def delete_my_preview(context: Here, token: Holder, preview_id: str) -> Response:
-    """Its upload and all that came of it; folds that were made of it stay."""
+    """Delete an upload and its previews; folds made from it stay."""
     if not forget_preview(context.store, preview_id, token):
-        raise Forbidden("not-owner", "This token is not that of who has sent this shape.")
+        raise Forbidden("not-owner", "This token does not belong to this preview.")
     context.previews.remove(preview_id)
     return Response(status_code=204)
 
 
-@router.get("/movies", summary="Movies that one has asked for", responses=problems(401, 429))
+@router.get("/movies", summary="List my movies", responses=problems(401, 429))
 def get_my_movies(context: Here, token: Holder) -> MoviesMade:
-    """Those that were asked for with this token, of whatever folds."""
+    """List the movies requested with this token, of any fold."""
     return MoviesMade(
         movies=[
             MovieMade(
@@ -131,12 +133,14 @@ def get_my_movies(context: Here, token: Holder) -> MoviesMade:
 
 @router.post(
     "/key",
-    summary="Replace a key that others may know",
+    summary="Replace a key that other people may know",
     responses=problems(400, 401, 422, 429),
 )
 def post_my_key(context: Here, token: Holder, wanted: KeyWanted | None = None) -> KeyReplaced:
-    """All that was made with this token moves to another one, and is closed to this one."""
+    """Move everything made with this token to another one; this one stops working."""
     new = (wanted.owner_token if wanted is not None else None) or new_token()
     if new == token:
-        raise Malformed("same-key", "got the key that is to be replaced; send another, or none.")
+        raise Malformed(
+            "same-key", ("got the key that is being replaced; send another one, or none.")
+        )
     return KeyReplaced(owner_token=new, folds=replace_token(context.store, token, new))

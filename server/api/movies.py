@@ -27,21 +27,32 @@ class MovieOptions(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     format: Literal["mp4", "gif"] = "mp4"
-    width: int | None = Field(default=None, description="Pixels, even; at most 1920 (GIF: 960).")
-    height: int | None = Field(default=None, description="Pixels, even.")
-    fps: int | None = Field(default=None, description="Pictures a second; at most 60 (GIF: 25).")
-    seconds: float | None = Field(default=None, description="At most 60 (GIF: 20).")
-    azimuth_deg: float | None = Field(
-        default=None, description="Direction that the end is seen from; chosen if not said."
+    width: int | None = Field(
+        default=None, description=("Width in pixels, even, at most 1920 (GIF: 960).")
     )
-    elevation_deg: float | None = Field(default=None, description="Camera above the ground.")
-    turn_deg: float | None = Field(default=None, description="How far the camera goes around.")
+    height: int | None = Field(default=None, description="Height in pixels, even.")
+    fps: int | None = Field(default=None, description="Frames per second, at most 60 (GIF: 25).")
+    seconds: float | None = Field(
+        default=None, description=("Length in seconds, at most 60 (GIF: 20).")
+    )
+    azimuth_deg: float | None = Field(
+        default=None, description="Viewing direction at the end. Default: chosen from the shape."
+    )
+    elevation_deg: float | None = Field(
+        default=None, description=("Angle of the camera above the ground.")
+    )
+    turn_deg: float | None = Field(
+        default=None, description=("Angle through which the camera circles.")
+    )
     theme: Literal["light", "dark"] | None = None
     first_frame: int | None = Field(
-        default=None, description="Of the timeline; the first one of the playback if not said."
+        default=None, description="First frame. Default: the first frame of the playback."
     )
     last_frame: int | None = Field(
-        default=None, description="The timeline's last if not said; before the first: backwards."
+        default=None,
+        description=(
+            "Last frame. Default: the last frame. A frame before `first` plays backwards."
+        ),
     )
 
 
@@ -97,7 +108,7 @@ class MovieBody(BaseModel):
 @router.post(
     "",
     status_code=202,
-    summary="Have a movie made",
+    summary="Create a movie",
     responses=problems(404, 409, 422, 429, 503, 507),
 )
 def post_movie(
@@ -108,9 +119,9 @@ def post_movie(
     credentials: Bearer,
     options: MovieOptions,
 ) -> MovieBody:
-    """Puts it into the queue. The same options again give the same movie.
+    """Add a movie to the queue. The same options return the same movie.
 
-    Movies that the fold's owner asks for, with his token, stay when others ask for theirs.
+    Movies requested by the fold's owner, with the owner token, are not replaced by those of others.
     """
     try:
         movie = Movie.of(options.model_dump())
@@ -126,9 +137,9 @@ def post_movie(
     return body
 
 
-@router.get("/{movie_id}", summary="How far a movie is", responses=problems(404))
+@router.get("/{movie_id}", summary="Get the status of a movie", responses=problems(404))
 def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) -> MovieBody:
-    """Ask again after `Retry-After` seconds, until it is `ready` or `failed`."""
+    """Return the status. Ask again after `Retry-After` seconds until it is `ready` or `failed`."""
     context.store.fold(fold_id)
     body = MovieBody.of(fold_id, context.movies.state(fold_id, movie_id))
     _again(response, body)
@@ -145,12 +156,12 @@ def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) ->
     },
 )
 def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
-    """The MP4 or GIF file."""
+    """Return the MP4 or GIF file."""
     row = context.store.fold(fold_id)
     check(context.store.directory(fold_id), TIMELINE)
     path = context.movies.file(fold_id, movie_id)
     if path is None:
-        raise Conflict("not-ready", "The movie is not there yet.", retry_after_s=1)
+        raise Conflict("not-ready", "The movie is not ready yet.", retry_after_s=1)
     stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in row.name).strip("-")
     return FileResponse(
         path,
@@ -162,18 +173,18 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
 @router.delete(
     "/{movie_id}",
     status_code=204,
-    summary="Stop making a movie, or delete it",
+    summary="Cancel or delete a movie",
     responses=problems(403, 404),
 )
 def delete_movie(fold_id: str, movie_id: str, context: Here, credentials: Bearer) -> Response:
-    """For who has the token that came with the answer to the wish, and for the fold's owner."""
+    """Cancel or delete it, with the token from the answer to POST or the fold's owner token."""
     context.store.fold(fold_id)
     state = context.movies.state(fold_id, movie_id)
     token = credentials.credentials if credentials else ""
     if not state.owned_by(token) and not context.store.owns(fold_id, token):
         raise Forbidden(
             "not-owner",
-            "This needs the token that came with the answer to the wish, or that of the fold's "
+            "This needs the token that came with the answer to POST, or that of the fold's "
             "owner, as 'Authorization: Bearer …'.",
         )
     context.movies.delete(fold_id, movie_id)

@@ -78,20 +78,20 @@ AHEAD_S: Final = 0.25
 REMEMBERED: Final = 64
 """Targets that a report may refer to; there are never more of them ahead."""
 
-Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Largest speed of a joint, in rad/s.")]
+Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Maximum joint speed, rad/s.")]
 Acceleration = Annotated[
-    float, Query(ge=1e-3, le=1e4, description="Largest acceleration of a joint, in rad/s².")
+    float, Query(ge=1e-3, le=1e4, description="Maximum joint acceleration, rad/s².")
 ]
 Form = Literal["csv", "json"]
 
 
 @router.get(
     "/trajectory",
-    summary="The plan with time stamps for a robot",
+    summary="Get the plan with time stamps for a robot",
     response_class=Response,
     responses={
         200: {
-            "description": "foldback-trajectory/1, or a table",
+            "description": "foldback-trajectory/1 or a table",
             "content": {"application/json": {}, "text/csv": {}},
         },
         **problems(404, 409, 413, 422, 429, 503),
@@ -106,7 +106,7 @@ async def get_trajectory(
     form: Annotated[Form, Query(alias="format")] = "json",
     rate: Annotated[
         float | None,
-        Query(gt=0, le=1e4, description="Moments in a second; else those of the plan's frames."),
+        Query(gt=0, le=1e4, description="Rows per second. Default: one row per frame of the plan."),
     ] = None,
 ) -> StreamingResponse:
     """Return the fastest motion along the plan within the bounds, at rest at both ends.
@@ -153,7 +153,7 @@ async def get_trajectory(
 
 @router.get(
     "/motors",
-    summary="The torques that the plan needs",
+    summary="Get the torques that the plan needs",
     response_class=Response,
     responses={
         200: {
@@ -167,20 +167,26 @@ async def get_motors(
     request: Request,
     fold_id: str,
     context: Here,
-    module_mass: Annotated[float, Query(gt=0, le=1e6, description="Of a module, in kg.")],
+    module_mass: Annotated[float, Query(gt=0, le=1e6, description="Mass of a module, kg.")],
     max_speed: Speed = 1.0,
     max_acceleration: Acceleration = 2.0,
     pitch: Annotated[
-        float | None, Query(gt=0, le=1e3, description="Distance of modules in m, else the plan's.")
+        float | None,
+        Query(
+            gt=0,
+            le=1e3,
+            description=("Distance between module centres, m. Default: the plan's pitch."),
+        ),
     ] = None,
     gravity: Annotated[
-        float, Query(ge=0, le=1e3, description="In m/s², the worst way for each joint.")
+        float,
+        Query(ge=0, le=1e3, description=("Gravity, m/s², in the worst direction for each joint.")),
     ] = 9.81,
     floating: Annotated[
-        bool, Query(description="Float without gravity, instead of being held at the root.")
+        bool, Query(description="Let the chain float without gravity instead of holding its root.")
     ] = False,
     motor_torque: Annotated[
-        float | None, Query(gt=0, le=1e9, description="What a motor can give, in N·m.")
+        float | None, Query(gt=0, le=1e9, description="Torque of a motor, N·m.")
     ] = None,
     form: Annotated[Form, Query(alias="format")] = "json",
 ) -> Response:
@@ -285,7 +291,7 @@ def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:
 
 
 def _not_verified() -> Conflict:
-    return Conflict("not-verified", "This plan is not verified, so no robot is driven along it.")
+    return Conflict("not-verified", "This plan is not verified, so it cannot be played to a robot.")
 
 
 class _Hand:
@@ -366,7 +372,7 @@ class _Hand:
                 pace.behind = self._number - self._answered >= self._ahead
             pace.advance(now)
             if now - self._heard > GONE_S:
-                raise TooSlow("gone", f"Nothing was heard for {GONE_S:g} s.")
+                raise TooSlow("gone", f"No message arrived for {GONE_S:g} s.")
             reason = pace.waiting(now)
             if reason != said:
                 said = reason
@@ -473,7 +479,7 @@ class _Hand:
             async with asyncio.timeout(GONE_S):
                 await self._websocket.send_text(ENCODER.encode(message).decode())
         except TimeoutError:
-            raise TooSlow("gone", f"Nothing was taken for {GONE_S:g} s.") from None
+            raise TooSlow("gone", f"The client read nothing for {GONE_S:g} s.") from None
 
 
 _TOLD: Final = (

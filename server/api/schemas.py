@@ -18,7 +18,7 @@ from server.store.gallery import GalleryShape
 from server.store.leases import Preparing
 from server.store.shown import ShownFold
 
-PAUSED: Final = "Paused: others are waiting. It goes on by itself."
+PAUSED: Final = "Paused because others are waiting. It continues automatically."
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
 LONGEST_NAME: Final = 200
@@ -35,7 +35,8 @@ class ProblemBody(BaseModel):
     status: int
     code: str = Field(description="Short stable word for programs.")
     detail: str = Field(description="What was found, what was expected, what to do.")
-    where: str | None = Field(description="Where in the input, if it is about one.")
+    message: str = Field(description="The detail as plain sentences for people.")
+    where: str | None = Field(description="Position in the input, if the problem has one.")
 
 
 class Links(BaseModel):
@@ -111,19 +112,20 @@ class Accepted(BaseModel):
 
     id: str
     owner_token: str | None = Field(
-        description="Proves what cancel and delete ask for: the token that one has sent, or a new "
-        "one. Null for a fold that is another's, or the gallery's and everybody's: it can be "
-        "looked at."
+        description="Owner token, required to cancel or delete: the token you sent, or a new one. "
+        "Null for a gallery fold or somebody else's fold, which you can only view."
     )
-    existing: bool = Field(description="The same had been asked before: this is that fold.")
+    existing: bool = Field(
+        description=("True if the same fold was requested before; this is that fold.")
+    )
     links: Links
 
 
 class PreparingBody(BaseModel):
     """How far the solvers are compiled, which happens once on a machine."""
 
-    fraction: float = Field(description="0 to 1.")
-    remaining_s: int | None = Field(description="About how long it still takes; null at first.")
+    fraction: float = Field(description="Progress, 0 to 1.")
+    remaining_s: int | None = Field(description="Estimated remaining time, s; null at first.")
 
     @classmethod
     def of(cls, preparing: Preparing | None) -> PreparingBody | None:
@@ -141,28 +143,26 @@ class Progress(BaseModel):
 
     status: Status
     stage: Stage | None
-    fraction: float = Field(description="0 to 1, of the stage.")
+    fraction: float = Field(description="Progress of the stage, 0 to 1.")
     steps: int
     steps_per_second: float
-    simulated_s: float = Field(description="Simulated time of the stage; 0 where none is told.")
+    simulated_s: float = Field(description="Simulated time of the stage, s; 0 if unknown.")
     message: str
     modules: int
     queue_position: int = Field(
-        description="1 is next among those that wait for the same places; 0 when it does not wait."
+        description="Position in the queue: 1 is next, 0 means that the fold is not waiting."
     )
-    paused: bool = Field(
-        description="It has computed and made room for others that wait; it goes on by itself."
-    )
-    frames: int = Field(description="Frames that can be seen so far.")
+    paused: bool = Field(description="Paused to let other folds run; it continues automatically.")
+    frames: int = Field(description="Number of frames available so far.")
     wait_s: float | None = Field(
-        description="About how long it will wait; null when it does not, or when no worker runs."
+        description="Estimated waiting time, s; null if it is not waiting or no worker runs."
     )
     remaining_s: int | None = Field(
-        description="About how long until it is over, with the wait, by what like folds took here; "
-        "0 when it takes longer than those, null when none is known or it is over."
+        description="Estimated remaining time with the wait, s, from similar folds; 0 if this fold "
+        "takes longer than those; null if unknown or finished."
     )
     preparing: PreparingBody | None = Field(
-        description="While no worker can compute yet, since the solvers are being compiled."
+        description="Progress of compiling the solvers, while no worker can compute yet."
     )
 
 
@@ -178,19 +178,19 @@ class Fold(BaseModel):
     """A fold."""
 
     id: str
-    name: str = Field(description="As its input or its owner calls it.")
-    title: str = Field(description="What pages call it.")
+    name: str = Field(description="Name from the input or from the owner.")
+    title: str = Field(description="Title shown on pages.")
     status: Status
     stage: Stage | None
     created_at: datetime
     expires_at: datetime | None = Field(
-        description="When it is forgotten if nobody looks at it until then; null when no time is "
-        "set, or it is not over."
+        description="Expiry time if it is not viewed again; null if it does not expire or has not "
+        "finished."
     )
-    public: bool = Field(description="Whether it is of the gallery, and everybody's.")
+    public: bool = Field(description="True for a gallery fold, which everyone can see.")
     modules: int
     module: str
-    shape: str | None = Field(description="The gallery shape it was started from.")
+    shape: str | None = Field(description="Gallery shape of the fold, if any.")
     refold: str | None = Field(
         description="The shape that a refold begins as; null when the chain begins straight."
     )
@@ -261,12 +261,12 @@ class FoldChanges(BaseModel):
     name: str | None = Field(
         default=None,
         max_length=LONGEST_NAME,
-        description="What to call it. Characters that do not print are left out.",
+        description="New name. Characters that cannot be printed are removed.",
     )
     owner_token: str | None = Field(
         default=None,
         pattern=TOKEN,
-        description="Whose it is from now on: another token of one's own.",
+        description="New owner token.",
     )
 
 
@@ -286,16 +286,16 @@ class KeyWanted(BaseModel):
 class KeyReplaced(BaseModel):
     """The new key, and what moved to it."""
 
-    owner_token: str = Field(description="It is not told again.")
-    folds: int = Field(description="How many moved.")
+    owner_token: str = Field(description="It is shown only once.")
+    folds: int = Field(description="Number of items moved.")
 
 
 class FoldsMade(BaseModel):
     """Folds that one has made, newest first."""
 
     folds: list[Fold]
-    next: str | None = Field(description="Where the next ones are; null when there are none.")
-    total: int = Field(description="How many there are in all.")
+    next: str | None = Field(description="Link to the next page; null on the last page.")
+    total: int = Field(description="Total number of items.")
 
 
 class PreviewMade(BaseModel):
@@ -306,7 +306,7 @@ class PreviewMade(BaseModel):
     module: str
     modules: int
     created_at: datetime
-    expires_at: datetime = Field(description="When it is forgotten if nobody looks at it.")
+    expires_at: datetime = Field(description="Expiry time if it is not viewed again.")
     page: str
     drawing: str
 
@@ -324,7 +324,7 @@ class Shape(BaseModel):
     title: str
     module: str = Field(description="`cube` or `tetrahedron`.")
     modules: int
-    tags: list[str] = Field(description="What kind of shape it is.")
+    tags: list[str] = Field(description="Kinds of shape.")
 
     @classmethod
     def of(cls, shape: GalleryShape) -> Shape:
@@ -358,16 +358,18 @@ class Repair(BaseModel):
     detail: str
     add: list[list[int]]
     drop: list[list[int]]
-    doubled: bool = Field(description="Then 2×2×2 modules are made of each cell.")
-    modules: int = Field(description="How many there are afterwards; ask for so many to double.")
+    doubled: bool = Field(description="Each cell then becomes 2×2×2 modules.")
+    modules: int = Field(description="Number of modules afterwards; request this number to double.")
 
 
 class Feasibility(BaseModel):
     """Whether there can be a path through cells."""
 
-    feasible: bool | None = Field(description="null when nobody knows.")
+    feasible: bool | None = Field(description="null if undecided.")
     problems: list[Trouble]
-    repairs: list[Repair] = Field(description="The smallest first; `repair` applies that one.")
+    repairs: list[Repair] = Field(
+        description=("Repairs, smallest first; `repair` applies the first one.")
+    )
 
 
 class Knot(BaseModel):
@@ -395,7 +397,7 @@ class Preview(BaseModel):
     """What would come of a shape."""
 
     id: str
-    key: str = Field(description="Stands for the options.")
+    key: str = Field(description="Key of the options.")
     kind: Literal["path", "chain", "voxels", "mesh"]
     name: str
     module: Literal["cube", "tetrahedron"]
@@ -407,19 +409,19 @@ class Preview(BaseModel):
     pitch: float | None = Field(description="Distance of modules in the solid's own units.")
     method: str
     has_path: bool
-    candidates: int = Field(description="Paths that a fold will try, one after the other.")
-    cells: list[list[int]] = Field(description="In the order of the path, if there is one.")
+    candidates: int = Field(description="Number of paths that a fold will try in turn.")
+    cells: list[list[int]] = Field(description="Cells, in path order if there is a path.")
     feasibility: Feasibility | None
     knot: Knot | None
     notes: list[str]
     as_voxels: bool = Field(
         description="Whether a list of cells was taken as a shape; a fold has to be told so too."
     )
-    start: list[int] | None = Field(description="The cell that was asked for to begin in.")
+    start: list[int] | None = Field(description="The requested start cell.")
     not_started: str = Field(
         description="Why no path begins there; the path is another one then. Empty when one does."
     )
-    expected_s: float = Field(description="About how long the fold will take.")
+    expected_s: float = Field(description="Estimated time of the fold, s.")
     expected_as_published_s: float = Field(description="The same with the preset `paper`.")
     expected_preferred_s: float = Field(
         description="The same where a plan is chosen by time, torque or clearance."
@@ -451,19 +453,19 @@ class FramesBody(BaseModel):
     """A stretch of a fold's timeline. Lengths are in pitches, angles in radians."""
 
     status: str = Field(description="`growing`, `complete` or `failed`.")
-    total: int = Field(description="Frames there are.")
+    total: int = Field(description="Number of frames.")
     start: int = Field(serialization_alias="from")
     stop: int = Field(serialization_alias="to")
     stride: int
-    next: str | None = Field(description="Where the rest is, when it was too much for one answer.")
-    phases: list[str] = Field(description="What the numbers in `phase` stand for.")
+    next: str | None = Field(description="Link to the rest, if it did not fit into one response.")
+    phases: list[str] = Field(description="Meaning of the numbers in `phase`.")
     joint_names: list[str]
     time_s: list[float]
     phase: list[int]
     joint_angles_rad: list[list[float]] = Field(description="(F, J)")
     root_position: list[list[float]] = Field(description="(F, 3)")
     root_wxyz: list[list[float]] = Field(description="(F, 4)")
-    max_error_rad: list[float | None] = Field(description="(F,), null where none is recorded.")
+    max_error_rad: list[float | None] = Field(description="(F,), null where nothing is recorded.")
     positions: list[list[list[float]]] | None = Field(description="(F, n, 3), with poses=true.")
     wxyzs: list[list[list[float]]] | None = Field(description="(F, n, 4), with poses=true.")
 

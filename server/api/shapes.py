@@ -40,15 +40,15 @@ router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 LOOK_EVERY_S: Final = 0.1
 
 
-@router.get("", summary="The gallery")
+@router.get("", summary="List the gallery shapes")
 def get_shapes(context: Here) -> Shapes:
-    """Example shapes that `POST /api/folds` takes by name."""
+    """List the example shapes that `POST /api/folds` accepts by name."""
     return Shapes(shapes=[Shape.of(shape) for shape in context.gallery.shapes()])
 
 
 @router.post(
     "/preview",
-    summary="What would come of a shape, before folding it",
+    summary="Preview a shape before folding it",
     responses=problems(404, 413, 422, 429, 503, 504, 507),
 )
 async def post_preview(
@@ -63,24 +63,22 @@ async def post_preview(
         Form(
             max_length=64,
             pattern=ID,
-            description="Or the id of an earlier preview, with other options.",
+            description="Or: the id of an earlier preview, with other options.",
         ),
     ] = None,
     seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
     path: Annotated[
         bool,
         Form(
-            description="Whether to look for a path. Without one, voxels and meshes are answered "
-            "with their cells alone, and sooner."
+            description="Search for a path. Without a search, voxels and meshes return sooner, "
+            "with their cells only."
         ),
     ] = True,
-    full: Annotated[
-        bool, Form(description="Whether to answer with cells and mesh too, which may be large.")
-    ] = True,
+    full: Annotated[bool, Form(description="Include cells and mesh, which may be large.")] = True,
 ) -> Preview:
-    """Voxels, a path through them, and whether there is one. `POST /api/folds` takes its id.
+    """Return the voxels and a path through them, if there is one. `POST /api/folds` takes the id.
 
-    With a token it stands in the list of who has sent it, `GET /api/mine/previews`.
+    With a token, the preview is listed in `GET /api/mine/previews`.
     """
     settings = context.settings
     if options.modules is not None and options.modules > settings.max_modules:
@@ -154,11 +152,11 @@ async def leaving(request: Request) -> AsyncGenerator[Callable[[], bool]]:
 
 @router.get(
     "/{name}.json",
-    summary="The path file of a gallery shape",
+    summary="Get the path file of a gallery shape",
     responses={200: {"description": "A `foldback-path/1` file"}, **problems(404)},
 )
 def get_shape(name: str, context: Here) -> Response:
-    """A file to start one's own from."""
+    """Return the file, for use as a starting point."""
     shape = context.gallery.shape(name)
     if shape is None:
         raise NotFound("no-such-shape", "The gallery has no shape of this name.")

@@ -171,7 +171,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             context.store.folders.remove(fold_id)
             if (known := _known(context, submission)) is not None:
                 return known
-            raise Conflict("changed-meanwhile", "The same fold just ended; try again.")
+            raise Conflict("changed-meanwhile", "The same fold has just finished; try again.")
     except OSError as error:
         raise not_stored("upload", error) from error
     finally:
@@ -207,9 +207,7 @@ def _request(directory: Path) -> dict[str, Any]:
 
 
 def _no_input() -> NotFound:
-    return NotFound(
-        "no-input", "The input of this fold is not there any more; send the file again."
-    )
+    return NotFound("no-input", "The input file of this fold has expired; send the file again.")
 
 
 def noted(directory: Path) -> tuple[ShapeOptions, list[list[int]] | None]:

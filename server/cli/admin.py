@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from server.store.tables import FoldRow
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
-DataDir = Annotated[Path | None, typer.Option(help="Where folds are kept.")]
+DataDir = Annotated[Path | None, typer.Option(help="Data directory of the service.")]
 AsJson = Annotated[bool, typer.Option("--json", help="As JSON.")]
-Ids = Annotated[list[str], typer.Argument(help="Ids of folds.")]
-Force = Annotated[bool, typer.Option("--force", help="Even where it would be refused.")]
+Ids = Annotated[list[str], typer.Argument(help="Ids of the folds.")]
+Force = Annotated[bool, typer.Option("--force", help="Do it even if it would be refused.")]
 COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
 VISITOR: Final = 8
 """Letters that are shown of who asked: enough to tell visitors apart."""
@@ -29,7 +29,7 @@ VISITOR: Final = 8
 admin = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="See, forget, repeat and keep folds of a service.",
+    help="List, delete, repeat and pin folds of a service.",
 )
 
 
@@ -61,14 +61,15 @@ def _ended(words: str) -> typer.Exit:
 
 @admin.command("list")
 def list_folds(
-    status: Annotated[Status | None, typer.Option(help="Only these.")] = None,
+    status: Annotated[Status | None, typer.Option(help="Only folds with this status.")] = None,
     older: Annotated[
-        float | None, typer.Option(min=0, help="Only what nobody touched for so many days.")
+        float | None,
+        typer.Option(min=0, help=("Only folds that have not been used for this many days.")),
     ] = None,
     as_json: AsJson = False,
     data_dir: DataDir = None,
 ) -> None:
-    """List folds, the oldest first."""
+    """List folds, oldest first."""
     with _tasks(data_dir) as tasks:
         rows = [_shown(row) for row in tasks.folds(status=status, older_days=older)]
     if as_json:
@@ -79,7 +80,7 @@ def list_folds(
 
 @admin.command()
 def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> None:
-    """Show all that is known of a fold."""
+    """Show the details of a fold."""
     from server.store.folds import NoSuchFoldError
 
     with _tasks(data_dir) as tasks:
@@ -102,15 +103,18 @@ def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> Non
 
 @admin.command()
 def expire(
-    ids: Annotated[list[str] | None, typer.Argument(help="Ids of folds.")] = None,
+    ids: Annotated[list[str] | None, typer.Argument(help="Ids of the folds.")] = None,
     older: Annotated[
-        float | None, typer.Option(min=0, help="Instead: what nobody touched for so many days.")
+        float | None,
+        typer.Option(
+            min=0, help=("Instead of ids: folds that have not been used for this many days.")
+        ),
     ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
     force: Force = False,
     data_dir: DataDir = None,
 ) -> None:
-    """Forget folds with their files. Pinned ones and those of the gallery stay."""
+    """Delete folds and their files. Pinned folds and gallery folds stay."""
     if bool(ids) == (older is not None):
         raise typer.BadParameter("give ids or --older DAYS, and not both.")
     with _tasks(data_dir) as tasks:
@@ -119,30 +123,30 @@ def expire(
             ids = [row.id for row in rows if force or not (row.pinned or row.public)]
         assert ids is not None
         if not ids:
-            typer.echo("Nothing to forget.")
+            typer.echo("Nothing to delete.")
             return
         if not yes:
-            typer.confirm(f"Forget {len(ids)} folds for good?", abort=True)
+            typer.confirm(f"Permanently delete {len(ids)} folds?", abort=True)
         _each(ids, lambda fold_id: tasks.expire(fold_id, force=force), "forgotten")
 
 
 @admin.command()
 def requeue(ids: Ids, force: Force = False, data_dir: DataDir = None) -> None:
-    """Compute folds again that failed, were cancelled or are stuck."""
+    """Compute folds again that failed, were cancelled or stopped responding."""
     with _tasks(data_dir) as tasks:
         _each(ids, lambda fold_id: tasks.requeue(fold_id, force=force), "queued")
 
 
 @admin.command()
 def pin(ids: Ids, data_dir: DataDir = None) -> None:
-    """Keep folds whatever their age."""
+    """Pin folds, so that they do not expire."""
     with _tasks(data_dir) as tasks:
         _each(ids, lambda fold_id: tasks.pin(fold_id, pinned=True), "pinned")
 
 
 @admin.command()
 def unpin(ids: Ids, data_dir: DataDir = None) -> None:
-    """Let folds grow old again."""
+    """Unpin folds, so that they can expire again."""
     with _tasks(data_dir) as tasks:
         _each(ids, lambda fold_id: tasks.pin(fold_id, pinned=False), "not pinned")
 
@@ -161,7 +165,7 @@ def damaged(data_dir: DataDir = None) -> None:
 
 @admin.command()
 def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
-    """Show who computes."""
+    """List the workers."""
     with _tasks(data_dir) as tasks:
         found = tasks.workers()
     now = time.time()
@@ -183,7 +187,7 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
     if rows:
         _table(tuple(rows[0]), [[str(value) for value in row.values()] for row in rows])
     else:
-        typer.echo("No worker lives.")
+        typer.echo("No worker is running.")
 
 
 def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:

@@ -48,7 +48,9 @@ class AdminTasks:
         self._settings = settings
         name = settings.root / "foldback.db"
         if settings.database_url is None and not name.exists():
-            raise AdminError(f"got no database at {name}; start the service once, or say where.")
+            raise AdminError(
+                f"got no database at {name}; start the service once, or give its data directory."
+            )
         engine = engine_of(settings)
         try:
             with engine.connect() as connection:
@@ -135,7 +137,9 @@ class AdminTasks:
         row = self.fold(fold_id)
         if (row.pinned or row.public) and not force:
             what = "is pinned" if row.pinned else "belongs to the gallery"
-            raise AdminError(f"{fold_id} {what} and stays; --force forgets it all the same.")
+            raise AdminError(
+                f"{fold_id} {what} and is not deleted; use --force to delete it anyway."
+            )
         self._store.delete(fold_id)
         # A job that runs sees that its row is gone and comes to its own end.
         if row.status not in ENDED and self.job(fold_id) in ("ENQUEUED", "DELAYED"):
@@ -161,7 +165,7 @@ class AdminTasks:
         """
         row = self.fold(fold_id)
         if row.status == "verified" and not force:
-            raise AdminError(f"{fold_id} is verified; --force computes it again all the same.")
+            raise AdminError(f"{fold_id} is verified; use --force to compute it again anyway.")
         job = self.job(fold_id)
         if job in MOVING:
             what = "waits in the queue" if row.status == "queued" else "is being computed"

@@ -24,16 +24,16 @@ COMMANDS: Final = {
     "fold": "Explode, fold and verify a chain or a shape.",
     "refold": "Unfold a folded chain and fold it into another shape.",
     "settings": "List the settings for `fold --set NAME=VALUE`.",
-    "smooth": "Make a folding shorter and quieter, as clear as before.",
+    "smooth": "Make a motion shorter and smoother without losing clearance.",
     "shape": "Find a path through a shape.",
-    "verify": "Check a plan anew: its files against each other, its figures, and by plain MuJoCo.",
-    "play": "Look at a fold's directory in the browser.",
+    "verify": "Check a plan again: its files, its figures, and a replay in plain MuJoCo.",
+    "play": "Show a fold's directory in the browser.",
     "export": "Export a finished fold as URDF, MCAP, an animated scene and more.",
     "movie": "Make a movie of a fold: the straight chain folds into its shape.",
-    "retime": "Give a plan time stamps within a robot's limits.",
-    "servos": "List the servos that would do for a torque.",
-    "table": "Tell whether a plan rests on a table, and what that asks of its hinges.",
-    "doctor": "Check what the service needs.",
+    "retime": "Add time stamps to a plan within a robot's limits.",
+    "servos": "List servos that are strong enough for a torque.",
+    "table": "Check if a plan works on a table, and compute the joint torques.",
+    "doctor": "Check the requirements of the service.",
     "admin": "See, forget, repeat and keep folds of a service.",
 }
 """What each command is for, as its own help begins: told of all without importing any."""
@@ -63,10 +63,11 @@ def application() -> typer.Typer:
     @app.callback()
     def foldback(
         version: Annotated[
-            bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell it.")
+            bool,
+            typer.Option("--version", callback=_version, is_eager=True, help=("Show the version.")),
         ] = False,
     ) -> None:
-        """Plans how a straight chain of modules folds into a solid."""
+        """Plan how a straight chain of modules folds into a solid."""
 
     del foldback
     for name, help_text in COMMANDS.items():

@@ -15,7 +15,7 @@ from server.ops.logs import escaped
 def doctor(
     host: Annotated[str | None, typer.Option(help="Address to listen on.")] = None,
     port: Annotated[int | None, typer.Option(help="Port to listen on.")] = None,
-    data_dir: Annotated[Path | None, typer.Option(help="Where folds are kept.")] = None,
+    data_dir: Annotated[Path | None, typer.Option(help="Data directory of the service.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """Check what the service needs; ends with 1 when there is a problem."""

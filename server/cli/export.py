@@ -20,13 +20,13 @@ from server.cli.options import AsJson, FoldDirectory
 
 def export(
     directory: FoldDirectory,
-    out: Annotated[Path, typer.Option(help="Directory for the files; made if it is not there.")],
+    out: Annotated[Path, typer.Option(help="Directory for the files; created if missing.")],
     formats: Annotated[
         str | None,
         typer.Option(
             "--as",
             metavar="NAMES",
-            help=f"Formats, with commas between: {', '.join(e.name for e in EXPORTS)}. All if none "
+            help=f"Formats, separated by commas: {', '.join(e.name for e in EXPORTS)}. All if none "
             "is given.",
         ),
     ] = None,

@@ -61,7 +61,7 @@ def fold(
     ] = None,
     angles: Annotated[
         str | None,
-        typer.Option(help="Or a chain of tetrahedra, one sign a hinge: '0 - - + 0'."),
+        typer.Option(help="Or a chain of tetrahedra, one sign per hinge: '0 - - + 0'."),
     ] = None,
     preset: Preset = "default",
     settings: Settings = None,
@@ -69,7 +69,8 @@ def fold(
     seed: Seed = "0",
     module_size: ModuleSize = None,
     strategy: Annotated[
-        str, typer.Option(help="How it is let go: auto, simultaneous, blocks, peel, or one-by-one.")
+        str,
+        typer.Option(help=("Explosion strategy: auto, simultaneous, blocks, peel or one-by-one.")),
     ] = "auto",
     prefer: Prefer = "computing",
     module: Module = "cube",
@@ -80,7 +81,7 @@ def fold(
     start: Start = None,
     as_voxels: AsVoxels = False,
     world: Annotated[
-        str, typer.Option(help="Where it folds: floating, or on a table under gravity.")
+        str, typer.Option(help="floating (no gravity), or table (on a table, with gravity).")
     ] = "floating",
     workers: Workers = None,
     as_json: AsJson = False,
@@ -163,7 +164,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
                     bars.update(bar, note=_steps(progress))
 
             def compiles(progress: StageProgress, bar: Any = bar) -> None:
-                bars.update(bar, note=f"{progress.message}, once on this machine")
+                bars.update(bar, note=f"{progress.message}(only once on this machine)")
 
             with Compiling(compiles):
                 summary = run_stage(stage, out, progress=report, tries=tries)
@@ -208,7 +209,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
     console.print(certificate_words.headline(certificate), markup=False, soft_wrap=True)
     if stuck := summary["stuck"]:
         console.print(f"{sentence(stuck['words'])}.", markup=False, soft_wrap=True)
-    row("Begins as", summary["refold"] and summary["refold"]["start"])
+    row("Starts as", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Strategy", certificate_words.baseline(strategy) or strategy)
     row("Explosion", summary["explosion"]["steps"] or None, "steps")

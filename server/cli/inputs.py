@@ -18,7 +18,7 @@ from server.store.gallery import Gallery
 if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
-TYPED_REMEDY = "if these are voxels in no order, use --as-voxels"
+TYPED_REMEDY = "for voxels in any order, use --as-voxels"
 LARGEST_FILE = 64 * 2**20
 
 

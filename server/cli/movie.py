@@ -29,22 +29,26 @@ def movie(
     out: Annotated[Path, typer.Option(help="The file to write: .mp4 or .gif.")] = Path("fold.mp4"),
     width: Annotated[int | None, typer.Option(help="Of a picture in pixels, even.")] = None,
     height: Annotated[int | None, typer.Option(help="Of a picture in pixels, even.")] = None,
-    fps: Annotated[int | None, typer.Option(help="Pictures a second.")] = None,
-    seconds: Annotated[float | None, typer.Option(help="How long it lasts.")] = None,
+    fps: Annotated[int | None, typer.Option(help="Pictures per second.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="Length in seconds.")] = None,
     azimuth: Annotated[
-        float | None, typer.Option(help="Degrees; chosen from the shape if not given.")
+        float | None,
+        typer.Option(help=("Viewing direction in degrees. Default: chosen from the shape.")),
     ] = None,
-    elevation: Annotated[float | None, typer.Option(help="Degrees above the ground.")] = None,
+    elevation: Annotated[
+        float | None, typer.Option(help=("Camera angle above the ground, degrees."))
+    ] = None,
     turn: Annotated[
-        float | None, typer.Option(help="Degrees that the camera goes around on its way.")
+        float | None, typer.Option(help="Angle through which the camera circles, degrees.")
     ] = None,
     theme: Annotated[str | None, typer.Option(help="light or dark.")] = None,
     first: Annotated[
         int | None,
-        typer.Option("--from", help="First frame; the first of the playback if not given."),
+        typer.Option("--from", help="First frame. Default: the first frame of the playback."),
     ] = None,
     last: Annotated[
-        int | None, typer.Option("--to", help="Last frame; before the first it runs backwards.")
+        int | None,
+        typer.Option("--to", help=("Last frame. A frame before the first one plays backwards.")),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -74,7 +78,7 @@ def movie(
         if not timeline.is_dir():
             raise InputError(
                 "no-directory",
-                "there is no timeline in it; expected a folder that `foldback fold` wrote.",
+                "it contains no timeline; expected a folder that `foldback fold` wrote.",
                 where=str(directory),
             )
         if not out.resolve().parent.is_dir():

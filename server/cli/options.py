@@ -13,9 +13,11 @@ from planner.pipeline.settings import IDEAL
 ROBOTS: Final = {"typical": (), "ideal": (IDEAL,)}
 """What each kind of robot is in settings."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
-FoldDirectory = Annotated[Path, typer.Argument(metavar="DIR", help="What `fold` has written.")]
+FoldDirectory = Annotated[
+    Path, typer.Argument(metavar="DIR", help=("Folder written by `foldback fold`."))
+]
 PlanDirectory = Annotated[
-    Path, typer.Option("--out", help="Directory for the plan; made if it is not there.")
+    Path, typer.Option("--out", help="Directory for the plan; created if missing.")
 ]
 Preset = Annotated[
     str, typer.Option(help="default, paper (as published) or direct (a baseline that fails).")
@@ -25,44 +27,46 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Another value, as mass_error=0.05, damping=0.05 for paper, or table_friction=0.1 on "
-        "a table; again for more. `foldback settings` lists them.",
+        help="A setting, e.g. mass_error=0.05, damping=0.05 (paper) or table_friction=0.1 (table); "
+        "repeatable. `foldback settings` lists them.",
     ),
 ]
 Robot = Annotated[
     str,
     typer.Option(
-        help="Who folds in simulation: typical (three robots with faults, the worst is shown) or "
-        "ideal (one without)."
+        help="Simulated robots: typical (three imperfect robots, the worst is shown) or ideal "
+        "(one perfect robot)."
     ),
 ]
-Seed = Annotated[str, typer.Option(metavar="INTEGER", help="What randomness starts from.")]
+Seed = Annotated[str, typer.Option(metavar="INTEGER", help="Random seed.")]
 ModuleSize = Annotated[
     str | None,
-    typer.Option(metavar="FLOAT", help="Size at which to verify, as a fraction of the pitch."),
+    typer.Option(
+        metavar="FLOAT", help="Module size in the clearance check, as a fraction of the pitch."
+    ),
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(min=1, help="Explosions at once, when one sticks; as many as there are cores."),
+    typer.Option(min=1, help="Parallel explosions when one stalls. Default: the number of cores."),
 ]
 Prefer = Annotated[
     str,
     typer.Option(
-        help="Which plan: computing (the first that is verified), or of several time (the "
-        "quickest), torque (the least in the same time) or clearance (the most room)."
+        help="Preferred plan: computing (the first verified plan); or of several plans, time "
+        "(the fastest), torque (the least at equal time) or clearance (the most)."
     ),
 ]
 Module = Annotated[str, typer.Option(help="cube or tetrahedron.")]
 Modules = Annotated[
-    str | None, typer.Option(metavar="INTEGER", help="About how many modules, for a mesh.")
+    str | None, typer.Option(metavar="INTEGER", help="Approximate number of modules, for a mesh.")
 ]
-Method = Annotated[str, typer.Option(help="Path by: auto, blocks, exact or snake.")]
+Method = Annotated[str, typer.Option(help="Path method: auto, blocks, exact or snake.")]
 Repair = Annotated[
-    bool, typer.Option("--repair", help="Add or drop cells where there is no path otherwise.")
+    bool, typer.Option("--repair", help="Add or remove cells if there is no path otherwise.")
 ]
-Ends = Annotated[str, typer.Option(help="any, or surface for both ends outside.")]
+Ends = Annotated[str, typer.Option(help="any, or surface for both ends on the outside.")]
 Start = Annotated[
-    str | None, typer.Option(metavar="X,Y,Z", help="The cell that the chain begins in.")
+    str | None, typer.Option(metavar="X,Y,Z", help="The cell where the chain starts.")
 ]
 AsVoxels = Annotated[
     bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")

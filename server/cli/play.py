@@ -150,7 +150,7 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
 def play(
     directory: Annotated[Path, typer.Argument(help="Directory of a fold, with timeline.zarr.")],
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to listen on; 0 takes a free one.")] = 0,
+    port: Annotated[int, typer.Option(help="Port to listen on; 0 picks a free one.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
     viser: Annotated[
         bool,

@@ -40,11 +40,16 @@ FIRST = "start"
 def refold(
     start: Annotated[
         str,
-        typer.Argument(metavar="A", help="What `fold` has written, or a shape to fold first."),
+        typer.Argument(
+            metavar="A", help=("Folder written by `foldback fold`, or a shape to fold first.")
+        ),
     ],
     shape: Annotated[
         str,
-        typer.Argument(metavar="B", help="As many modules of the same kind, folded or not."),
+        typer.Argument(
+            metavar="B",
+            help=("Target with the same number of modules of the same kind, folded or not."),
+        ),
     ],
     out: PlanDirectory,
     preset: Preset = "default",

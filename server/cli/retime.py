@@ -35,30 +35,28 @@ SHOWN = 10
 
 def retime(
     directory: FoldDirectory,
-    max_speed: Annotated[float, typer.Option(help="Largest speed of a joint, in rad/s.")],
-    max_acceleration: Annotated[
-        float, typer.Option(help="Largest acceleration of a joint, in rad/s².")
-    ],
-    out: Annotated[Path, typer.Option(help="Where to write it: a .csv or .json file.")],
+    max_speed: Annotated[float, typer.Option(help="Maximum joint speed, rad/s.")],
+    max_acceleration: Annotated[float, typer.Option(help="Maximum joint acceleration, rad/s².")],
+    out: Annotated[Path, typer.Option(help="Output file, .csv or .json.")],
     rate: Annotated[
-        float | None, typer.Option(help="Lines in a second; else one for each frame of the plan.")
+        float | None, typer.Option(help="Rows per second. Default: one row per frame of the plan.")
     ] = None,
-    check: Annotated[bool, typer.Option(help="Look for collisions along it once more.")] = True,
+    check: Annotated[bool, typer.Option(help="Check the trajectory for collisions again.")] = True,
     module_mass: Annotated[
-        float | None, typer.Option(help="Mass of a module in kg: also tell torques.")
+        float | None, typer.Option(help="Mass of a module, kg; also computes torques.")
     ] = None,
     pitch: Annotated[
-        float | None, typer.Option(help="Distance of modules in m, if not the plan's.")
+        float | None, typer.Option(help="Distance between modules, m. Default: the plan's pitch.")
     ] = None,
     gravity: Annotated[float, typer.Option(help="Gravity in m/s², 0 for none.")] = GRAVITY_M_S2,
     floating: Annotated[
-        bool, typer.Option("--floating", help="Float instead of being held at the root.")
+        bool, typer.Option("--floating", help="Let the chain float instead of holding its root.")
     ] = False,
     motor_torque: Annotated[
-        float | None, typer.Option(help="What a motor can give, in N·m: tell whether it would do.")
+        float | None, typer.Option(help="Torque of a motor, N·m; checks if it is strong enough.")
     ] = None,
     table: Annotated[
-        Path | None, typer.Option(help="Where to write the torques of all joints, as .csv.")
+        Path | None, typer.Option(help="Output file for the torques of all joints, .csv.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -111,10 +109,10 @@ def retime(
         facts = [
             ("Plan", certificate_words.headline(plan.certificate.as_dict())),
             ("Duration", f"{trajectory.duration_s:.3g} s"),
-            ("Off the plan by", f"{deviation(trajectory, rate):.2g} rad at most"),
+            ("Deviation from the plan", f"{deviation(trajectory, rate):.2g} rad at most"),
         ]
         if clear is not None:
-            facts.append(("Between its lines", _clearance_words(clear, enough)))
+            facts.append(("Between rows", _clearance_words(clear, enough)))
         _show(facts, motors, out)
     weak = motors is not None and motors.would_do is False
     # Nothing that cannot be proved clear would do, as of a plan.

@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
 def serve(
     host: Annotated[str | None, typer.Option(help="Address to listen on.")] = None,
-    port: Annotated[int | None, typer.Option(help="Port to listen on; 0 takes a free one.")] = None,
-    data_dir: Annotated[Path | None, typer.Option(help="Where folds are kept.")] = None,
-    workers: Annotated[int | None, typer.Option(help="Worker processes to look after.")] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen on; 0 picks a free one.")] = None,
+    data_dir: Annotated[Path | None, typer.Option(help="Data directory of the service.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Number of worker processes.")] = None,
     first_shape: Annotated[
-        str | None, typer.Option(help="Fold this gallery shape if it has not been yet.")
+        str | None, typer.Option(help="Gallery shape to fold first, if it has not been folded yet.")
     ] = None,
 ) -> None:
     """Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …)."""

@@ -31,36 +31,36 @@ from server.cli.options import AsJson
 
 def servos(
     torque: Annotated[
-        float, typer.Option(help="Torque of a hinge, in weights of a module times the pitch.")
+        float, typer.Option(help="Torque of a hinge in w·p (module weight × pitch).")
     ],
-    pitch_mm: Annotated[float, typer.Option(help="Distance of modules in mm.")],
+    pitch_mm: Annotated[float, typer.Option(help="Distance between modules, mm.")],
     material: Annotated[
         str, typer.Option(metavar="NAME", help=f"{', '.join(CASINGS)}, or a density in kg/m³.")
     ] = "pla-box",
     mass_g: Annotated[
-        float | None, typer.Option(help="Mass of a module in g with its servos, if known.")
+        float | None, typer.Option(help="Mass of a module with its servos, g, if known.")
     ] = None,
     share: Annotated[
         float,
         typer.Option(
-            help="Share of the stall torque that a servo gives for long.", show_default="1/3"
+            help="Share of the stall torque that a servo can hold continuously.", show_default="1/3"
         ),
     ] = SHARE,
     gravity: Annotated[float, typer.Option(help="Gravity in m/s².")] = GRAVITY_M_S2,
     only: Annotated[
-        str | None, typer.Option("--servo", metavar="NAME", help="Look at this one alone.")
+        str | None, typer.Option("--servo", metavar="NAME", help="Check only this servo.")
     ] = None,
     shapes: Annotated[
         list[str] | None,
         typer.Option(
             "--shape",
             metavar="NAME=TORQUE",
-            help="Also tell who would do for a shape that needs so much; again for more.",
+            help="Also list servos for a shape that needs this torque; repeatable.",
         ),
     ] = None,
     plan: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Also tell the least time in which this fold is folded."),
+        typer.Option(metavar="DIR", help="Also show the shortest folding time of this fold."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -154,7 +154,7 @@ def _show(
         table.add_column(heading, justify="left" if heading == "Servo" else "right", no_wrap=True)
     if timed:
         table.add_column("Folds\nin s", justify="right", no_wrap=True)
-    table.add_column("Would do")
+    table.add_column("Suitable")
     for fit, row in zip(fits, rows, strict=True):
         cells = [
             f"{fit.servo.maker} {fit.servo.name}",
@@ -171,11 +171,11 @@ def _show(
         table.add_row(*cells, answer)
     console.print(table)
     if any(fit.would_do and not fit.servo.turns_enough for fit in fits):
-        console.print(f"? Nobody tells its range; a hinge needs {FOLD_DEG:g}°.")
+        console.print(f"? Range of the servo unknown; a hinge needs {FOLD_DEG:g}°.")
     if not wanted:
         return
     shapes = Table(box=None, pad_edge=False)
-    for heading in ("Shape", "Needs, w·p", "Would do, the lightest first"):
+    for heading in ("Shape", "Needs, w·p", "Suitable servos, lightest first"):
         shapes.add_column(heading, justify="right" if "w·p" in heading else "left")
     for name, figure in wanted.items():
         shapes.add_row(name, f"{figure:g}", ", ".join(serve[name]) or "none")

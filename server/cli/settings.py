@@ -21,8 +21,8 @@ def settings(as_json: AsJson = False) -> None:
         return
     console = Console(highlight=False)
     for title, rows in (
-        ("Robots that a plan is tried on", ROBOT_ROWS),
-        ("A fold on a table, with --world table", TABLE_ROWS),
+        ("Simulated robots", ROBOT_ROWS),
+        ("Folding on a table, with --world table", TABLE_ROWS),
         ("The published method, with --preset paper", ROWS),
     ):
         table = Table(title=title, title_justify="left", box=None, pad_edge=False)

@@ -24,7 +24,7 @@ def shape(
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
     ],
-    out: Annotated[Path, typer.Option(help="Where to write the path, or the chain.")],
+    out: Annotated[Path, typer.Option(help="Output file for the path or the chain.")],
     module: Module = "cube",
     modules: Modules = None,
     method: Method = "auto",
@@ -103,7 +103,7 @@ def show(report: dict[str, Any], out: Path) -> None:
         if near:
             table.add_row("Nearest other counts", ", ".join(near))
     if report["method"]:
-        table.add_row("Path by", f"{report['method']}, {report['candidates']} candidates")
+        table.add_row("Path method", f"{report['method']}, {report['candidates']} candidates")
     if report["knot"] is not None:
         table.add_row("Knot", str(report["knot"]["verdict"]))
     for note in report["notes"]:

@@ -25,7 +25,9 @@ def smooth(
     seed: Seed = "0",
     module_size: Annotated[
         str | None,
-        typer.Option(metavar="FLOAT", help="Size at which to verify, if not the plan's own."),
+        typer.Option(
+            metavar="FLOAT", help=("Module size in the clearance check. Default: the plan's.")
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

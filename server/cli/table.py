@@ -25,29 +25,31 @@ MILLIMETRES = 1000.0
 
 def table(
     plan: Annotated[
-        Path, typer.Argument(metavar="PLAN", help="What `fold` has written, or a plan's file.")
+        Path,
+        typer.Argument(metavar="PLAN", help=("Folder written by `foldback fold`, or a plan file.")),
     ],
-    friction: Annotated[
-        float, typer.Option(help="Friction between modules and table, in the direction of play.")
-    ] = 0.0,
+    friction: Annotated[float, typer.Option(help="Friction between modules and table.")] = 0.0,
     base: Annotated[
-        str, typer.Option(help="clamped (the first module, to the table) or free.")
+        str, typer.Option(help="clamped (first module fixed to the table) or free.")
     ] = "clamped",
     module_kg: Annotated[
-        float | None, typer.Option(help="Mass of a module; else full ones of the plan's density.")
+        float | None,
+        typer.Option(
+            help=("Mass of a module, kg. Default: solid modules with the plan's density.")
+        ),
     ] = None,
     pitch_mm: Annotated[
-        float | None, typer.Option(help="Distance of modules in mm, if not the plan's.")
+        float | None, typer.Option(help="Distance between modules, mm. Default: the plan's pitch.")
     ] = None,
     bound: Annotated[
         float | None,
-        typer.Option(help="Largest torque allowed, in weights of a module times the pitch."),
+        typer.Option(help="Torque limit in w·p (module weight × pitch)."),
     ] = None,
     module_size: Annotated[
-        float, typer.Option(help="Size of modules as a fraction of the pitch.")
+        float, typer.Option(help="Module size as a fraction of the pitch.")
     ] = 1.0,
     out: Annotated[
-        Path | None, typer.Option(help=f"Where to write it; {NAME} beside the plan if not given.")
+        Path | None, typer.Option(help=f"Where to write it; {NAME} beside the plan by default.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -88,7 +90,7 @@ def _file(plan: Path) -> Path:
     if not path.is_file():
         raise InputError(
             "no-plan",
-            "There is no plan; expected a folder that `foldback fold` wrote, or its plan.json or "
+            "No plan found; expected a folder that `foldback fold` wrote, or its plan.json or "
             "plan.npz.",
             where=str(plan),
         )
@@ -128,16 +130,19 @@ def _show(found: TableCertificate, written: Path) -> None:
         f"{found.pitch_m * MILLIMETRES:g} mm apart",
     )
     facts.add_row(
-        "Base", "the first module is clamped" if found.base == "clamped" else "the chain lies free"
+        "Base",
+        "the first module is clamped"
+        if found.base == "clamped"
+        else ("the chain is free on the table"),
     )
     few = [len(each) for each in found.standing]
-    facts.add_row("Modules that stand", f"{min(few)} to {max(few)} of {found.modules}")
+    facts.add_row("Modules that touch the table", f"{min(few)} to {max(few)} of {found.modules}")
     if found.on_table:
         facts.add_row(
             "Lowest corner",
             f"{found.clearance:+.3f} of the pitch, in frame {found.clearance_frame}",
         )
-    facts.add_row("Frames", f"{len(found.torques)}, {len(found.unbalanced)} balance in no way")
+    facts.add_row("Frames", f"{len(found.torques)}, {len(found.unbalanced)} would tip over")
     facts.add_row("Written to", str(written))
     console.print(facts)
     for line in found.assumptions:

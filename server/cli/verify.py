@@ -26,13 +26,13 @@ from server.pages import certificate_words
 def verify(
     directory: FoldDirectory,
     module_size: Annotated[
-        str | None, typer.Option(metavar="FLOAT", help="Another size than the plan's own.")
+        str | None, typer.Option(metavar="FLOAT", help="Module size. Default: the plan's.")
     ] = None,
     largest_size: Annotated[
         bool,
         typer.Option(
             "--largest-size",
-            help="Also find the largest module that keeps all of it clear.",
+            help="Also find the largest module size without collisions.",
         ),
     ] = False,
     as_json: AsJson = False,
@@ -42,7 +42,7 @@ def verify(
         request = Request.of(module_size=module_size)
         request.check()
         if not directory.is_dir():
-            what = "This is no folder" if directory.exists() else "There is no such folder"
+            what = "This is not a folder" if directory.exists() else "Folder not found"
             raise InputError(
                 "no-directory",
                 f"{what}; expected one that `foldback fold` wrote.",
@@ -77,7 +77,9 @@ def verify(
             console.print(f"note: {line}", markup=False)
         if largest is not None:
             size, what = largest
-            console.print(f"{what} clear up to a module size of {size:.3f} of the pitch")
+            console.print(
+                f"{what} free of collisions up to a module size of {size:.3f} of the pitch"
+            )
     if not found.verified:
         raise typer.Exit(3)
 

@@ -119,7 +119,7 @@ class Artifacts:
         try:
             place = path.parent if self._folder else directory
             if shutil.disk_usage(place).free < self._min_free_disk_bytes + len(data):
-                raise NoRoom("no-room", "The disk of the service is nearly full; try later.")
+                raise NoRoom("no-room", "The disk of the service is nearly full; try again later.")
             path.parent.mkdir(exist_ok=True)
             write_whole(path, data)
         except FileNotFoundError as error:  # the fold was deleted in the meantime

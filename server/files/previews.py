@@ -101,7 +101,7 @@ class NoSuchPreviewError(NoSuch):
 
     def __init__(self, preview_id: str) -> None:
         super().__init__(
-            "no-such-preview", "There is no such preview, or not any more; send the file again."
+            "no-such-preview", "This preview does not exist or has expired; send the file again."
         )
 
 
@@ -233,7 +233,7 @@ class Previews:
         if _option_sets(directory, of_strangers=stranger) >= MOST_OPTION_SETS:
             raise TooMany(
                 "too-many-previews",
-                "Too many previews of one file; send it again.",
+                "Too many previews of this file; send the file again.",
                 retry_after_s=60,
             )
         self._sweep_soon()  # reports may be much larger than what they tell of
@@ -256,7 +256,7 @@ class Previews:
                 self._unread.pop(preview_id, None)
         found = read_report(place)
         if found is None and gone is not None and gone():
-            raise Unavailable("gone", "Nobody waited for this preview any more.")
+            raise Unavailable("gone", "The preview was cancelled, because no client waits for it.")
         if found is None:
             raise NoSuchPreviewError(preview_id)
         self._elsewhere.keep_report(place)

@@ -186,7 +186,7 @@ class Trajectories:
         if self.nbytes > self._used_bytes:
             raise Unavailable(
                 "busy",
-                "Long motions are being played to others; try again in a moment.",
+                "Other people are playing long motions; try again in a moment.",
                 retry_after_s=30,
             )
         return known
@@ -232,7 +232,7 @@ class Trajectories:
             self._clearances.keep(key, told)
         if told["overlap"]:
             enough = told["sufficient_rate_hz"]
-            advice = f"ask for rate={enough:g}" if enough else "ask for a higher rate, or for none"
+            advice = f"ask for rate={enough:g}" if enough else "request a higher rate, or no rate"
             raise Unusable(
                 "rows-overlap",
                 f"got rows between which modules overlap by {-told['min_clearance']:.2g} of a "
@@ -317,7 +317,7 @@ def _loaded(directory: Path, most: int) -> Trajectory:
     except (BadZipFile, OSError, ValueError, KeyError, TypeError, MemoryError) as error:
         raise Unavailable(
             "crashed",
-            "The computing process has left no trajectory that can be read; try again.",
+            "The trajectory could not be read; try again.",
             retry_after_s=5,
         ) from error
 
@@ -325,7 +325,7 @@ def _loaded(directory: Path, most: int) -> Trajectory:
 def _too_large() -> TooLarge:
     return TooLarge(
         "too-large",
-        "This motion takes more time or memory than it may here; download plan.npz and use "
+        "This motion needs more time or memory than this service allows; download plan.npz and use "
         "`foldback retime`.",
     )
 

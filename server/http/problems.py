@@ -37,6 +37,7 @@ from server.errors import (
     read_only,
 )
 from server.http.access_log import request_id_of
+from server.messages import message_for_people
 from server.store.object_store import StorageError
 
 MEDIA_TYPE: Final = "application/problem+json"
@@ -109,6 +110,7 @@ class Problem:
             "status": self.status,
             "code": self.code,
             "detail": self.detail,
+            "message": message_for_people(self.detail),
             "where": self.where,
         }
 
@@ -157,7 +159,7 @@ def of_trouble(error: BaseException | None) -> ServiceError | None:
 def _disk() -> NoRoom:
     return NoRoom(
         "no-room",
-        "The disk of the service takes nothing any more; nothing was lost. Try again later.",
+        "The disk of the service is full; nothing was lost. Try again later.",
         retry_after_s=FULL_RETRY_S,
     )
 
@@ -191,7 +193,7 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
         return response_of(
             Unavailable(
                 "storage",
-                "The storage of the service does not answer just now; try again in a moment.",
+                "The storage of the service does not answer right now; try again in a moment.",
                 retry_after_s=STORAGE_RETRY_S,
             )
         )

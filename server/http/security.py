@@ -174,7 +174,7 @@ class SameOrigin:
         )
         if acts and not self._allowed(Headers(scope=scope)):
             refusal = Forbidden(
-                "foreign-origin", "Pages of other sites may not change anything here."
+                "foreign-origin", "Pages of other sites may not change anything on this service."
             )
             await response_of(refusal)(scope, receive, send)
             return

@@ -37,7 +37,7 @@ MOST_MADE: Final = 100
 """Movies in a list, at most."""
 LOST: Final = {
     "code": "interrupted",
-    "detail": "making this movie was broken off; ask for it again.",
+    "detail": "this movie was interrupted; request it again.",
     "where": None,
 }
 
@@ -49,7 +49,7 @@ class NoSuchMovieError(NoSuch):
 
     def __init__(self, movie_id: str) -> None:
         super().__init__(
-            "no-such-movie", "There is no such movie, or not any more; ask for it anew."
+            "no-such-movie", "This movie does not exist or has expired; request it again."
         )
 
 
@@ -124,7 +124,7 @@ class Movies:
             )
         check(self._store.directory(fold_id), TIMELINE)
         if not (result(self._store.directory(fold_id), TIMELINE) / "zarr.json").is_file():
-            raise NotFound("no-such-artifact", "This fold ended without a timeline to film.")
+            raise NotFound("no-such-artifact", "This fold finished without frames to film.")
         try:
             state = self.state(fold_id, movie.key)
             if state.status != "failed":
@@ -279,7 +279,7 @@ class Movies:
                 retry_after_s=RETRY_AFTER_S,
             )
         if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
-            raise NoRoom("no-room", "The disk of the service is nearly full; try later.")
+            raise NoRoom("no-room", "The disk of the service is nearly full; try again later.")
 
     def _settle(self, making: Iterable[MovieRow]) -> None:
         """Sees to movies that nobody works on, whatever their rows say."""

@@ -62,6 +62,6 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
 def _full(why: str) -> TooMany:
     return TooMany(
         "queue-full",
-        f"{why}, which is the most there may be; try again in {RETRY_AFTER_S} s.",
+        f"{why}, which is the limit; try again in {RETRY_AFTER_S} s.",
         retry_after_s=RETRY_AFTER_S,
     )

@@ -178,7 +178,9 @@ class Quota:
             deadline = time.monotonic() + self._timeout_s
             while not begun.wait(min(LOOK_EVERY_S, self._timeout_s)):
                 if unwanted is not None and unwanted():
-                    raise Unavailable("gone", "Nobody waited for this any more.")
+                    raise Unavailable(
+                        "gone", ("Cancelled, because no client waits for this any more.")
+                    )
                 if time.monotonic() >= deadline:
                     raise _busy(Unavailable, f"Others are having {self._what} made")
             if permit.displaced:

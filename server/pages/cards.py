@@ -96,8 +96,9 @@ class Card:
         if self.rests_within is None:
             return None
         if self.rests_within < NO_TORQUE:
-            return "Rests on a table, without torque"
-        return f"Rests on a table within {math.ceil(10 * self.rests_within) / 10:.1f} w·p"
+            return "Can be folded on a table (needs no motor torque)"
+        times = f"{math.ceil(10 * self.rests_within) / 10:.1f}"
+        return f"Can be folded on a table (needs {times}× a module's own torque)"
 
     @property
     def count(self) -> str:

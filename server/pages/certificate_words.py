@@ -18,7 +18,7 @@ from server.pages.quantities import length_m, quantity, sentence
 
 DIGITS: Final = 2
 NOT_SIMULATED: Final = "not simulated"
-NOT_KNOWN: Final = "not known: made by an earlier version"
+NOT_KNOWN: Final = "unknown: computed by an earlier version"
 BASELINE: Final = "one joint at a time (a baseline)"
 MOST_SERVOS: Final = 8
 """Servos that are named, the lightest first."""
@@ -38,30 +38,36 @@ def headline(certificate: CertificateFigures) -> str:
 
 
 def clearance(certificate: CertificateFigures) -> str | None:
-    """What is proved of the clearance, and the least that was seen; None where nothing is known."""
-    bound, seen = certificate.get("clearance_bound"), _seen(certificate)
-    if bound is None or seen is None:
+    """Return the proved clearance as a share of a module's width; None where nothing is proved."""
+    bound = certificate.get("clearance_bound")
+    if bound is None or _seen(certificate) is None:
         return None
-    return f"clearance at least {rounded_down(bound)} of a pitch, least seen {rounded_down(seen)}"
+    percent = rounded_down(100.0 * bound, 1)
+    if bound < 0.0:
+        return f"modules overlap by at most {percent.removeprefix('-')} % of a module width"
+    return f"modules stay at least {percent} % of a module width apart"
 
 
 def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
     """What a certificate says of the motion, as labels and values."""
     return [
         ("Module size", quantity(certificate.get("module_size"), "pitch")),
-        ("Clearance, proved", _at_least(certificate.get("clearance_bound"))),
-        ("Least clearance seen, plan", _pitches(certificate.get("min_clearance"))),
-        ("Same, simulated playback", _of_simulation(certificate, "min_clearance_playback")),
-        ("Same, record", _pitches(certificate.get("min_clearance_record"))),
+        ("Proved clearance", _at_least(certificate.get("clearance_bound"))),
+        ("Least clearance, plan", _pitches(certificate.get("min_clearance"))),
+        (
+            "Least clearance, simulated robots",
+            _of_simulation(certificate, "min_clearance_playback"),
+        ),
+        ("Least clearance, recorded explosion", _pitches(certificate.get("min_clearance_record"))),
         ("Robots", robots(certificate)),
-        ("Final position error, RMS", _of_simulation(certificate, "rms_position_error", DIGITS)),
+        ("Final position error (RMS)", _of_simulation(certificate, "rms_position_error", DIGITS)),
         ("Largest joint error", _of_simulation(certificate, "max_angle_error_rad", DIGITS, "rad")),
-        ("Largest joint step", quantity(certificate.get("max_joint_step_rad"), "rad")),
-        ("Hinges moving, most", quantity(certificate.get("hinges_moving_most"))),
+        ("Largest joint move per frame", quantity(certificate.get("max_joint_step_rad"), "rad")),
+        ("Most hinges moving at once", quantity(certificate.get("hinges_moving_most"))),
         torque(certificate),
-        ("On a table, statics", _torque_of(certificate.get("table"))),
+        ("Torque on a table (statics)", _torque_of(certificate.get("table"))),
         ("Time to fold", quantity(certificate.get("fold_time_s"), "s")),
-        ("at a joint speed of", quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")),
+        ("Assumed joint speed", quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")),
     ]
 
 
@@ -89,21 +95,21 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     table = TableCertificate.from_dict(told)
     friction = table.told_friction
     largest = _torque(table.torque, table.unit_nm, friction)
-    rests = f"rests on a table within {largest}"
+    rests = f"stays on the table and needs at most {largest}"
     text = sentence(rests if table.rests else table.verdict.removeprefix("failed: "))
     rows: list[tuple[str, str | None]] = [
-        ("Frame of the playback", None if table.frame is None else str(table.frame + 1)),
-        ("1 w·p, module's weight × pitch", quantity(table.unit_nm, "N·m")),
-        ("Allowed", None if table.bound is None else f"at most {table.bound:g} w·p"),
+        ("Frame that needs most torque", None if table.frame is None else str(table.frame + 1)),
+        ("1 w·p (module weight × pitch)", quantity(table.unit_nm, "N·m")),
+        ("Torque limit", None if table.bound is None else f"at most {table.bound:g} w·p"),
         ("Friction", "none" if table.friction == 0.0 else f"μ = {table.friction:g}"),
         ("Base", _base(table)),
         ("Lowest corner", _lowest(table.clearance)),
-        ("Frames out of balance", str(len(table.unbalanced) or "none")),
+        ("Frames that would tip over", str(len(table.unbalanced) or "none")),
     ]
     if record is not None:
         rows += [
-            ("Frames taken back", quantity(record.taken_back)),
-            ("Bound while unfolding", _rose(record)),
+            ("Frames undone", quantity(record.taken_back)),
+            ("Torque limit while unfolding", _rose(record)),
         ]
     servos, named = _servos(table) if table.torque is not None else ("", [])
     return {
@@ -121,8 +127,14 @@ def _base(table: TableCertificate) -> str:
     if table.base == "clamped":
         return "the first module is clamped to the table"
     if table.friction == 0.0:
-        return "lies free; the simulation clamps the first module, else all would slide away"
-    return "lies free and drifts; errors are told of the shape, wherever it lies on the table"
+        return (
+            "free on the table (the simulation pins the first module, because without friction "
+            "everything would slide)"
+        )
+    return (
+        "free on the table, where it may drift; errors compare the shape, not its place on the "
+        "table"
+    )
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
@@ -134,7 +146,8 @@ def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
         more = len(would) - MOST_SERVOS
         rest = f", the lightest of {len(would)}" if more > 0 else ""
         pitch = length_m(table.pitch_m)
-        return f"Servos that would do at this pitch ({pitch}) in PLA{rest}:", would[:MOST_SERVOS]
+        text = f"Suitable servos for PLA modules at this pitch ({pitch}){rest}:"
+        return text, would[:MOST_SERVOS]
     ranges = [
         (at_which_pitch(s, torque, casing), s) for s in servos() if s.turns_enough is not False
     ]
@@ -143,9 +156,11 @@ def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
         key=lambda one: (one[0], one[1].name),
     )
     if not larger or larger[0][0] <= table.pitch_m:
-        return "No servo that is known would do in PLA at any pitch.", []
+        return "No servo in our list is strong enough for PLA modules of any pitch.", []
     least = length_m(larger[0][0])
-    text = f"No servo that is known fits this pitch in PLA. From {least} on these would do:"
+    text = (
+        f"No servo in our list suits PLA modules at this pitch. From a pitch of {least}, these do:"
+    )
     return text, [servo for pitch_m, servo in larger if pitch_m <= NEAR * larger[0][0]]
 
 
@@ -167,9 +182,9 @@ def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | Non
 
 def _lowest(clearance: float) -> str:
     if abs(clearance) < LEAST_LOW:
-        return "on the table"
-    where = "above" if clearance > 0.0 else "in it"
-    return f"{quantity(abs(clearance), 'pitch', DIGITS)} {where}"
+        return "on the table top"
+    where = "above" if clearance > 0.0 else "below"
+    return f"{quantity(abs(clearance), 'pitch', DIGITS)} {where} the table top"
 
 
 def _rose(record: TableRecord) -> str:
@@ -188,8 +203,8 @@ def robots(certificate: CertificateFigures) -> str | None:
         return None
     least = min(one["min_clearance"] for one in found)
     return (
-        f"{len(found)} with faults of their own, the one that is off most is shown; clear by "
-        f"{rounded_down(least)} of a pitch or more"
+        f"{len(found)} imperfect robots were simulated; you see the worst one. Clearance at least "
+        f"{rounded_down(least)} pitch"
     )
 
 
@@ -200,7 +215,9 @@ def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
     if value is None or source.startswith("simulation"):
         return "Peak torque", value
     of = certificate.get("torque_frames"), certificate.get("frames")
-    where = f"at {of[0]} of {of[1]} frames" if None not in of else "frames looked at are not known"
+    where = "number of frames checked is unknown"
+    if None not in of:
+        where = f"checked at {of[0]} of {of[1]} frames"
     return "Largest torque seen", f"{value}, {where}"
 
 
@@ -210,15 +227,15 @@ def linked(certificate: CertificateFigures) -> str | None:
     if exempt is None:
         return None
     if exempt["apart"] < 2:
-        return "All modules are checked against each other, linked ones too."
+        return "All modules are checked against each other, including linked ones."
     told = "Linked modules share a joint and are not checked against each other"
     if (radius := exempt["relief_radius"]) is None:
         return f"{told}."
     if (bound := exempt["worst_overlap_bound"]) is not None:
-        told += f": full cubes would overlap by up to {math.ceil(bound * 100) / 100:.2f} of a pitch"
+        told += f": full cubes would overlap by up to {math.ceil(bound * 100) / 100:.2f} pitch"
     return (
-        f"{told}. Real modules must lack their edges beyond {radius:g} of a pitch from the joint, "
-        f"{100 * exempt['relief_share']:.0f} % of their volume."
+        f"{told}. Real modules need rounded edges: nothing farther than {radius:g} pitch from a "
+        f"joint (removes {100 * exempt['relief_share']:.0f} % of the volume)."
     )
 
 
@@ -231,17 +248,15 @@ def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -
     bent = certificate.get("max_angle_record_rad")
     if bent is not None and limit_rad is not None and bent > limit_rad + 1e-6:
         told.append(
-            f"bends a joint to {math.degrees(bent):.1f}°, beyond its range of "
+            f"bends a joint to {math.degrees(bent):.1f}°, beyond its limit of "
             f"±{math.degrees(limit_rad):.4g}°"
         )
     if not told:
         return None
     plan = (
-        "; the plan made of it does not"
-        if str(certificate.get("verdict")).startswith("verified")
-        else ""
+        ", but the plan does not" if str(certificate.get("verdict")).startswith("verified") else ""
     )
-    return f"The recording itself {' and '.join(told)}{plan}."
+    return f"The recorded explosion {' and '.join(told)}{plan}."
 
 
 def baseline(strategy: object) -> str | None:

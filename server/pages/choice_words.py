@@ -14,20 +14,27 @@ from planner.verification.integrity import check
 from server.pages.certificate_words import rounded_down
 from server.pages.quantities import STRATEGIES, number, sentence
 
-COLUMNS: Final = ("Plan", "Time, s", "Torque, mN·m", "In one time", "Room, pitch", "Cost, s")
+COLUMNS: Final = (
+    "Plan",
+    "Time, s",
+    "Torque, mN·m",
+    "Torque at equal time",
+    "Clearance, pitch",
+    "Computing, s",
+)
 """Of each plan: time to fold, torque then, torque in the time of the slowest, clearance that is
 proved, and computing."""
 PREFERENCE_WORDS: Final[dict[Preference, str]] = {
-    "computing": "First that works",
-    "time": "Quickest for the robot",
+    "computing": "First verified plan",
+    "time": "Shortest folding time",
     "torque": "Least torque",
-    "clearance": "Most room",
+    "clearance": "Most clearance",
 }
 """What each preference is called."""
 ADJECTIVES: Final[dict[Preference, str]] = {
-    "time": "quickest",
+    "time": "fastest",
     "torque": "least torque",
-    "clearance": "most room",
+    "clearance": "most clearance",
 }
 MILLI: Final = 1e3
 DECIMALS: Final = 4
@@ -161,19 +168,19 @@ def _gained(
         each["figures"]["seconds"] if "figures" in each else each.get("seconds", 0.0)
         for each in since
     )
-    cost = f"for {number(more, 2)} s more computing"
+    cost = f"after {number(more, 2)} s more computing"
     if best is first:
-        return f"The first plan that worked is the best of all that were tried, {cost}."
+        return f"The first plan that worked is still the best {cost}."
     both = (best.figures, first.figures)
     if prefer == "time":
         after, before = (_told(each.fold_time_s) for each in both)
-        of = "s to fold"
+        of = "s folding time"
     elif prefer == "torque":
         after, before = (_told(each.torque_in(slowest), MILLI) for each in both)
-        of = f"mN·m, both folding in {number(slowest)} s"
+        of = f"mN·m at the same folding time of {number(slowest)} s"
     else:
         after, before = (_room(each.clearance_bound) for each in both)
-        of = "of a pitch proved clear"
+        of = "pitch proved clearance"
     return f"{after} instead of {before} {of}, {cost}."
 
 

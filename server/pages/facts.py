@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from functools import lru_cache
 from pathlib import Path
@@ -35,6 +36,7 @@ from planner.simulation.parameters import AUTO, FLOATING
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words
+from server.messages import message_for_people
 from server.pages import certificate_words
 from server.pages.certificate_words import TableTold
 from server.pages.choice_words import PREFERENCE_WORDS, Choice, choice_of, superlative
@@ -57,8 +59,8 @@ PLAN: Final = "plan.npy"
 LARGEST_SETTINGS: Final = 16 * 2**20
 """Bytes of that part; a chain of 12 000 modules takes 3 MB."""
 FILES: Final = (
-    ("standalone.html", "One page in one file", "HTML: plays anywhere, without a server"),
-    ("recording.viser", "Recording", ".viser: for viser's own client"),
+    ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
+    ("recording.viser", "Recording", ".viser: for the viser client"),
 )
 
 
@@ -218,9 +220,9 @@ def fold_facts(
         ],
         "properties": _properties(row, summary, certificate, directory),
         "downloads": downloads,
-        "downloads_hint": "The plan can be downloaded as soon as the fold is finished."
+        "downloads_hint": "You can download the plan when the fold is finished."
         if running
-        else "There is nothing to download here.",
+        else "Nothing to download here.",
     }
     return _with_damage(facts, damaged) if damaged else facts
 
@@ -233,8 +235,8 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
         "verdict": {"tone": "bad", "text": heading},
         "problem": {
             "heading": heading,
-            "text": f"No motion is shown. Damaged: {', '.join(damaged)}. The operator of the "
-            "service can restore it from a backup.",
+            "text": f"Damaged files: {', '.join(damaged)}. No motion can be shown. The operator of "
+            "this service can restore it from a backup.",
         },
     }
     if any(name in MOTION_FILES for name in damaged):
@@ -249,7 +251,7 @@ def _made(summary: FoldSummary) -> str | None:
     """Return the origin of a fold that came with the package; None for any other."""
     if (included := summary.get("included")) is None:
         return None
-    return f"Made earlier with version {included['version']}, included with foldback"
+    return f"Included with foldback, computed with version {included['version']}"
 
 
 def _verdict(
@@ -260,15 +262,15 @@ def _verdict(
         strategy = (summary.get("explosion") or {}).get("strategy")
         told = certificate_words.headline(certificate) or "verified"
         best = choice and superlative(choice["prefer"], len(choice["plans"]))
-        parts = [told, certificate_words.baseline(strategy), best, modules]
+        parts = [sentence(told), certificate_words.baseline(strategy), best, modules]
         return {"tone": "good", "text": " · ".join(p for p in parts if p)}
     if row.status == "failed":
         reason = _told(summary.get("reason") or (row.error or {}).get("detail") or "", summary)
-        parts = ["not verified", reason, modules]
+        parts = ["Not verified", reason, modules]
         return {"tone": "bad", "text": " · ".join(p for p in parts if p)}
     if row.status == "cancelled":
-        return {"tone": "off", "text": "cancelled"}
-    word = "in the queue" if row.status == "queued" else "computing"
+        return {"tone": "off", "text": "Cancelled before it finished"}
+    word = "In the queue" if row.status == "queued" else "Computing"
     return {"tone": "busy", "text": " · ".join(p for p in (word, modules) if p)}
 
 
@@ -277,14 +279,14 @@ def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
     if row.status == "failed":
         text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
         where = error.get("where")
+        text = message_for_people(_told(text, summary))
         if where and where not in text:
-            text = f"{where}: {text}"
-        text = sentence(_told(text, summary))
+            text = f"{sentence(where)}: {text}"
         judged = error.get("code", "not-verified") == "not-verified" and "certificate" in summary
-        heading = "This plan is not verified" if judged else "This fold could not be computed"
+        heading = "This plan could not be verified" if judged else "This fold could not be computed"
         return {"heading": heading, "text": text}
     if row.status == "cancelled":
-        return {"heading": "This fold was cancelled", "text": "It was stopped before its end."}
+        return {"heading": "This fold was cancelled", "text": "Cancelled before it finished."}
     return None
 
 
@@ -315,7 +317,7 @@ def _again(row: ShownFold) -> Suggestion | None:
         return {"text": "Try with the default preset", "form": plainly}
     if row.module_size is not None and row.module_size > plain.parameters().module_size:
         usual = {key: value for key, value in form.items() if key != "module_size"}
-        return {"text": "Try the usual module size", "form": usual}
+        return {"text": "Try the default module size", "form": usual}
     seed = (row.seed + 1) % (LARGEST_SEED + 1)
     return {"text": "Try another seed", "form": {**form, "seed": seed}}
 
@@ -335,15 +337,22 @@ def _compare(found: Found) -> list[Suggestion]:
     if row.smooths:
         if not found.recorded:
             return [another]
-        return [{"text": "As recorded", "hint": "What was smoothed", "id": found.recorded}, another]
+        return [
+            {"text": "Before smoothing", "hint": "The original plan", "id": found.recorded},
+            another,
+        ]
     if row.world != FLOATING:
         other["world"] = row.world
-        floating: Suggestion = {"text": "Floating", "hint": "The same, without gravity"}
+        floating: Suggestion = {"text": "In zero gravity", "hint": "The same fold without a table"}
         floating["form"] = {**form, "settings": _floating_settings(row.settings)}
         return [floating, another]
     ways = (
-        ("default", "Reverse explosion", "Our preset"),
-        ("direct", "Direct servoing", "Straight to the shape, without a record"),
+        ("default", "Reverse explosion", "The default method"),
+        (
+            "direct",
+            "Direct servoing",
+            "Drives every joint straight to its target (fails for most shapes)",
+        ),
     )
     others: list[Suggestion] = [
         {"text": text, "hint": hint, "form": {**form, "preset": preset}}
@@ -361,18 +370,18 @@ def _compare(found: Found) -> list[Suggestion]:
         others = [best, *others]
     if _may_rest(row):
         takes = _about(expected_seconds(row.modules, world="table"))
-        rests: Suggestion = {"text": "On a table", "hint": f"Under gravity, takes {takes}"}
+        rests: Suggestion = {"text": "On a table", "hint": f"With gravity, takes {takes}"}
         rests["form"] = {**form, "world": "table"}
         others = [rests, *others]
     takes = _about(expected_seconds(row.modules, "paper"))
     published: Suggestion = {
-        "text": "As published",
+        "text": "Published method",
         "hint": f"Takes {takes}",
         "form": {**form, "preset": "paper"},
         "settable": "may",
     }
     if (row.preset, row.settings) == ("paper", ""):
-        published["text"], published["hint"] = "As published, changed", "With settings of your own"
+        published["text"], published["hint"] = "Published method, changed", "With your own settings"
         published["settable"] = "must"
     return [*others, published, another]
 
@@ -470,7 +479,7 @@ def _properties(
                 ("Joints", _joints(row)),
                 ("Pitch", length_m(chain.get("pitch_m"))),
                 ("Preset", PRESETS.get(row.preset, row.preset)),
-                ("World", None if row.world == FLOATING else "On a table, under gravity"),
+                ("World", None if row.world == FLOATING else "On a table, with gravity"),
                 ("Seed", summary.get("seed", row.seed)),
                 ("Identifier", row.id),
             ],
@@ -490,17 +499,17 @@ def _properties(
             [
                 ("Strategy", STRATEGIES.get(str(explosion.get("strategy")))),
                 (
-                    "Chosen as",
+                    "Chosen for",
                     None
                     if row.prefer == COMPUTING
                     else PREFERENCE_WORDS[preference_named(row.prefer)],
                 ),
                 (f"{made} steps", explosion.get("steps") or None),
                 (f"{made} frames", explosion.get("frames")),
-                (f"{made}, wall time", quantity(explosion.get("seconds"), "s", 2)),
+                (f"{made} wall time", quantity(explosion.get("seconds"), "s", 2)),
                 ("Playback steps", playback.get("steps") or _not_simulated(playback)),
-                ("Playback, wall time", quantity(playback.get("seconds"), "s", 2)),
-                ("Certificate, wall time", quantity(certificate.get("seconds"), "s", 2)),
+                ("Playback wall time", quantity(playback.get("seconds"), "s", 2)),
+                ("Certificate wall time", quantity(certificate.get("seconds"), "s", 2)),
                 ("Simulated time", quantity(_simulated_s(directory), "s")),
             ],
         ),
@@ -513,7 +522,9 @@ def _properties(
             groups.append((f"{name.capitalize()} parameters", [*parameters_in_words(plain)]))
             if isinstance(robot, dict) and plain.get("controller") == "robot":
                 of_robot = parameters_in_words(cast("dict[str, object]", robot))
-                groups.append(("Robots, torques as multiples of the largest planned", [*of_robot]))
+                groups.append(
+                    ("Simulated robots (torques relative to the largest planned)", [*of_robot])
+                )
     versions = plan.get("versions", {})
     groups.append(("Versions", [(VERSIONS.get(k, k), str(v)) for k, v in versions.items()]))
     shown = [(heading, _shown(rows)) for heading, rows in groups]
@@ -537,7 +548,8 @@ def _told(reason: str, summary: FoldSummary) -> str:
     def on_the_timeline(found: re.Match[str]) -> str:
         if explosion is None:
             return ""  # the percentage before it says where
-        return f" (frame {explosion + int(float(found[1])) + 1})"
+        # Rounded as the page rounds the frame that it shows: half a frame counts up.
+        return f" (frame {math.floor(explosion + float(found[1]) + 0.5) + 1})"
 
     return re.sub(
         r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)", on_the_timeline, reason

@@ -24,21 +24,21 @@ from server.pages.quantities import STRATEGIES, quantity, sentence
 from server.store.shown import ShownFold
 
 HEADINGS: Final = {
-    "knot": "Stuck: a knot",
-    "blocks": "Stuck: modules block each other",
-    "steps": "Stuck: its steps are used up",
-    "pushes": "Stuck: pushes move nothing on",
-    "retries": "The simulation broke off",
-    "snapshots": "Stuck: its snapshots are used up",
-    "motion": "Stuck: nothing moves any more",
-    "buried": "Stuck: buried modules",
-    "contacts": "Stuck: modules press on each other",
-    "joints": "Stuck: joints that do not turn",
-    "broken": "The simulation broke off",
+    "knot": "The chain is knotted",
+    "blocks": "Stalled: modules block each other",
+    "steps": "Stalled: step limit reached",
+    "pushes": "Stalled: pushing does not help",
+    "retries": "The simulation failed",
+    "snapshots": "Stalled: snapshot limit reached",
+    "motion": "Stalled: nothing moves any more",
+    "buried": "Stalled: modules are buried",
+    "contacts": "Stalled: modules press against each other",
+    "joints": "Stalled: some joints do not turn",
+    "broken": "The simulation failed",
     "limit": "Not finished",
     "stopped": "Not finished",
     "overlap": "Modules overlap",
-    "off": "It ends beside its shape",
+    "off": "It doesn't end in its target shape",
     "refused": "Not verified",
 }
 STAGES: Final = {
@@ -55,9 +55,9 @@ MOST_LINES: Final = 24
 BESIDE: Final = re.compile(r"ends .* from the folded shape|does not end folded")
 """Verdicts on where a fold ends."""
 ENDS: Final = {
-    "stalled": "stuck",
+    "stalled": "stalled",
     "timeout": "not straight",
-    "diverged": "broken off",
+    "diverged": "simulation failed",
     "cancelled": "stopped",
 }
 
@@ -94,8 +94,8 @@ class _Overlap(TypedDict):
 
 
 def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
-    """Where a fold sticks that is over and not verified; None of others."""
-    if row.status not in ("failed", "cancelled"):
+    """Return where a failed fold stalled; None for others, those that were cancelled included."""
+    if row.status != "failed":
         return None
     frame: float | None = None
     evidence: EvidenceFigures | None = None
@@ -137,7 +137,7 @@ def _blocks(told: BlockFigures) -> list[str]:
         axis = next(k for k, step in enumerate(move["direction"]) if step)
         way, (a, b) = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}", move["modules"]
         lines.append(
-            f"The next unit, moved by {quantity(move['moved'], 'pitch')} along {way}: modules {a} "
+            f"The next part, moved by {quantity(move['moved'], 'pitch')} along {way}: modules {a} "
             f"and {b} overlap by {quantity(move['overlap'], 'pitch', 2)}"
         )
     more = len(lines) - MOST_LINES
@@ -154,9 +154,8 @@ def exploding(summary: FoldSummary) -> int | None:
 
 def _stopped(row: ShownFold, words: str) -> str:
     """What ended a fold from outside, and where it was then."""
-    parts = ["it was cancelled"] if row.status == "cancelled" else []
-    if detail := (row.error or Fault()).get("detail"):
-        parts = [_plain(str(detail))]
+    detail = (row.error or Fault()).get("detail")
+    parts = [_plain(str(detail))] if detail else []
     if row.stage is None or row.stage in MOVING:
         parts.append(words)
     return ". ".join(sentence(part.rstrip(".")) for part in parts)
@@ -201,19 +200,19 @@ def attempts(directory: Path) -> list[AttemptWords]:
 def _attempt(attempt: AttemptFigures) -> AttemptWords:
     path = f"path {attempt['candidate'] + 1}"
     if attempt.get("other_end"):
-        path += " from its other end"
+        path += " from the other end"
     how = [path, f"seed {attempt['seed']}"]
     if attempt.get("gentle"):
         how.append("half the force")
     if (smooths := attempt.get("smooths")) is not None:
         how.append(f"of attempt {smooths + 1}")
     if "finer" in attempt:
-        how.append("played back with finer frames")
+        how.append("played back in smaller steps")
     verdict = str(attempt.get("verdict", ""))
     status = str(attempt["status"])
     tone = "off"
     if status == "begun":
-        end = "cut off"
+        end = "interrupted"
     elif status != "straight":
         steps = f"{ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
         told = attempt.get("diagnosis")
@@ -223,7 +222,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     elif verdict:
         end, tone = verdict.removeprefix("failed: ").partition(" (frame ")[0], "bad"
     else:
-        end = "straight, not checked"
+        end = "unfolded, not checked"
     return {
         "strategy": STRATEGIES.get(str(attempt["strategy"]), str(attempt["strategy"])),
         "how": sentence(", ".join(how)),

@@ -42,8 +42,8 @@ def _fold_page(request: Request, fold_id: str) -> Response:
     found = find_now(request, fold_id)
     if found is None:
         return not_found_page(
-            "There is no such fold",
-            "The link may be incomplete, or the fold was deleted.",
+            "Fold not found",
+            "The link may be incomplete, or the fold has been deleted.",
             service=viewing_of(request).jobs is not None,
         )
     mark(request, found.row)
@@ -75,7 +75,7 @@ async def facts_of_fold(request: Request, fold_id: str) -> Response:
     def answer() -> Response:
         found = find_now(request, fold_id)
         if found is None:
-            return JSONResponse({"detail": "There is no such fold."}, status_code=404)
+            return JSONResponse({"detail": "Fold not found."}, status_code=404)
         return JSONResponse(_facts(request, found), headers={"Cache-Control": "no-store"})
 
     return await asyncio.to_thread(answer)

@@ -12,6 +12,7 @@ from server.api.folds import post_fold
 from server.errors import ServiceError
 from server.files.previews import ShapeOptions
 from server.http.problems import Problem
+from server.messages import message_for_people
 from server.pages.cards import (
     CHAINS,
     PLURALS,
@@ -24,9 +25,8 @@ from server.pages.cards import (
     kinds,
     standings,
 )
-from server.pages.page import page
+from server.pages.page import origin_of, page
 from server.pages.problem_page import not_found_page
-from server.pages.quantities import sentence
 
 router = APIRouter(include_in_schema=False)
 
@@ -42,6 +42,7 @@ async def gallery_page(request: Request) -> Response:
     return page(
         "gallery.html",
         listed=True,
+        origin=origin_of(request),
         cards=shown,
         wanted=wanted,
         sieve=sieve,
@@ -61,6 +62,6 @@ def fold_shape(request: Request, name: str) -> Response:
         accepted = post_fold(request, context_of(request), None, ShapeOptions(), shape=name)
     except ServiceError as error:
         problem = Problem.of(error)
-        detail = sentence(problem.detail)
-        return not_found_page("This cannot be folded", detail, status_code=problem.status)
+        detail = message_for_people(problem.detail)
+        return not_found_page("This shape can't be folded", detail, status_code=problem.status)
     return RedirectResponse(accepted.links.page, status_code=303)

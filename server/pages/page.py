@@ -35,6 +35,7 @@ def policy_of_pages() -> str:
             "img-src 'self' data:",
             "connect-src 'self'",
             "frame-src 'self'",
+            "manifest-src 'self'",
             "form-action 'self'",
             "base-uri 'none'",
             "frame-ancestors 'self'",

@@ -12,7 +12,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from planner.motion.timeline import chain_from_attributes
-from server.pages.page import page
+from server.pages.page import origin_of, page
 from server.pages.static import etag_response
 from web.static_files import STATIC
 from web.viser.scene_bundle import bundle_of
@@ -46,12 +46,19 @@ class PaperPage(TypedDict):
 
 
 @router.get("/paper", response_class=HTMLResponse)
-async def paper() -> Response:
+async def paper(request: Request) -> Response:
     """Every experiment of the paper beside ours."""
     told = await asyncio.to_thread(_told)
     cards = {card["id"]: card for section in told["sections"] for card in section["cards"]}
     headline = next((c for c in cards.values() if c["film"] and c["tone"] == "good"), None)
-    return page("paper.html", listed=True, **told, cards=cards, headline=headline)
+    return page(
+        "paper.html",
+        listed=True,
+        origin=origin_of(request),
+        **told,
+        cards=cards,
+        headline=headline,
+    )
 
 
 @router.get("/paper/{name}/{part}")

@@ -32,8 +32,8 @@ async def preview_page(request: Request, preview_id: str) -> Response:
         filename = await asyncio.to_thread(context.previews.filename, preview_id)
     except NoSuchPreviewError:
         return not_found_page(
-            "This preview is not there any more",
-            "Previews are kept for a while only. Send the file again to get a new one.",
+            "This preview has expired",
+            "Previews are stored for a limited time. Upload the file again to get a new one.",
         )
     name = shown_name((filename or "shape").rpartition(".")[0] or filename or "shape")
     facts: dict[str, object] = {

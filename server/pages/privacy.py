@@ -17,8 +17,8 @@ from server.store.shown import ShownFold
 router = APIRouter(include_in_schema=False)
 
 UNITS: Final = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
-WHO: Final = "Only who has the link sees it."
-FOR_ALL: Final = "A fold of the gallery: everybody sees it, and it stays."
+WHO: Final = "Only people with the link can see it."
+FOR_ALL: Final = "Gallery fold: everyone can see it, and it won't expire."
 
 
 @router.get("/privacy", response_class=HTMLResponse)
@@ -41,10 +41,10 @@ async def privacy(request: Request) -> Response:
 def kept_words(settings: Settings) -> str:
     """For how long a fold is kept, as a sentence."""
     if settings.keep_days is not None:
-        return f"Kept for {time_words(86400.0 * settings.keep_days)} after it was last looked at."
+        return f"Kept for {time_words(86400.0 * settings.keep_days)} after it was last viewed."
     if settings.storage_bytes is not None or settings.storage_of_visitor_bytes is not None:
-        return "Kept as long as there is room; what nobody looks at goes first."
-    return "Kept until it is deleted."
+        return "Kept while there is storage space; folds that nobody views are deleted first."
+    return "Kept until you delete it."
 
 
 def who_and_how_long(settings: Settings, fold: ShownFold | None = None) -> str:
@@ -52,9 +52,9 @@ def who_and_how_long(settings: Settings, fold: ShownFold | None = None) -> str:
     if fold is not None and fold.public:
         return FOR_ALL
     if fold is not None and fold.pinned:
-        kept = "Kept for good."
+        kept = "Kept permanently."
     elif fold is not None and fold.status == "cancelled":
-        kept = f"Cancelled: its files are kept for {time_words(KEPT_S)} at most."
+        kept = f"Cancelled: its files will be deleted within {time_words(KEPT_S)}."
     else:
         kept = kept_words(settings)
     return f"{kept} {WHO}"

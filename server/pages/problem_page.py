@@ -7,15 +7,15 @@ from typing import Final
 from fastapi.responses import Response
 
 from server.http.problems import Problem
+from server.messages import message_for_people
 from server.pages.page import page
-from server.pages.quantities import sentence
 from web.pictures.isometric import isometric_svg
 
 HEADINGS: Final = {
-    404: "There is nothing here",
-    429: "This is a little too much at once",
-    503: "Not just now",
-    507: "There is no room just now",
+    404: "Page not found",
+    429: "Too many requests",
+    503: "Temporarily unavailable",
+    507: "Storage is full",
 }
 PAWN: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
 
@@ -39,7 +39,7 @@ def not_found_page(
 
 def problem_page(problem: Problem) -> Response:
     """The same for whatever went wrong."""
-    heading = HEADINGS.get(problem.status, "This did not work")
-    answer = not_found_page(heading, sentence(problem.detail), status_code=problem.status)
+    heading = HEADINGS.get(problem.status, "Something went wrong")
+    answer = not_found_page(heading, message_for_people(problem.detail), status_code=problem.status)
     answer.headers.update(problem.headers)
     return answer

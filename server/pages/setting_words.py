@@ -22,9 +22,9 @@ from server.pages.quantities import quantity
 DIGITS: Final = 6
 PAPER: Final = preset("paper")
 SOURCES: Final[dict[Source, str]] = {
-    "published": "The paper gives this value.",
-    "named": "The paper names the setting and gives no value.",
-    "ours": "The paper does not have it.",
+    "published": "Value given in the paper.",
+    "named": "Named in the paper, but without a value.",
+    "ours": "Not in the paper.",
 }
 
 

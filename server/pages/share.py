@@ -54,8 +54,8 @@ async def embedded(request: Request, fold_id: str) -> Response:
     found = await find_fold(request, fold_id)
     if found is None:
         answer = not_found_page(
-            "There is no such fold",
-            "The link may be incomplete, or the fold was deleted.",
+            "Fold not found",
+            "The link may be incomplete, or the fold has been deleted.",
             service=viewing_of(request).jobs is not None,
         )
     else:
@@ -77,8 +77,8 @@ async def compare(
     sides = [await find_fold(request, fold_id) for fold_id in (a, b)]
     if None in sides:
         return not_found_page(
-            "One of these folds is not there",
-            "The link may be incomplete, or it was deleted.",
+            "One of these folds was not found",
+            "The link may be incomplete, or the fold has been deleted.",
             service=viewing_of(request).jobs is not None,
         )
     facts = [await asyncio.to_thread(fold_facts, side) for side in sides if side is not None]
@@ -168,7 +168,7 @@ async def _finished(request: Request, fold_id: str) -> Found:
     if found.row.status in RUNNING or timeline is None or not len(timeline):
         raise Conflict(
             "not-ready",
-            f"There is nothing to download yet: the fold is {found.row.status}.",
+            f"Nothing to download yet: the fold is {found.row.status}.",
             retry_after_s=2,
         )
     return found

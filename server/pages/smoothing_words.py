@@ -20,20 +20,20 @@ class Row(TypedDict):
 
 LABELS: Final[dict[str, tuple[str, float, int]]] = {
     "frames": ("Frames", 1.0, 3),
-    "fold_time_s": ("Time to fold, s", 1.0, 3),
+    "fold_time_s": ("Folding time, s", 1.0, 3),
     "length_rad": ("Path length, rad", 1.0, 3),
-    "hinges_moving_mean": ("Hinges moving, mean", 1.0, 3),
-    "hinges_moving_most": ("Hinges moving, most", 1.0, 3),
+    "hinges_moving_mean": ("Hinges moving at once, mean", 1.0, 3),
+    "hinges_moving_most": ("Hinges moving at once, most", 1.0, 3),
     "peak_speed_rad_s": ("Fastest hinge, rad/s", 1.0, 2),
     "peak_torque_nm": ("Largest torque, mN·m", 1e3, 2),
-    "tail_way": ("Way of an end, pitches", 1.0, 3),
+    "tail_way": ("Distance travelled by an end, pitches", 1.0, 3),
     "tail_speed": ("Fastest end, pitches/s", 1.0, 2),
     "clearance": ("Clearance, pitch", 1.0, 2),
 }
 """What each figure is called with its unit, what it is multiplied by for that, and its digits."""
 NOTES: Final = {
-    SOFTENED: "More of it was not as clear as the certificate asks.",
-    RECORDED: "Nothing shorter was as clear as the certificate asks: only the times are new.",
+    SOFTENED: "More smoothing would have left too little clearance.",
+    RECORDED: "Any shorter motion would have left too little clearance, so only the timing is new.",
 }
 
 
@@ -55,5 +55,5 @@ def rows_of(smoothing: SmoothingFigures) -> list[Row]:
 def note_of(smoothing: SmoothingFigures) -> str:
     """In which time both are compared, and why not more came of it."""
     seconds = number(smoothing["seconds"], 3)
-    told = f"Speeds and torque: both folding in {seconds} s."
+    told = f"Speeds and torques are compared at the same folding time, {seconds} s."
     return f"{NOTES.get(smoothing['way'], '')} {told}".strip()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from fastapi import APIRouter, Request
-from fastapi.responses import Response
+from fastapi.responses import JSONResponse, Response
 
 from server.http.compression import Asset
 from server.http.security import LISTED
@@ -34,6 +34,35 @@ Disallow: /api/
 async def robots() -> Response:
     """What search engines need not look at; no secret stands in it."""
     return Response(ROBOTS, media_type="text/plain", headers={"Cache-Control": "no-cache"})
+
+
+MANIFEST: Final = {
+    "name": "foldback",
+    "short_name": "foldback",
+    "description": "Turn a shape into a folding motion you can trust.",
+    "start_url": "/",
+    "display": "browser",
+    "background_color": "#f7f5f1",
+    "theme_color": "#f7f5f1",
+    "icons": [
+        {"src": f"/static/icon-{size}.png", "sizes": f"{size}x{size}", "type": "image/png"}
+        for size in (192, 512)
+    ],
+}
+"""Name and pictures under which a browser or a phone keeps a link to the service."""
+
+
+@router.get("/favicon.ico")
+async def favicon(request: Request) -> Response:
+    """Return the picture in a browser's tab, for programs that ask for it by this name."""
+    return _static("favicon.ico").response(request, LISTED)
+
+
+@router.get("/manifest.webmanifest")
+async def manifest() -> Response:
+    """Return the web app manifest."""
+    headers = {"Cache-Control": "public, max-age=86400", **LISTED}
+    return JSONResponse(MANIFEST, media_type="application/manifest+json", headers=headers)
 
 
 @router.get("/static/{name:path}")

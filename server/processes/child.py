@@ -341,7 +341,9 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
         confine(work, drawing=kind == "movies")
     except Exception as error:
         traceback.print_exc()
-        parent.tell("problem", code="no-start", detail=f"it can't be confined: {error!r}")
+        parent.tell(
+            "problem", code="no-start", detail=(f"the sandbox could not be set up: {error!r}")
+        )
         return
     parent.listen()
     while True:
@@ -359,7 +361,9 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
                 parent.tell(
                     "problem",
                     code="disk-full",
-                    detail="the disk of the service is full; nothing else was lost. Try later.",
+                    detail=(
+                        "the disk of the service is full; nothing else was lost. Try again later."
+                    ),
                 )
             elif isinstance(error, OSError) and error.errno in FAILED:
                 parent.tell(

@@ -270,7 +270,7 @@ class Child:
             raise self._death()
         if (event := _event(line)) is None:
             self.kill()
-            raise ChildError(CRASHED, "the computing process sent rubbish; it was ended.")
+            raise ChildError(CRASHED, "the computing process sent invalid data and was stopped.")
         return event
 
     def _read(self) -> None:
@@ -296,7 +296,7 @@ class Child:
             code = self._process.wait(ENDING_S)
         except subprocess.TimeoutExpired:
             self.kill()
-            return ChildError(CRASHED, "the computing process said nothing any more; it was ended.")
+            return ChildError(CRASHED, "the computing process stopped responding and was stopped.")
         if self._process.lost:
             return ChildError(LOST, "the process that starts computing processes ended; try again.")
         if code == -signal.SIGXCPU:

@@ -12,6 +12,7 @@ pytestmark = pytest.mark.browser
 DARK = "(dark) => document.documentElement.classList.contains('dark-mode') === dark"
 
 
+@pytest.mark.long
 def test_the_api_is_shown_without_another_origin(visit: Callable[..., Page]) -> None:
     page = visit("/", view=False, width=1440, height=844, color_scheme="light")
     said: list[str] = []

@@ -27,6 +27,7 @@ def given(page: Page, name: str, data: bytes) -> None:
     expect(page.locator("#reading")).to_contain_text(f"{name}: ")
 
 
+@pytest.mark.long
 def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:
     page = visit("/shapes/new", width=1440, height=900, view=False)
     expect(page.locator("#empty")).to_be_visible()
@@ -155,7 +156,9 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
     for _ in range(15):
         page.keyboard.press("PageUp")
     page.locator('[data-x="31"][data-y="31"]').click()
-    expect(count).to_have_text("131\u2009072 modules, of at most 12\u2009000: paint fewer cells.")
+    expect(count).to_have_text(
+        "131\u2009072 modules are too many (at most 12\u2009000). Paint fewer cells."
+    )
     expect(page.locator("#fold")).to_be_disabled()
     page.locator("#undo").click()
     page.locator("#size").select_option("10")
@@ -203,6 +206,7 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
     assert plan["modules"] == len(own)
 
 
+@pytest.mark.long
 def test_a_path_drawn_with_a_finger_completed_and_cut(visit: Visit) -> None:
     page = visit("/shapes/new", width=390, height=844, view=False, has_touch=True)
     page.get_by_label("Letter E").click()

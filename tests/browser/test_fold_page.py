@@ -81,6 +81,7 @@ def solid_spot(image: np.ndarray) -> tuple[int, int]:
     return int(xs[nearest]), int(ys[nearest])
 
 
+@pytest.mark.long
 def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
     page = visit("/", view=False)
     exploding = {"status": "running", "stage": "explode", "fraction": 0.4, "steps": 1200}
@@ -107,12 +108,12 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
     page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
     dropped(page, json.dumps({"format": "foldback-path/1", "cells": STAIRS, "name": "asked for"}))
     expect(page.locator("#verdict")).to_have_text(
-        "Preparing the solvers, once on this machine: 42 %"
+        "First start: preparing the solvers. This happens only once: 42 %"
     )
     keep(page, "fold-compiling")
     told.pop(0)
     expect(page.locator("#verdict")).to_have_text(
-        "Preparing the solvers, once on this machine: 61 % · about 25 s left "
+        "First start: preparing the solvers. This happens only once: 61 % · about 25 s left "
         "· then place 2 in the queue"
     )
     expect(page.get_by_role("progressbar", name="Preparing the solvers")).to_have_attribute(
@@ -136,7 +137,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     expect(page.locator("#verdict")).to_have_text(
         re.compile(
-            r"^verified \(simulated\): clearance at least 0\.\d+ .* least seen 0\.\d+ · 24 modules$"
+            r"^Verified \(simulated\): modules stay at least \d+\.\d % .* apart · 24 modules$"
         )
     )
     expect(page.locator("#name")).to_have_text("dropped wrench")
@@ -238,6 +239,7 @@ def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
     expect(page.locator("#follow")).to_have_attribute("aria-pressed", "true")
 
 
+@pytest.mark.long
 def test_two_visitors_don_t_share_a_playhead(visit: Visit, wrench: str) -> None:
     one, two = (visit(f"/folds/{wrench}", width=500, height=400, view=False) for _ in range(2))
     for page in (one, two):
@@ -263,7 +265,8 @@ WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= 
 """Whether nothing of a text is cut off."""
 
 
-@pytest.mark.parametrize("scheme", [pytest.param("light", marks=pytest.mark.long), "dark"])
+@pytest.mark.long
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_on_a_phone(visit: Visit, wrench: str, scheme: str) -> None:
     page = visit("/", width=390, height=844, color_scheme=scheme, has_touch=True, view=False)
     for path, name in (("/", "landing"), (f"/folds/{wrench}", "fold")):
@@ -302,6 +305,7 @@ PASSED = """async () => {
 }"""
 
 
+@pytest.mark.long
 def test_the_drawing_stays_until_the_view_shows_something(visit: Visit, wrench: str) -> None:
     page = visit("about:blank", width=390, height=520, has_touch=True)
     page.add_init_script(HELD)
@@ -363,7 +367,7 @@ def test_a_bad_file_is_answered_on_the_spot(visit: Visit) -> None:
 
 def test_unknown_folds_are_told_in_words(visit: Visit) -> None:
     page = visit("/folds/nosuchfold")
-    expect(page.locator("h1")).to_have_text("There is no such fold")
+    expect(page.locator("h1")).to_have_text("Fold not found")
     keep(page, "not-found")
 
 

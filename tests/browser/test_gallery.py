@@ -69,6 +69,7 @@ def test_a_card_folds_its_shape_and_then_shows_the_fold(visit: Visit, service: S
     assert page.url.endswith(fold)
 
 
+@pytest.mark.long
 def test_it_works_without_a_script(visit: Visit) -> None:
     page = visit("/gallery", java_script_enabled=False)
     page.get_by_role("searchbox").fill("dodecahedron")

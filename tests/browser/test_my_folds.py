@@ -68,17 +68,17 @@ def test_a_fold_is_named_taken_to_another_browser_and_deleted_there(
 
     assert key_of(page) not in page.content()
     page.get_by_role("button", name="Show the key").click()
-    key = page.get_by_role("textbox", name="Key of this browser").input_value()
+    key = page.get_by_role("textbox", name="Your access key").input_value()
     assert key == key_of(page)
     keep(page, "my-folds")
 
     other = holding(visit, new_token(), width=390, height=844, has_touch=True)
     expect(other.get_by_text("Nothing here yet")).to_be_visible()
     for text, said in (("wrench", "This is no key"), (new_token(), "Nothing is there")):
-        other.get_by_label("A key of your other browser").fill(text)
+        other.get_by_label("A key from another browser").fill(text)
         other.get_by_role("button", name="Add", exact=True).click()
         expect(other.locator("#key-message")).to_contain_text(said)
-    other.get_by_label("A key of your other browser").fill(f"  {key} ")
+    other.get_by_label("A key from another browser").fill(f"  {key} ")
     other.get_by_role("button", name="Add", exact=True).click()
     expect(other.locator("#folds h3")).to_have_text([HOSTILE])
     assert key_of(other) != key  # what is folded there stays there
@@ -160,6 +160,7 @@ def test_a_browser_is_forgotten_and_early_folds_are_carried_over(
     assert service.http.get(f"/folds/{early['id']}").status_code == 200
 
 
+@pytest.mark.long
 def test_a_key_that_got_about_is_replaced(visit: Visit, service: Service) -> None:
     leaked = new_token()
     fold = service.fold(SNAKE, seed="951", token=leaked)["id"]

@@ -17,6 +17,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 
 
+@pytest.mark.long
 def test_settings_are_offered_refused_at_their_field_and_shown(
     visit: Visit, service: Service
 ) -> None:
@@ -61,7 +62,7 @@ def test_settings_are_offered_refused_at_their_field_and_shown(
     page.locator("#compare").click()
     settings.locator("summary").click()
     gain.fill("none")
-    published = page.locator("#compare-ways .way", has_text="As published")
+    published = page.locator("#compare-ways .way", has_text="Published method")
     published.click()
     expect(page.locator("#compare-message")).to_contain_text("got Radial force gain λ = 'none'")
     keep(page, "compare-settings-1440x900")
@@ -69,6 +70,6 @@ def test_settings_are_offered_refused_at_their_field_and_shown(
     published.click()
     page.wait_for_url(re.compile(rf"/compare\?a={fold}&b="))
     expect(page.locator(".side-preset").last).to_have_text(
-        "As in the paper, Radial force gain λ 20"
+        "Published parameters, Radial force gain λ 20"
     )
     called_off(page, service)

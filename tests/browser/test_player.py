@@ -235,7 +235,7 @@ def test_a_theme_is_kept_and_there_from_the_first_picture(page: Page) -> None:
     switch.click()
     switch = page.get_by_role("button", name="Theme: dark")
     switch.click()
-    expect(page.get_by_role("button", name="Theme: as the system")).to_be_visible()
+    expect(page.get_by_role("button", name="Theme: system")).to_be_visible()
     assert page.evaluate(GROUND) == dark
 
 

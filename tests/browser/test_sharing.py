@@ -23,6 +23,7 @@ DRAWN = "() => !window.foldback.player.sketch.waiting"
 """Whether the page's own drawing, which comes before the 3D view, has come."""
 
 
+@pytest.mark.long
 def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     expect(page.locator("#scrub")).to_be_enabled()
@@ -85,7 +86,7 @@ def offered(service: Service, wrench: str) -> Iterator[Page]:
 def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_path: Path) -> None:
     offered.locator("#share").click()
     with offered.expect_download() as download:
-        offered.get_by_role("link", name="One page in one file").click()
+        offered.get_by_role("link", name="A single HTML file").click()
     offered.keyboard.press("Escape")
     path = tmp_path / download.value.suggested_filename
     download.value.save_as(path)
@@ -116,6 +117,7 @@ def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_pa
     context.close()
 
 
+@pytest.mark.long
 def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", width=960, height=360, view=False)
     page.locator("#compare").click()
@@ -154,6 +156,7 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
     assert page.evaluate(frames) != before
 
 
+@pytest.mark.long
 def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.locator("#refold").click()
@@ -204,6 +207,7 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     expect(page.locator("#side-1")).to_contain_text("smoothed")
 
 
+@pytest.mark.long
 def test_everything_on_offer_can_be_downloaded(offered: Page, service: Service) -> None:
     links = offered.locator("#panel-downloads .downloads a")
     expect(links.first).to_be_visible()
@@ -216,6 +220,7 @@ def test_everything_on_offer_can_be_downloaded(offered: Page, service: Service) 
         assert len(answer.content) > 60, name
 
 
+@pytest.mark.long
 def test_motors_are_judged_and_a_movie_is_made(offered: Page, tmp_path: Path) -> None:
     page = offered
     robot = page.locator("form.options").nth(1)

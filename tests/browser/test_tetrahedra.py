@@ -34,7 +34,7 @@ def test_a_typed_chain_folds_and_a_stray_character_is_pointed_at(
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     expect(page.locator("#verdict")).to_have_text(
         re.compile(
-            r"^verified \(simulated\): clearance at least 0\.\d+ .* least seen 0\.\d+ · 12 modules$"
+            r"^Verified \(simulated\): modules stay at least [\d.]+ % .* apart · 12 modules$"
         )
     )
     page.locator("#sketch.gone").wait_for(state="attached")
@@ -56,7 +56,7 @@ def test_a_mesh_becomes_tetrahedra(visit: Visit) -> None:
     settled(page)
     expect(page.locator("#method-part")).to_be_hidden()
     expect(page.locator("#verdict")).to_have_text(
-        re.compile(r"^\d+ tetrahedra · \d+ % of the shape")
+        re.compile(r"^\d+ tetrahedra · matches your model: \d+ %")
     )
     modules = int(re.findall(r"\d+", page.locator("#fold").inner_text())[0])
     assert modules % 12 == 0

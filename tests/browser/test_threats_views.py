@@ -173,7 +173,14 @@ def test_the_client_by_itself(visit: Visit, address: str) -> None:
     harmless([at_work(page.main_frame)], said)
 
 
-@pytest.mark.parametrize("address", ["/folds/{0}", "/embed/{0}", "/compare?a={0}&b={0}"])
+@pytest.mark.parametrize(
+    "address",
+    [
+        "/folds/{0}",
+        pytest.param("/embed/{0}", marks=pytest.mark.long),
+        pytest.param("/compare?a={0}&b={0}", marks=pytest.mark.long),
+    ],
+)
 def test_pages_of_folds(visit: Visit, wrench: str, address: str) -> None:
     page = keeping(visit)
     said = hostile(page, address.format(wrench))
@@ -182,6 +189,7 @@ def test_pages_of_folds(visit: Visit, wrench: str, address: str) -> None:
     harmless(frames, said)
 
 
+@pytest.mark.long
 def test_the_page_of_a_preview(visit: Visit, service: Service) -> None:
     told = service.http.post("/api/shapes/preview", files={"file": ("brick.stl", stl())}).json()
     page = keeping(visit)

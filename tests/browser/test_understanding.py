@@ -59,6 +59,7 @@ def opened(visit: Visit, fold: str, *, view: bool = False, **options: object) ->
     return page
 
 
+@pytest.mark.long
 def test_colours_tell_any_figure(visit: Visit, wrench: str, figures: Figures) -> None:
     page = opened(visit, wrench, view=True, **SMALL)
     seek(page, int(np.nanargmax(figures.peak_torque_nm)))

@@ -27,7 +27,7 @@ HEARD = """addEventListener("DOMContentLoaded", () => {
 def test_an_upload_is_told_and_stopped(visit: Visit, service: Service) -> None:
     page = visit("/")
     expect(page.locator(".drop-kept")).to_have_text(
-        "Kept until it is deleted. Only who has the link sees it. Privacy"
+        "Kept until you delete it. Only people with the link can see it. Privacy"
     )
     page.context.new_cdp_session(page).send("Network.emulateNetworkConditions", SLOW)
     page.locator("#file").set_input_files(
@@ -72,10 +72,12 @@ def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service
 
     page.locator("#details").click()
     page.locator("#tab-downloads", has_text="Download").click()
-    expect(page.locator("#panel-downloads .kept")).to_contain_text("Only who has the link sees it.")
+    expect(page.locator("#panel-downloads .kept")).to_contain_text(
+        "Only people with the link can see it."
+    )
     page.locator("[name=size]").select_option("1920x1080")
     page.locator("[name=seconds]").select_option("20")
-    page.get_by_role("button", name="Make the movie").click()
+    page.get_by_role("button", name="Create movie").click()
     state = page.locator(".movie-state").first
     expect(state).to_have_text(re.compile("Picture [0-9]+ of 600"))
     stop = page.locator("#panel-downloads").get_by_role("button", name="Stop")
@@ -84,5 +86,5 @@ def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service
     stop.click()
     expect(state).to_have_text("Stopped")
     expect(stop).to_be_hidden()
-    expect(page.get_by_role("button", name="Make the movie")).to_be_enabled()
+    expect(page.get_by_role("button", name="Create movie")).to_be_enabled()
     assert service.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold)).status_code == 204

@@ -176,7 +176,7 @@ class Service:
         return answer.json()
 
     def wait(self, fold_id: str, until: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        """The state of a fold, once it is as wanted."""
+        """Get the state of a fold, once it is as wanted."""
         deadline = time.monotonic() + PATIENCE_S
         while not until(state := self.state(fold_id)):
             assert time.monotonic() < deadline, f"{state}\n{self.log.read_text()}"
@@ -187,7 +187,7 @@ class Service:
         return self.wait(fold_id, over)
 
     def wait_exploding(self, fold_id: str) -> dict[str, Any]:
-        """The state of a fold, once its explosion can be seen."""
+        """Get the state of a fold, once its explosion can be seen."""
         return self.wait(
             fold_id,
             lambda s: over(s) or (s["stage"] == "explode" and s["progress"]["frames"] > 2),

@@ -331,6 +331,28 @@ def timeline(path: Path) -> Vectors:
     }
 
 
+SHIPPED = ("mallet-24", "wrench-80", "tetra-letter-f", "fish", "refold")
+"""Recorded folds that came with the paper's page: cubes, tetrahedra and a refold."""
+
+
+def shipped() -> list[Vectors]:
+    """Recorded folds, as pages get them, and the modules' poses as they were drawn."""
+    found: list[Vectors] = []
+    for name in SHIPPED:
+        place = ROOT / "web" / "paper" / name
+        chain = chain_from_attributes(json.loads((place / "chain.json").read_bytes()))
+        drawn = chain.folded_poses
+        found.append(
+            {
+                "name": name,
+                "bundle": text(bundle_of(chain)),
+                "batch": text((place / "batch").read_bytes()),
+                "drawn": packed(positions=drawn.positions, wxyzs=drawn.wxyzs),
+            }
+        )
+    return found
+
+
 @pytest.fixture(scope="module")
 def cases(
     timeline_path: Path, peeled: Path, tmp_path_factory: pytest.TempPathFactory
@@ -349,6 +371,7 @@ def cases(
                 "paths": paths(),
                 "columns": columns(),
                 "colours": colours(),
+                "shipped": shipped(),
                 "timeline": timeline(timeline_path),
                 "peeled": timeline(peeled / "timeline.zarr"),
             },

@@ -88,6 +88,9 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
             # Only cubes fill cells; what others are rounded to means nothing.
             "cells": module is CUBE,
             "pitch_m": chain.pitch_m,
+            # Orientations of module 0 and of the root in the shape as it was drawn.
+            "folded_wxyz": chain.folded_wxyz.tolist(),
+            "folded_root_wxyz": chain.folded_poses.wxyzs[chain.root].tolist(),
         },
         "messages": messages,
         "sketch": sketch_outline(module, n),

@@ -34,7 +34,7 @@ def document(page: dict[str, Any]) -> str:
     for section in page["sections"]:
         parts += _section(section, page["head"])
     parts += [
-        "## What was read into the paper",
+        "## Values we had to assume",
         "The numbers of `--preset paper`. Each can be set by name, as in "
         "`--set damping=0.05 --set radial_gain=0.2`; "
         "[decisions/0002](decisions/0002-published-preset.md) says how they were found.",
@@ -51,7 +51,7 @@ def document(page: dict[str, Any]) -> str:
                 for one in page["settings"]
             ],
         ),
-        "## What is not as in the paper",
+        "## Differences from the paper",
         *_list(page["differences"]),
     ]
     return "\n\n".join(part.strip() for part in parts if part.strip()) + "\n"

@@ -161,6 +161,7 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
     return [Tampered(fold) for fold in folds]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_change_is_told_by_the_name_of_its_file(few: list[Tampered]) -> None:
     missed, _ = not_told(few, range(20), seed=1)

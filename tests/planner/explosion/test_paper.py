@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 PAPER = PaperExplosionParameters()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_small_coil_comes_out_straight() -> None:
     chain = coil(12)

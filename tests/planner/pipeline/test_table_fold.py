@@ -61,6 +61,7 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
     assert "playback.steps" in " ".join(verify(tmp_path).problems)
 
 
+@pytest.mark.long
 def test_with_friction_a_chain_lies_free_and_its_plan_drifts_as_it_does(tmp_path: Path) -> None:
     write_request(tmp_path, replace(ON_TABLE, settings=RUBBING), json.dumps(CELLS).encode())
     run_stages(tmp_path)

@@ -137,6 +137,7 @@ def test_other_shapes_are_refused() -> None:
         smooth(coil(16), np.zeros((4, 27)), size=0.95)
 
 
+@pytest.mark.long
 def test_torque_is_part_of_what_a_motion_costs(
     folded: Callable[..., Any],
     smoothed: Callable[[str], Array],

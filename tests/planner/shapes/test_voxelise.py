@@ -240,6 +240,7 @@ def test_counts_out_of_range_are_refused(cells: int) -> None:
         voxelise(solid_of(box(1, 1, 1)), cells=cells)
 
 
+@pytest.mark.long
 def test_a_long_thin_diagonal_is_refused_or_made_within_memory() -> None:
     mesh = box(1000, 0.5, 0.5)
     mesh.apply_transform(TURNS.rotation_matrix(0.7, [0, 1, 1]))

@@ -67,6 +67,7 @@ def test_frames_come_page_by_page(service: Service, finished: Any) -> None:
     assert (pages[0].start, pages[-1].stop) == (3, pages[-1].total)
 
 
+@pytest.mark.long
 def test_all_kinds_of_sources_are_taken(desk: Service, tmp_path: Path) -> None:
     path = tmp_path / "path.json"
     path.write_text(json.dumps(SNAKE))

@@ -190,6 +190,7 @@ def test_the_command_line_refuses_what_differs_and_what_is_no_plan(tmp_path: Pat
     assert "plan.npz" in told
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_plan_that_is_not_verified_exits_with_3(tmp_path: Path) -> None:
     files = []

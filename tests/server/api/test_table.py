@@ -118,11 +118,11 @@ def test_a_fold_on_a_table_tells_what_it_asks(service: Service, resting: dict[st
     facts = service.http.get(f"/folds/{resting['id']}/facts").json()
     told = facts["table"]
     assert told["good"]
-    assert told["text"].startswith("Rests on a table within ")
+    assert told["text"].startswith("Stays on the table and needs at most ")
     assert told["text"].endswith("frictionless")
     assert told["assumptions"] == table["assumptions"]
-    assert ["Allowed", "at most 9 w·p"] in told["rows"]
-    assert "Frames taken back" in [label for label, _ in told["rows"]]
+    assert ["Torque limit", "at most 9 w·p"] in told["rows"]
+    assert "Frames undone" in [label for label, _ in told["rows"]]
     assert "From" in told["servos"] and told["named"]
     (floating, other) = facts["compare"]
     assert floating["form"] == {"fold": resting["id"], "seed": 0, "settings": ""}

@@ -15,6 +15,7 @@ RING = "- - - + - - - + - - -"
 U = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0]]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_typed_chain_folds_and_its_size_is_told(tmp_path: Path) -> None:
     out = str(tmp_path / "ring")
@@ -27,7 +28,10 @@ def test_a_typed_chain_folds_and_its_size_is_told(tmp_path: Path) -> None:
     found = json.loads(checked.stdout.splitlines()[-1])
     assert 0.95 <= found["largest_size"] <= 1.0
     told = foldback("verify", out, "--largest-size").stdout
-    assert f"plan and playback are clear up to a module size of {found['largest_size']:.3f}" in told
+    assert (
+        "plan and playback are free of collisions up to a module size of "
+        f"{found['largest_size']:.3f}"
+    ) in told
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ def test_what_is_old_is_forgotten_and_what_shall_stay_stays(place: Path) -> None
     assert done.exit_code == 0, done.output
     assert set(ids(place)) == {"looked", "pinned", "shown", "young", "waits"}
     assert not (place / "folds" / "old").exists()
-    assert run(place, "expire", "--older", "5", "--yes").stdout == "Nothing to forget.\n"
+    assert run(place, "expire", "--older", "5", "--yes").stdout == "Nothing to delete.\n"
     assert run(place, "expire").exit_code == 2
     assert run(place, "expire", "young", "--older", "1").exit_code == 2
 
@@ -177,7 +177,7 @@ def test_a_fold_whose_files_a_sweeper_removes_is_not_queued_again(
 
 
 def test_no_worker_lives_where_none_was_started(place: Path) -> None:
-    assert run(place, "workers").stdout == "No worker lives.\n"
+    assert run(place, "workers").stdout == "No worker is running.\n"
     assert json.loads(run(place, "workers", "--json").stdout) == []
 
 
@@ -225,6 +225,7 @@ def test_a_cancelled_fold_is_computed_after_all(service: Service) -> None:
         admin_tasks.close()
 
 
+@pytest.mark.long
 def test_damaged_lists_folds_with_changed_files(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path)
     store = Store(settings)

@@ -75,7 +75,7 @@ def test_that_it_compiles_is_told_while_it_does(
     monkeypatch.setattr(fold, "run_stage", compiling)
     monkeypatch.setattr(fold, "next_stage", MagicMock(return_value=None))
     assert fold.compute(tmp_path, 1) == {}
-    assert "compiling, once on this machine" in capsys.readouterr().err
+    assert "compiling(only once on this machine)" in capsys.readouterr().err
 
 
 def test_a_name_that_is_none_gets_the_nearest_ones(tmp_path: Path) -> None:
@@ -90,10 +90,10 @@ def test_a_name_that_is_none_gets_the_nearest_ones(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_told_so(tmp_path: Path) -> None:
     answer = foldback("verify", str(tmp_path / "nowhere"))
     assert answer.returncode == 2
-    assert "There is no such folder" in answer.stderr
+    assert "Folder not found" in answer.stderr
     file = tmp_path / "file"
     file.touch()
-    assert "This is no folder" in foldback("verify", str(file)).stderr
+    assert "This is not a folder" in foldback("verify", str(file)).stderr
 
 
 def test_an_unknown_command_is_an_error() -> None:

@@ -58,7 +58,7 @@ def test_a_stuck_plan_says_why_and_where(directory: Path) -> None:
     }
     (directory / "plan.json").write_text(json.dumps(plan))
     found = told(directory)
-    assert (found["heading"], found["modules"]) == ("Stuck: a knot", [5, 6])
+    assert (found["heading"], found["modules"]) == ("The chain is knotted", [5, 6])
 
 
 def test_what_came_to_no_plan_says_how_far_it_came(directory: Path) -> None:

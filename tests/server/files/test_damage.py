@@ -146,6 +146,7 @@ DAMAGES: tuple[Callable[[Path], None], ...] = (
 )
 
 
+@pytest.mark.long
 def test_fold_with_any_damaged_file_is_answered_in_sentences(
     service: Service, fold: str, directory: Path
 ) -> None:
@@ -238,6 +239,7 @@ def test_timeline_of_earlier_version_is_compared_with_the_manifest(tmp_path: Pat
         check(tmp_path, path.name)
 
 
+@pytest.mark.long
 def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceHere) -> None:
     """Every route that names a fold and answers GET, but the endless stream of events."""
     fold_id = shipped.http.get("/api/folds").json()["folds"][1]["id"]

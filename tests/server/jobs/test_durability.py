@@ -184,6 +184,7 @@ def compute(service: ServiceHere, fold_id: str) -> dict[str, Any]:
     return service.state(fold_id)
 
 
+@pytest.mark.long
 def test_a_fold_makes_room_for_a_cheaper_one_and_goes_on_by_itself(
     service_with: Callable[..., Service],
 ) -> None:
@@ -205,6 +206,7 @@ def test_a_fold_that_takes_too_long_is_ended_with_a_clear_word(here_with: HereWi
     assert "0.2 s" in state["error"]["detail"]
 
 
+@pytest.mark.long
 def test_a_verified_plan_outlasts_the_search_for_a_better_one(
     here_with: HereWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -93,6 +93,7 @@ def test_a_movie_from_the_wish_to_the_file(service: Service, finished: dict[str,
     assert service.http.get(movie["links"]["file"]).status_code == 404
 
 
+@pytest.mark.long
 def test_a_gif_moves_and_its_address_alone_deletes_it_not(
     service: Service, finished: dict[str, Any]
 ) -> None:
@@ -213,6 +214,7 @@ def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
     return CliRunner().invoke(application(), arguments, env=environment)
 
 
+@pytest.mark.long
 def test_the_command_films_a_directory(
     service: Service, finished: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -251,6 +253,7 @@ def test_without_opengl_it_says_what_to_install(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_movie_without_ffmpeg_says_how_to_get_it_and_gif_works(
     service: Service, finished: dict[str, Any], tmp_path: Path, without_ffmpeg: dict[str, str]
 ) -> None:

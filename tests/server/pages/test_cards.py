@@ -98,9 +98,11 @@ def test_the_best_of_several_folds_counts(store: Store) -> None:
 
 
 def test_cards_say_within_what_a_shape_rests_on_a_table() -> None:
-    assert HEART.rests == "Rests on a table within 2.0 w·p"
+    assert HEART.rests == "Can be folded on a table (needs 2.0× a module's own torque)"
     assert RING.rests is None
-    assert replace(HEART, rests_within=0.0).rests == "Rests on a table, without torque"
+    assert (
+        replace(HEART, rests_within=0.0).rests == "Can be folded on a table (needs no motor torque)"
+    )
     known = [card for card in cards(Gallery()) if card.rests]
     assert known
     assert {card.module for card in known} == {"cube"}

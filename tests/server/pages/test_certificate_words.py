@@ -53,33 +53,39 @@ FOLLOWED: dict[str, Any] = SIMULATED | {
 
 def test_what_is_proved_stands_beside_what_was_seen_and_is_rounded_down() -> None:
     assert headline(SIMULATED) == (
-        "verified (simulated): clearance at least 0.031 of a pitch, least seen 0.048"
+        "verified (simulated): modules stay at least 3.1 % of a module width apart"
     )
     tight = SIMULATED | {"clearance_bound": 0.000019, "min_clearance_playback": 0.00029}
-    assert headline(tight).endswith("at least 0.000019 of a pitch, least seen 0.00029")
+    assert headline(tight).endswith("stay at least 0.0019 % of a module width apart")
     failed = SIMULATED | {"verdict": "failed: it was cancelled"}
     assert headline(failed) == "failed: it was cancelled"
 
 
 @pytest.mark.parametrize(
-    ("value", "said"), [(0.0, "0"), (-0.0042, "-0.005"), (-0.000019, "-0.000019"), (-2.0, "-2.000")]
+    ("value", "said"),
+    [
+        (0.0, "stay at least 0 %"),
+        (-0.0042, "overlap by at most 0.5 %"),
+        (-0.000019, "overlap by at most 0.0019 %"),
+        (-2.0, "overlap by at most 200.0 %"),
+    ],
 )
 def test_what_is_less_than_nothing_is_not_said_to_be_nothing(value: float, said: str) -> None:
-    assert f"at least {said} of a pitch" in str(clearance(SIMULATED | {"clearance_bound": value}))
+    assert f"modules {said} of a" in str(clearance(SIMULATED | {"clearance_bound": value}))
 
 
 def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
     said, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
     for label in (
-        "Same, simulated playback",
-        "Final position error, RMS",
+        "Least clearance, simulated robots",
+        "Final position error (RMS)",
         "Largest joint error",
     ):
         assert said[label] and said[label] != "not simulated"
         assert followed[label] == "not simulated"
     assert (
         dict(rows(SIMULATED | {"simulated": None, "rms_position_error": None}))[
-            "Final position error, RMS"
+            "Final position error (RMS)"
         ]
         == certificate_words.NOT_KNOWN
     )
@@ -87,21 +93,21 @@ def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
 
 def test_a_torque_is_a_peak_only_where_every_step_was_looked_at() -> None:
     assert torque(SIMULATED) == ("Peak torque", "0.0004 N·m")
-    assert torque(FOLLOWED) == ("Largest torque seen", "0.0004 N·m, at 1210 of 4036 frames")
+    assert torque(FOLLOWED) == ("Largest torque seen", "0.0004 N·m, checked at 1210 of 4036 frames")
 
 
 def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:
     assert linked(SIMULATED) == (
         "Linked modules share a joint and are not checked against each other: full cubes would "
-        "overlap by up to 0.30 of a pitch. Real modules must lack their edges beyond 0.525 of a "
-        "pitch from the joint, 22 % of their volume."
+        "overlap by up to 0.30 pitch. Real modules need rounded edges: nothing farther than 0.525 "
+        "pitch from a joint (removes 22 % of the volume)."
     )
     assert linked({"exempt_pairs": EXEMPT | {"worst_overlap_bound": None}}) == (
-        "Linked modules share a joint and are not checked against each other. Real modules must "
-        "lack their edges beyond 0.525 of a pitch from the joint, 22 % of their volume."
+        "Linked modules share a joint and are not checked against each other. Real modules need "
+        "rounded edges: nothing farther than 0.525 pitch from a joint (removes 22 % of the volume)."
     )
     assert linked({"exempt_pairs": {"apart": 1}}) == (
-        "All modules are checked against each other, linked ones too."
+        "All modules are checked against each other, including linked ones."
     )
     assert linked({}) is None
 
@@ -112,12 +118,12 @@ def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:
         ({}, None),
         (
             {"min_clearance_record": -0.0042},
-            "The recording itself overlaps by 0.0042 pitch; the plan made of it does not.",
+            "The recorded explosion overlaps by 0.0042 pitch, but the plan does not.",
         ),
         (
             {"max_angle_record_rad": 1.62},
-            "The recording itself bends a joint to 92.8°, beyond its range of ±92°; the plan made "
-            "of it does not.",
+            "The recorded explosion bends a joint to 92.8°, beyond its limit of ±92°, but the plan "
+            "does not.",
         ),
     ],
 )
@@ -128,8 +134,8 @@ def test_a_recording_that_overlaps_is_told(changes: dict[str, Any], said: str | 
 @pytest.mark.parametrize(
     ("friction", "base", "words", "held"),
     [
-        (0.0, "free", "frictionless", "the simulation clamps the first module"),
-        (0.2, "free", "friction 0.2, free base", "lies free and drifts"),
+        (0.0, "free", "frictionless", "the simulation pins the first module"),
+        (0.2, "free", "friction 0.2, free base", "free on the table, where it may drift"),
         (0.2, "clamped", "friction 0.2, clamped base", "the first module is clamped"),
     ],
 )

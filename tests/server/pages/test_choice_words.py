@@ -43,14 +43,18 @@ def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
 @pytest.mark.parametrize(
     ("prefer", "chosen", "text"),
     [
-        ("time", 3, "10 instead of 100 s to fold, for 11 s more computing."),
-        ("torque", 2, "0.04 instead of 0.1 mN·m, both folding in 100 s, for 11 s more computing."),
+        ("time", 3, "10 instead of 100 s folding time, after 11 s more computing."),
+        (
+            "torque",
+            2,
+            "0.04 instead of 0.1 mN·m at the same folding time of 100 s, after 11 s more",
+        ),
         (
             "clearance",
             2,
-            "0.0312 instead of 0.0400 of a pitch proved clear, for 11 s more computing.",
+            "0.0312 instead of 0.0400 pitch proved clearance, after 11 s more computing.",
         ),
-        ("clearance", 0, "The first plan that worked is the best of all that were tried, for 11 s"),
+        ("clearance", 0, "The first plan that worked is still the best after 11 s"),
     ],
 )
 def test_gain_and_cost_are_told(prefer: Preference, chosen: int, text: str, tmp_path: Path) -> None:
@@ -66,7 +70,12 @@ def test_each_plan_has_a_name_and_a_row(tmp_path: Path) -> None:
     choice = choice_of(written(tmp_path, 3, *TRIED), "time")
     assert choice is not None
     assert [plan["label"] for plan in choice["plans"]] == [
-        *("1. Unit by unit", "3. All at once, path 2", "4. Smoothed 3, seed 1", "5. All at once"),
+        *(
+            "1. One part at a time",
+            "3. All at once, path 2",
+            "4. Smoothed 3, seed 1",
+            "5. All at once",
+        ),
     ]
     assert [plan["verified"] for plan in choice["plans"]] == [True, True, True, False]
     assert choice["plans"][1]["cells"] == ["20", "1", "0.04", "0.0312", "3"]
@@ -87,6 +96,6 @@ def test_the_command_line_prints_them(tmp_path: Path, capsys: pytest.CaptureFixt
     lines = capsys.readouterr().out.splitlines()
     (chosen,) = (line for line in lines if line.startswith("→"))
     assert "4. Smoothed 3, seed 1" in chosen
-    assert lines[-1] == "10 instead of 100 s to fold, for 11 s more computing."
+    assert lines[-1] == "10 instead of 100 s folding time, after 11 s more computing."
     show_choice(None)
     assert not capsys.readouterr().out

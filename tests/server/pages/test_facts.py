@@ -131,10 +131,10 @@ def test_a_reason_counts_frames_as_the_page_does(tmp_path: Path) -> None:
     facts = fold_facts(found(tmp_path, 5, summary=summary, error=error))
     said = facts["problem"]["text"]
     assert said.startswith("In the plan, modules 3 and 7 overlap")
-    assert "40 % into the fold (frame 224)" in said  # 211 of the explosion, and 1 is the first
+    assert "40 % into the fold (frame 225)" in said  # 211 + 12.5 rounds up, and 1 is the first
     for text in (said, facts["verdict"]["text"], json.dumps(facts["properties"])):
         assert "of the plan" not in text
-        assert "(frame 224)" in text
+        assert "(frame 225)" in text
 
 
 def test_a_reason_says_percent_alone_where_the_frame_is_not_known(tmp_path: Path) -> None:
@@ -177,14 +177,18 @@ def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Pat
     }
     facts = fold_facts(found(tmp_path, 0, status="verified", summary=summary))
     assert facts["verdict"]["text"] == (
-        "verified (kinematics only): clearance at least 0.001 of a pitch, least seen 0.041 · one "
+        "Verified (kinematics only): modules stay at least 0.1 % of a module width apart · one "
         "joint at a time (a baseline) · 16 modules"
     )
     values = {row["label"]: row["value"] for group in facts["properties"] for row in group["rows"]}
     assert values["Verdict"] == "Verified (kinematics only)"
-    for label in ("Same, simulated playback", "Final position error, RMS", "Largest joint error"):
+    for label in (
+        "Least clearance, simulated robots",
+        "Final position error (RMS)",
+        "Largest joint error",
+    ):
         assert values[label] == "not simulated"
-    assert values["Largest torque seen"] == "0.009 N·m, frames looked at are not known"
+    assert values["Largest torque seen"] == "0.009 N·m, number of frames checked is unknown"
     assert "Peak torque" not in values
 
 
@@ -208,7 +212,7 @@ SETTINGS = "damping=0.05,radial_gain=0.2"
 def test_changed_settings_are_told_and_kept(tmp_path: Path) -> None:
     row = {"preset": "paper", "settings": SETTINGS}
     facts = fold_facts(found(tmp_path, 0, status="cancelled", **row))
-    assert facts["preset"] == "As in the paper, Radial force gain λ 0.2, Damping 0.05"
+    assert facts["preset"] == "Published parameters, Radial force gain λ 0.2, Damping 0.05"
     groups = {group["heading"]: group["rows"] for group in facts["properties"]}
     assert groups["Changed settings"] == [
         {"label": "Radial force gain λ", "value": "0.2 dyn, instead of 0.1"},
@@ -218,10 +222,10 @@ def test_changed_settings_are_told_and_kept(tmp_path: Path) -> None:
     assert facts["refold"] == row
     forms = {way["text"]: way["form"] for way in facts["compare"]}
     assert forms["Another seed"] == {"fold": "f" * 20, "seed": 1, **row}
-    assert forms["As published"] == {"fold": "f" * 20, "seed": 0, "preset": "paper"}
+    assert forms["Published method"] == {"fold": "f" * 20, "seed": 0, "preset": "paper"}
     plain = fold_facts(found(tmp_path, 0, status="verified", preset="paper"))["compare"]
     settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
-    assert settable == {"As published, changed": "must"}
+    assert settable == {"Published method, changed": "must"}
     failed = fold_facts(found(tmp_path, 0, **row))
     assert failed["again"]["form"] == {"fold": "f" * 20, "preset": "default", "seed": 0}
     usual = fold_facts(found(tmp_path, 0, status="verified"))
@@ -236,14 +240,14 @@ def test_how_long_the_published_method_takes_is_told(
     tmp_path: Path, modules: int, hint: str
 ) -> None:
     facts = fold_facts(found(tmp_path, 0, status="verified", modules=modules))
-    (published,) = [way for way in facts["compare"] if way["text"] == "As published"]
+    (published,) = [way for way in facts["compare"] if way["text"] == "Published method"]
     assert published["hint"].startswith(f"Takes {hint}")
 
 
 def test_what_went_wrong_is_a_sentence(tmp_path: Path) -> None:
     error = {"code": "not-adjacent", "detail": "got a gap.", "where": "cells 1 and 2"}
     assert fold_facts(found(tmp_path, 0, error=error))["problem"]["text"] == (
-        "Cells 1 and 2: got a gap."
+        "Cells 1 and 2: found a gap."
     )
 
 
@@ -260,11 +264,11 @@ def test_properties_of_a_real_fold_are_fit_to_read(
     assert values["Fold: Preset"] == "Default"
     assert values["Explosion parameters: Time step"] == "0.004 to 0.1 s"
     assert values["Playback parameters: Controller"] == "Servos with feed-forward"
-    assert values["Robots, torques as multiples of the largest planned: Robots"] == "3"
-    assert values["Certificate: Robots"].startswith("3 with faults of their own")
+    assert values["Simulated robots (torques relative to the largest planned): Robots"] == "3"
+    assert values["Certificate: Robots"].startswith("3 imperfect robots")
     assert re.fullmatch(r"[\d.]+(×10\S+)? N·m", values["Certificate: Peak torque"])
     for row in rows:
         assert "_" not in row["label"]
         assert row["label"][0].isupper()
-        if row["label"] != "Verdict":
+        if row["label"] not in ("Verdict", "Linked modules"):
             assert not re.search(r"\d\.\d{7}|e[-+]\d|[\[(]", row["value"]), row

@@ -31,7 +31,7 @@ def test_what_is_verified_or_goes_on_has_no_failure() -> None:
 
 def test_a_stuck_explosion_is_shown_at_its_end() -> None:
     assert failure(row(), {"stuck": KNOT, "certificate": {}}) == {
-        "heading": "Stuck: a knot",
+        "heading": "The chain is knotted",
         "text": "Its path is knotted.",
         "modules": [5, 6, 9],
         "frame": None,
@@ -59,7 +59,7 @@ TREFOIL: KnotFigures = {
 def test_a_knot_that_is_the_reason_is_drawn_with_a_gap_at_each_crossing() -> None:
     stuck = {**KNOT, "evidence": TREFOIL}
     told = failure(row(), {"stuck": stuck})
-    assert told is not None and told["heading"] == "Stuck: a knot"
+    assert told is not None and told["heading"] == "The chain is knotted"
     drawn = told["knot"]
     assert drawn is not None and len(drawn["strokes"]) == 3
     assert drawn["label"] == "A knot with 3 crossings, determinant 3"
@@ -94,17 +94,17 @@ def test_what_blocks_what_is_listed_and_a_budget_told_in_numbers() -> None:
     move = {"direction": [0, -1, 0], "moved": 0.5, "modules": [5, 2], "overlap": 0.45}
     evidence = {"kind": "blocks", "turns": [turn], "moves": [move]}
     told = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
-    assert told is not None and told["heading"] == "Stuck: modules block each other"
+    assert told is not None and told["heading"] == "Stalled: modules block each other"
     assert told["blocks"] == [
         "Hinge 7 at module 4, turned by 2°: modules 4 and 9 overlap by 0.012 pitch",
-        "The next unit, moved by 0.5 pitch along −y: modules 5 and 2 overlap by 0.45 pitch",
+        "The next part, moved by 0.5 pitch along −y: modules 5 and 2 overlap by 0.45 pitch",
     ]
     many = {**evidence, "turns": 30 * [turn]}
     told = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
     assert told is not None and told["blocks"][-1] == "And 7 more"
     budget = {"kind": "budget", "spent": "steps"}
     told = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
-    assert told is not None and told["heading"] == "Stuck: its steps are used up"
+    assert told is not None and told["heading"] == "Stalled: step limit reached"
 
 
 def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:
@@ -117,10 +117,7 @@ def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:
     detail = {"detail": "the stage 'certify' failed: KeyError: 'x'"}
     told = failure(row(error=detail, stage="certify"), {"stuck": stuck})
     assert told is not None and told["text"] == "Checking the clearance failed: KeyError: 'x'."
-    cancelled = failure(row("cancelled"), {"stuck": stuck})
-    assert cancelled is not None and cancelled["text"].startswith(
-        "It was cancelled. It was on its way"
-    )
+    assert failure(row("cancelled"), {"stuck": stuck}) is None  # nothing stalled
 
 
 def test_an_overlap_is_shown_where_it_is_along_the_timeline() -> None:
@@ -155,7 +152,7 @@ def test_a_playback_that_ends_elsewhere_says_so() -> None:
     }
     told = failure(row(), summary)
     assert told is not None
-    assert (told["heading"], told["modules"]) == ("It ends beside its shape", [])
+    assert (told["heading"], told["modules"]) == ("It doesn't end in its target shape", [])
     assert told["text"] == "The playback ends 1 pitch (RMS) from the folded shape."
     beyond = failure(row(), {**summary, "reason": "the plan bends a joint beyond its range"})
     assert beyond is not None and beyond["heading"] == "Not verified"
@@ -175,13 +172,13 @@ def test_every_attempt_tells_how_it_was_made_and_how_it_ended(tmp_path: Path) ->
     (tmp_path / "attempts.json").write_text(json.dumps(tried))
     told = attempts(tmp_path)
     assert [a["end"] for a in told] == [
-        "Stuck after 8400 steps: its path is knotted",
+        "Stalled after 8400 steps: its path is knotted",
         "Not straight after 8400 steps",
         "In the plan, it overlaps",
         "Verified",
-        "Straight, not checked",
-        "Cut off",
+        "Unfolded, not checked",
+        "Interrupted",
     ]
     assert [a["tone"] for a in told] == ["bad", "bad", "bad", "good", "off", "off"]
     assert told[0]["strategy"] == "All at once"
-    assert told[3]["how"] == "Path 2, seed 4, played back with finer frames"
+    assert told[3]["how"] == "Path 2, seed 4, played back in smaller steps"

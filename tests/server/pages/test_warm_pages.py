@@ -42,7 +42,7 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
         pages += [f"{api}/plan.json", f"{api}/plan.npz", f"{api}/exports"]
         if row.modules < 100:  # what is made for the occasion takes seconds for the longest chain
             pages += [f"{api}/model.xml", f"{page}/standalone.html"]
-        assert "Made earlier with version" in client.get(page).text
+        assert "Included with foldback, computed with version" in client.get(page).text
     for page in pages:
         assert client.get(page).status_code == 200, page
     assert f'href="/folds/{first}"' in client.get("/").text

@@ -95,7 +95,9 @@ def test_without_a_database_pages_say_so_in_words(broken: tuple[Service, str], p
     assert answer.headers["content-type"].startswith("text/html")
     assert "default-src 'none'" in answer.headers["content-security-policy"]
     assert int(answer.headers["retry-after"]) > 0
-    assert "Not just now" in answer.text and "The database does not answer" in answer.text
+    assert (
+        "Temporarily unavailable" in answer.text and "The database does not answer" in answer.text
+    )
 
 
 def test_it_is_alive_without_a_database(broken: tuple[Service, str]) -> None:

@@ -37,10 +37,10 @@ test("a path is whole when it visits all cells, each once, from face to face", (
   assert.deepEqual(checked(painted(square, [square[0], square[2], square[1], square[3]])).gaps, [0, 2]);
   const twice = checked(painted(square, [...square, square[0]]));
   assert.deepEqual(twice.repeats, [[0, 4]]);
-  assert.equal(told(twice).text, "Cells 1 and 5 are the same; a path visits each cell once.");
+  assert.equal(told(twice).text, "Cells 1 and 5 are the same cell. A path visits each cell only once.");
   assert.equal(checked(painted(row(2), row(2))).whole, false); // a chain needs a joint
   assert.match(told(checked(painted(row(2), row(2)))).text, /needs at least 3/);
-  assert.match(told(checked(painted(row(4), [key(0, 0), key(0, 1), key(0, 3)]))).text, /^A gap: cells 2 and 3 do not touch/);
+  assert.match(told(checked(painted(row(4), [key(0, 0), key(0, 1), key(0, 3)]))).text, /^Cells 2 and 3 do not touch/);
 });
 
 test("what is whole is a path to the planner as well", () => {
@@ -75,7 +75,7 @@ test("a path grows at its ends, takes back its last cell, and mends a gap", () =
   assert.deepEqual(extended({ ...drawn, atStart: true }, key(0, 1), SIZE), { path: row(3).slice(1), atStart: true });
   assert.deepEqual(extended(drawn, key(0, 0), SIZE), { ...drawn, atStart: true }); // the other end is taken
   assert.match(extended({ path: row(5), atStart: false }, key(0, 1), SIZE), /This is cell 2 of the path/);
-  assert.match(extended(drawn, key(5, 5), SIZE), /shares a face/);
+  assert.match(extended(drawn, key(5, 5), SIZE), /share a face/);
   const torn = { path: [key(0, 0), key(0, 1), key(0, 3)], atStart: false };
   assert.deepEqual(extended(torn, key(0, 2), SIZE).path, row(4));
   assert.deepEqual(nextCells(drawn, SIZE).sort(), [key(0, 3), key(1, 2), key(0, 2, 1)].sort());

@@ -61,9 +61,9 @@ test("what is not measured yet is grey", async () => {
     const colours = colouring(key, timeline, nothing).of(timeline.snapshot(0));
     assert.deepEqual([...colours.subarray(0, 3)], unknown, key);
   }
-  assert.equal(colouring("clearance", timeline, nothing).legend().none, "not measured yet");
+  assert.equal(colouring("clearance", timeline, nothing).legend().none, "no data yet");
   assert.equal(colouring("clearance", timeline, { ...nothing, lacking: "not here" }).legend().none, "not here");
   const { timeline: peeled } = await recorded(vectors.peeled);
-  for (const key of ["torque", "clearance"]) assert.equal(colouring(key, peeled, nothing).legend().none, "known of the whole chain only");
-  assert.equal(colouring("position", peeled, nothing).legend().none, "not recorded");
+  for (const key of ["torque", "clearance"]) assert.equal(colouring(key, peeled, nothing).legend().none, "only known for the whole chain");
+  assert.equal(colouring("position", peeled, nothing).legend().none, "no data in this phase");
 });

@@ -321,3 +321,21 @@ test("two folds go through their phases in step", async () => {
   pair.send({ do: "select", module: 4 });
   assert.deepEqual([one.selected, two.selected], [4, 4]);
 });
+
+test("playhead_in_real_time_moves_by_the_robots_clock", async () => {
+  const { player, timeline, heard } = await shown();
+  const { from } = timeline.outline.phases[1];
+  player.send({ do: "seek", frame: from });
+  assert.ok(heard.state.pace > 0 && heard.state.pace !== 1);
+  player.send({ do: "set", real: true });
+  assert.equal(heard.state.pace, 1);
+  player.send({ do: "play" });
+  draw(1);
+  const before = player.shown.time_s;
+  draw(3);
+  close([player.shown.time_s - before], [(3 * PICTURE_MS) / 1000], { atol: 1e-6 });
+  draw(20000);
+  assert.deepEqual([player.is.playing, player.playhead.frame], [false, timeline.last]);
+  player.send({ do: "set", speed: 2 });
+  assert.deepEqual([player.is.real, player.is.speed], [false, 2]);
+});

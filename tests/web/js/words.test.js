@@ -4,7 +4,7 @@ import { degrees, duration, newtonMetres, radians, refusal, remaining, whole } f
 
 test("numbers are told with two figures, and nothing as nothing", () => {
   assert.equal(whole(1234567.4), "1\u2009234\u2009567");
-  assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), ["not recorded", "0 rad", "7.1 µrad", "0.0012 rad"]);
+  assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), ["no data in this phase", "0 rad", "7.1 µrad", "0.0012 rad"]);
   assert.deepEqual([Math.PI / 2, -0.5, -1e-9].map((v) => degrees(v)), ["90.0°", "−28.6°", "0.0°"]);
   assert.equal(newtonMetres(1.234), "1.2 N·m");
   assert.deepEqual([0.2, 89, 90, 5399, 7200].map(duration), ["about 1 s", "about 89 s", "about 2 min", "about 90 min", "about 2 h"]);
@@ -19,5 +19,6 @@ test("what is left is told as nobody knows it better", () => {
 test("a refusal says what and where", () => {
   assert.equal(refusal({ detail: "got 3, expected 2", where: "seed" }, 422), "Seed: got 3, expected 2");
   assert.equal(refusal({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
+  assert.equal(refusal({ detail: "got an empty file, expected cells.", message: "This file is empty." }, 422), "This file is empty.");
   assert.equal(refusal({}, 503), "The server answered 503.");
 });

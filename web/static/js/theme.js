@@ -1,9 +1,9 @@
-// Light, dark or as the system, on every page: what was chosen is there before anything is painted, and
+// Light, dark or system, on every page: what was chosen is there before anything is painted, and
 // the buttons marked for it change it. No module, for those run later.
 (() => {
   const KEPT = "foldback:theme";
   /** @type {Record<string, string>} */
-  const WORDS = { "": "as the system", light: "light", dark: "dark" };
+  const WORDS = { "": "system", light: "light", dark: "dark" };
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const root = document.documentElement;
   // An address may say the theme of the page, for this visit.

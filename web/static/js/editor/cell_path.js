@@ -82,18 +82,18 @@ function lost(missing, path, size) {
 export function told({ length, cells, gaps, repeats, missing, lost: apart, difference, whole }) {
   if (repeats.length) {
     const [first, second] = repeats[0];
-    return { text: `Cells ${first + 1} and ${second + 1} are the same; a path visits each cell once.`, tone: "bad" };
+    return { text: `Cells ${first + 1} and ${second + 1} are the same cell. A path visits each cell only once.`, tone: "bad" };
   }
   if (gaps.length) {
-    return { text: `A gap: cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Fill in the cell between them, or cut there.`, tone: "bad" };
+    return { text: `Cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Add the cell between them, or cut the path there.`, tone: "bad" };
   }
   if (whole) return { text: `The path visits all ${cells} cells.`, tone: "good" };
-  if (length && !missing.length) return { text: `${length} cells; a path needs at least ${FEWEST}.`, tone: "" };
-  const so = length ? `${length} of ${cells} cells; ${missing.length} missing.` : "No path yet.";
+  if (length && !missing.length) return { text: `Only ${length} cells. A path needs at least ${FEWEST}.`, tone: "" };
+  const so = length ? `${length} of ${cells} cells, ${missing.length} to go.` : "No path yet.";
   if (difference > 1) {
-    return { text: `${so} No path visits all of them: coloured like a chessboard, one colour has ${difference} cells more.`, tone: "bad" };
+    return { text: `${so} No path visits all of them. Coloured like a chessboard, the shape has ${difference} more cells of one colour than of the other.`, tone: "bad" };
   }
-  if (apart.length) return { text: `${so} The ends lead no more to ${apart.length} of them.`, tone: "bad" };
+  if (apart.length) return { text: `${so} The path can no longer reach ${apart.length} of them.`, tone: "bad" };
   return { text: so, tone: "" };
 }
 
@@ -114,7 +114,7 @@ export function extended({ path, atStart }, key, size) {
     if (index === end) return { path, atStart };
     if (index === before && last > 0) return { path: atStart ? path.slice(1) : path.slice(0, -1), atStart };
     if (index === 0 || index === last) return { path, atStart: index === 0 };
-    return `This is cell ${index + 1} of the path; a path visits each cell once.`;
+    return `This is cell ${index + 1} of the path already. A path visits each cell only once.`;
   }
   for (let k = 0; k < last; k++) {
     if (!touch(path[k], path[k + 1], size) && touch(path[k], key, size) && touch(key, path[k + 1], size)) {
@@ -122,7 +122,7 @@ export function extended({ path, atStart }, key, size) {
     }
   }
   const ends = [touch(key, path[0], size), touch(key, path[last], size)];
-  if (!ends[0] && !ends[1]) return "Only a cell that shares a face with an end of the path can come next.";
+  if (!ends[0] && !ends[1]) return "The next cell must share a face with an end of the path.";
   const start = atStart ? ends[0] : !ends[1];
   return { path: start ? [key, ...path] : [...path, key], atStart: start };
 }

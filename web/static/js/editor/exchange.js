@@ -64,7 +64,7 @@ export async function asked(fields) {
  */
 export async function read(source, cells) {
   const report = await asked({ ...source, method: "exact", modules: cells, path: false });
-  if (report.module !== "cube") throw new Error("This is a chain of tetrahedra; only cubes can be painted.");
+  if (report.module !== "cube") throw new Error("This is a chain of tetrahedra. Only cubes can be painted.");
   return report;
 }
 

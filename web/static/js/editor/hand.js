@@ -7,12 +7,12 @@ import { box, mirrored, moved, region, symmetric } from "./shape_tools.js";
 
 /** @type {Record<Tool, [hint: string, keys: string]>} */
 export const HINTS = {
-  paint: ["Click or drag to paint; on a painted cell, to remove.", "Page Up and Page Down change the layer."],
-  fill: ["Click a region of this layer: empty cells that hang together are filled, painted ones removed.", ""],
-  box: ["Drag from corner to corner, or click two of them, in any layers; from a painted cell, to remove.", ""],
-  move: ["Drag the shape, or press.", "Arrow keys, Page Up and Page Down move it as well."],
-  path: ["Drag from cell to cell, on from an end; back again to undo. Cells that may come next are framed; Complete finds the rest.",
-    "Shift with arrow keys, Page Up and Page Down draws as well; X cuts, Backspace takes back."],
+  paint: ["Click or drag to paint. Start on a painted cell to erase.", "Page Up and Page Down change the layer."],
+  fill: ["Click a connected region in this layer. Empty cells are filled, painted cells are cleared.", ""],
+  box: ["Drag from corner to corner, or click two corners in any layers. Start on a painted cell to erase.", ""],
+  move: ["Drag the shape, or use the buttons.", "Arrow keys, Page Up and Page Down also move it."],
+  path: ["Drag from cell to cell, starting at either end. Drag back to undo. Possible next cells are framed. Complete finds the rest.",
+    "You can also draw with Shift and the arrow keys, Page Up or Page Down. X cuts, Backspace undoes."],
 };
 
 export class Hand {
@@ -133,7 +133,7 @@ export class Hand {
     const { size } = this.painting;
     const head = headOf(this.drawn);
     const [x, y, z] = cellOf(head ?? from, size).map((v, axis) => v + (head === null ? 0 : by[axis]));
-    if (Math.min(x, y, z) < 0 || Math.max(x, y, z) >= size) this.refused = "The grid ends here; take a larger one.";
+    if (Math.min(x, y, z) < 0 || Math.max(x, y, z) >= size) this.refused = "The grid ends here. Choose a larger grid.";
     else this.step(() => this.draw(keyOf(x, y, z, size)));
     return headOf(this.drawn);
   }
@@ -145,7 +145,7 @@ export class Hand {
 
   /** @param {number} key */
   cutAt(key) {
-    if (!this.painting.path.includes(key)) { this.refused = "Touch the cell of the path first that it shall end in."; return; }
+    if (!this.painting.path.includes(key)) { this.refused = "First touch the path cell where the path should end."; return; }
     this.step(() => this.follow(cut(this.drawn, key)));
   }
 

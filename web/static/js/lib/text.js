@@ -18,7 +18,7 @@ export function whole(number) {
 
 /** @param {number | null | undefined} value */
 export function radians(value) {
-  if (value === null || value === undefined) return "not recorded";
+  if (value === null || value === undefined) return "no data in this phase";
   if (value < 1e-9) return "0 rad";
   const micro = value < 1e-3;
   return `${Number((micro ? 1e6 * value : value).toPrecision(2))} ${micro ? "µrad" : "rad"}`;
@@ -53,7 +53,7 @@ export const wordsOf = (error) => (error instanceof Error ? error.message : Stri
  * @param {number} status
  */
 export function refusal(told, status) {
-  const text = told.detail ?? `The server answered ${status}.`;
+  const text = told.message ?? told.detail ?? `The server answered ${status}.`;
   const where = told.where ?? "";
   const said = text.includes(where) || text.includes(where.replaceAll("_", " "));
   return sentence(said ? text : `${where}: ${text}`);

@@ -11,9 +11,9 @@ const facts = JSON.parse(get("facts").textContent);
 const LEAST = 8;
 /** @type {Record<string, string>} */
 const HOW = {
-  no: "Each cell becomes 2×2×2 modules, which always fold along a path.",
+  no: "Each cell becomes 2×2×2 modules. A path always exists.",
   yes: "Each cell becomes one module. Exact, but there may be no path.",
-  path: "Each cell becomes one module, in the order that you draw.",
+  path: "Each cell becomes one module, in the order you draw them.",
 };
 const CHECK_MS = 600;
 const DRAW_MS = 150;
@@ -92,14 +92,14 @@ function count(cells) {
   const few = !found && modules > 0 && modules < LEAST;
   let text = `${whole(modules)} modules`;
   if (!cells) text = "";
-  else if (large) text = `${whole(modules)} modules, of at most ${whole(facts.most_modules)}: paint fewer cells.`;
+  else if (large) text = `${whole(modules)} modules are too many (at most ${whole(facts.most_modules)}). Paint fewer cells.`;
   else if (path) ({ text } = path);
-  else if (pieces > 1) text = `${pieces} pieces that do not touch: join them by faces.`;
-  else if (few) text = `${text}; a fold needs at least ${LEAST}.`;
+  else if (pieces > 1) text = `The shape has ${pieces} separate pieces. Connect them face to face.`;
+  else if (few) text = `${text}. A fold needs at least ${LEAST}.`;
   const tone = large || pieces > 1 ? "bad" : path?.tone ?? "";
   if (get("count").textContent !== text) get("count").textContent = text;
   get("count").dataset.tone = tone;
-  get("most").textContent = large || !cells ? "" : `${path ? `${whole(modules)} modules; at` : "At"} most ${whole(facts.most_modules)} can be folded.`;
+  get("most").textContent = large || !cells ? "" : `${path ? `${whole(modules)} modules. ` : ""}Limit: ${whole(facts.most_modules)} modules.`;
   get("how").textContent = HOW[how];
   get("save-path").hidden = !found?.whole;
   const ready = cells > 0 && !large && (found ? found.whole : pieces === 1 && !few);
@@ -136,7 +136,7 @@ function look(ready) {
   timer = setTimeout(async () => {
     const said = await exchanging(({ asked, pathFile }) => asked({ file: pathFile(named(), state), full: false }).then(
       ({ knot, expected_s: s }) => (knot?.verdict === "knotted"
-        ? { text: "The path is knotted: such a chain cannot be pulled straight.", tone: "bad" }
+        ? { text: "The path is knotted, so the chain cannot be pulled straight.", tone: "bad" }
         : { text: `Folds in ${duration(s)}.`, tone: "" }),
       (error) => ({ text: wordsOf(error), tone: "bad" }),
     ));
@@ -243,7 +243,7 @@ get("complete").onclick = async () => {
     // What was drawn meanwhile is not drawn over.
     if (painting.path !== drawn.path) return;
     if (found) hand.step(() => hand.follow(found));
-    else refused = "No way through the missing cells was found from here. Draw from the other end, or cut and try again.";
+    else refused = "No path through the remaining cells was found from here. Draw from the other end, or cut the path and try again.";
   } catch (error) {
     refused = wordsOf(error);
   } finally {

@@ -23,8 +23,8 @@ const choosing = later(() => import("../panels/choice.js"), toast);
 const companions = later(() => import("../panels/companions.js").then(({ Companions }) => new Companions(toast)), toast);
 const downloads = later(() => import("../panels/downloads.js").then(({ Downloads }) => new Downloads(get("panel-downloads"))), toast);
 const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
-const progress = later(() => import("../panels/progress.js"), toast);
 const share = later(() => import("../panels/share.js").then(({ Share }) => new Share(facts, { place, player }, toast)), toast);
+const progress = later(() => Promise.all([import("../panels/progress.js"), import("../panels/outcome.js")]), toast);
 let listing = false; // what can be downloaded, which is looked at
 
 get("share").onclick = () => share((it) => it.open(facts));
@@ -103,4 +103,11 @@ async function tryAgain({ form }) {
 }
 
 show(facts);
-if (facts.running) progress(({ Progress }) => new Progress(facts, { onDone: show, toast }));
+if (facts.running) {
+  progress(([{ Progress }, { Outcome }]) => {
+    const outcome = new Outcome(toast);
+    return new Progress(facts, {
+      toast, onProgress: (now) => outcome.progress(now, facts.name), onDone: (now) => { show(now); outcome.end(now); },
+    });
+  });
+}

@@ -72,7 +72,7 @@ async function carryOver() {
 async function load() {
   const mine = ++turn;
   clearTimeout(timer);
-  get("found").textContent = "Looking…";
+  get("found").textContent = "Searching…";
   await carryOver();
   const keys = keysHere();
   try {

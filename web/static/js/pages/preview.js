@@ -13,24 +13,24 @@ const DEBOUNCE_MS = 220;
 const DRAW_MS = 100;
 /** @type {Record<string, string>} */
 const HINTS = {
-  auto: "The way that suits the shape.",
-  blocks: "Each voxel becomes 2×2×2 modules: there is a path in any case, and it folds best.",
+  auto: "Picks the best method for this shape.",
+  blocks: "Splits each voxel into 2×2×2 modules. A path always exists, and it folds most reliably.",
   exact: "One module for each voxel. Finer, but there may be no path.",
   snake: "Back and forth, layer by layer. For boxes only.",
 };
 
 /** @type {Record<string, string>} */
 const PREFERENCES = {
-  computing: "One plan, as soon as there is one.",
-  time: "Of several plans and smoothings the one that folds in the least time.",
-  torque: "Of several the one that needs the least torque, all taking the same time.",
-  clearance: "Of several the one whose modules stay farthest apart on the way.",
+  computing: "Stops at the first plan that works.",
+  time: "Tries several plans and keeps the one that folds fastest.",
+  torque: "Tries several plans and keeps the one that needs least torque in the same folding time.",
+  clearance: "Tries several plans and keeps the one with the most clearance.",
 };
 
 /** @type {Record<string, string>} */
 const WORLDS = {
-  floating: "Without gravity: the quickest, and for any shape.",
-  table: "Rests on the table all the time; asks as little of the motors as it can.",
+  floating: "No gravity. Fastest, and works for any shape.",
+  table: "Stays supported by the table throughout and needs as little motor torque as possible.",
 };
 
 // Options live in the address, so that a link shows the same.
@@ -148,7 +148,7 @@ async function look() {
       if (report) {
         report = { ...report, has_path: false };
         const unfit = told.code === "not-for-a-table";
-        if (unfit) trouble("This path is not for a table", [said], [another(), floating()]);
+        if (unfit) trouble("This path cannot be folded on a table", [said], [another(), floating()]);
         problem(unfit ? "" : said);
         get("verdict").textContent = "No preview for these options";
       } else cover("This shape cannot be shown", said);
@@ -190,7 +190,7 @@ function show(told) {
   const { kind, name, modules, iou, feasibility, knot, has_path: path } = told;
   get("name").textContent = name;
   document.title = `${name}, preview · foldback`;
-  const kept = iou === null ? "" : ` · ${Math.round(100 * iou)} % of the shape`;
+  const kept = iou === null ? "" : ` · matches your model: ${Math.round(100 * iou)} %`;
   const parts = told.module === "cube" ? "modules" : "tetrahedra";
   get("verdict").textContent = path ? `${whole(modules)} ${parts}${kept}` : `${whole(modules)} cells, no path yet`;
 
@@ -202,11 +202,11 @@ function show(told) {
   get("modules-part").hidden = !resizable;
   if (resizable && !options.modules) set(modules, false);
   const asked = told.asked ?? modules;
-  const nearest = asked === modules ? "" : `${whole(modules)} is nearest to ${whole(asked)}`;
+  const nearest = asked === modules ? "" : `${whole(modules)} is the closest possible count to ${whole(asked)}`;
   get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || "Also possible";
   const near = [told.below, told.above].flatMap((n) => (n && n !== modules && n <= facts.most_modules ? [n] : []));
   get("nearest").replaceChildren(...near.map((count) => {
-    const button = element("button", { type: "button", title: "The nearest count that can be reached" }, whole(count));
+    const button = element("button", { type: "button", title: "The closest count that may work" }, whole(count));
     button.onclick = () => { set(count); look(); };
     return button;
   }));
@@ -223,7 +223,7 @@ function show(told) {
 
   const problems = feasibility?.problems ?? [];
   trouble(
-    onTable() ? "There is no path for a table" : feasibility?.feasible === false ? "There is no path through these cells" : "No path was found",
+    onTable() ? "This shape can't be folded on a table" : feasibility?.feasible === false ? "No path runs through all of these cells" : "No path was found",
     problems.map(({ detail }) => detail),
     path ? [] : onTable() ? [floating()] : repairs(feasibility),
   );
@@ -268,8 +268,8 @@ function draw(key) {
 
 function tell3d() {
   const why = flat ? "WebGL is missing or switched off" : failed ? "The 3D view could not be loaded" : "";
-  get("cover-text").textContent = why ? `${why}, so this is a drawing.` : "Starting the 3D view…";
-  get("cover-more").textContent = why ? "The figures hold all the same, and the shape can be folded." : "";
+  get("cover-text").textContent = why ? `${why}, so you see a drawing.` : "Starting the 3D view…";
+  get("cover-more").textContent = why ? "The numbers are still correct, and you can fold the shape." : "";
 }
 
 // To ask is to start the browser's 3D graphics, which takes a second where they are software.
@@ -278,7 +278,7 @@ function start3d() {
   started = true;
   if (hasWebGL()) { get("view").src = "/view"; if (report) show3d(report.key); return; }
   flat = true;
-  if (get("drawing").hidden) cover("This browser shows no 3D graphics", "WebGL is missing or switched off. The figures hold all the same, and the shape can be folded.");
+  if (get("drawing").hidden) cover("This browser cannot show 3D graphics", "WebGL is missing or switched off. The numbers are still correct, and you can fold the shape.");
   else tell3d();
 }
 
@@ -322,7 +322,7 @@ function repairs(feasibility) {
   });
   const apart = feasibility?.problems.some(({ code }) => code === "disconnected"); // so are their blocks
   if (options.method !== "blocks" && options.module === "cube" && !apart) {
-    const button = element("button", { type: "button", class: "button" }, "Use blocks: 2×2×2 modules for each voxel");
+    const button = element("button", { type: "button", class: "button" }, "Use blocks (2×2×2 modules per voxel)");
     button.onclick = () => { choose("method", "blocks"); elsewhere(); look(); };
     ways.push(button);
   }
@@ -344,14 +344,14 @@ function trouble(title, details, ways) {
 
 // The cells of a path may have another one that is.
 function another() {
-  const button = element("button", { type: "button", class: "button primary" }, "Look for another path through these cells");
+  const button = element("button", { type: "button", class: "button primary" }, "Find another path through these cells");
   button.onclick = () => { options.as_voxels = true; look(); };
   return button;
 }
 
 // Without gravity there may be one.
 function floating() {
-  const button = element("button", { type: "button", class: "button" }, "Fold it floating");
+  const button = element("button", { type: "button", class: "button" }, "Fold it in zero gravity");
   button.onclick = () => { options.as_voxels = query.get("as_voxels") === "true"; choose("world", "floating"); look(); };
   return button;
 }

@@ -44,7 +44,7 @@ const source = {
 // Curves only; what is told of single modules would make the file many times as long, but for what a
 // fold on a table asks of its joints.
 class StoredFigures extends Figures {
-  lacking = "not in a downloaded page";
+  lacking = "not available in a downloaded page";
 
   /**
    * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]

@@ -17,8 +17,8 @@ const NEAR = { x: 26, y: 12 }; // dots nearer than this share one label, which w
 
 /** @type {Record<Axis, { name: string, label: (seconds: number) => string, log: boolean }>} */
 const AXES = {
-  torque_mnm: { name: "Torque", label: (seconds) => `Torque, mN·m, all folding in ${round(seconds)} s`, log: true },
-  room: { name: "Room", label: () => "Room, pitch", log: false },
+  torque_mnm: { name: "Torque", label: (seconds) => `Torque, mN·m, at a folding time of ${round(seconds)} s`, log: true },
+  room: { name: "Clearance", label: () => "Clearance, pitch", log: false },
 };
 
 const round = (/** @type {number} */ value) => Number(value.toPrecision(DIGITS));
@@ -116,7 +116,7 @@ function svg(name, attributes, text = "") {
 function picture({ plans, seconds }, axis) {
   const { dots, across, up } = layout(plans, axis);
   const said = AXES[axis].label(seconds);
-  const drawn = svg("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, role: "img", "aria-label": `Time to fold and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans; the table below tells the same` });
+  const drawn = svg("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, role: "img", "aria-label": `Folding time and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans. The table below lists the same values.` });
   const bottom = HIGH - INSET.bottom;
   for (const { at, text } of across) {
     drawn.append(svg("line", { class: "choice-grid", x1: at, x2: at, y1: INSET.top, y2: bottom }),
@@ -126,7 +126,7 @@ function picture({ plans, seconds }, axis) {
     drawn.append(svg("line", { class: "choice-grid", x1: INSET.left, x2: WIDE - INSET.right, y1: at, y2: at }),
       svg("text", { x: INSET.left - 5, y: at + 4, "text-anchor": "end" }, text));
   }
-  drawn.append(svg("text", { x: WIDE - INSET.right, y: HIGH - 4, "text-anchor": "end" }, "Time to fold, s"));
+  drawn.append(svg("text", { x: WIDE - INSET.right, y: HIGH - 4, "text-anchor": "end" }, "Folding time, s"));
   // The chosen one last, over the others.
   for (const { x, y, plan } of dots.sort((a, b) => Number(a.plan.chosen) - Number(b.plan.chosen))) {
     const kind = plan.chosen ? "chosen" : plan.verified ? "verified" : "refused";
@@ -169,7 +169,7 @@ export function showChoice(choice, drawer) {
   show(choice.prefer === "clearance" ? "room" : "torque_mnm");
   get("choice").replaceChildren(element("h2", {}, `${choice.wish}: ${choice.plans.length} plans`),
     element("p", {}, choice.text),
-    element("div", { class: "choice-axes", role: "group", "aria-label": "Beside the time to fold" }, ...buttons.map(({ button }) => button)),
+    element("div", { class: "choice-axes", role: "group", "aria-label": "Vertical axis" }, ...buttons.map(({ button }) => button)),
     plot, table(choice));
   drawer.choose("attempts");
 }

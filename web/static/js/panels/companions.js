@@ -47,7 +47,7 @@ export class Companions {
       event.preventDefault();
       const found = /(?:folds\/|^)([a-z0-9]{8,64})(?:[#?].*)?$/.exec(get("compare-link").value.trim());
       if (found) location.href = `/compare?a=${this.id}&b=${found[1]}`;
-      else this.toast("That is no link of a fold");
+      else this.toast("This is not a link to a fold");
     };
   }
 
@@ -87,7 +87,7 @@ export class Companions {
       return;
     }
     this.filled = true;
-    if (!shapes.length) hint("No shape of the gallery has the same number of modules. Take a file of your own.");
+    if (!shapes.length) hint("No gallery shape has the same number of modules. Upload your own shape.");
     else list.replaceChildren(...shapes.map(({ name, title, modules }) => this.way(title, `${modules} modules`, async () => {
       const refold = await foldAsked({ refold: this.id, shape: name, ...this.published });
       location.href = `/folds/${refold.id}`;

@@ -81,10 +81,10 @@ export class Downloads {
       choice("Format", "format", [["mp4", "MP4"], ["gif", "GIF"]]),
       choice("Size", "size", [["1280x720", "1280 × 720"], ["1920x1080", "1920 × 1080"], ["720x1280", "720 × 1280, upright"], ["640x360", "640 × 360"]]),
       choice("Length", "seconds", [["10", "10 s"], ["6", "6 s"], ["20", "20 s"]]),
-      choice("Shows", "part", [["fold", "The fold"], ["all", "All of the timeline"]]),
-      choice("Camera", "turn", [["30", "Turns a little"], ["0", "Stands still"], ["360", "Goes around once"]]),
+      choice("Shows", "part", [["fold", "The fold"], ["all", "Whole timeline"]]),
+      choice("Camera", "turn", [["30", "Turns slightly"], ["0", "Stands still"], ["360", "Circles once"]]),
       choice("Ground", "theme", [["light", "Light"], ["dark", "Dark"]]),
-      element("div", { class: "wide" }, element("button", { class: "button", type: "submit" }, "Make the movie")));
+      element("div", { class: "wide" }, element("button", { class: "button", type: "submit" }, "Create movie")));
     const stop = element("button", { class: "button quiet", type: "button", hidden: true }, "Stop");
     const state = element("p", { class: "movie-state", role: "status" });
     const bar = element("progress", { max: "1", value: "0", hidden: true, "aria-label": "Movie" });
@@ -100,7 +100,7 @@ export class Downloads {
       const [width, height] = size.split("x").map(Number);
       const button = /** @type {HTMLButtonElement} */ (form.querySelector("button"));
       button.disabled = true;
-      state.replaceChildren("Asking…");
+      state.replaceChildren("Checking…");
       try {
         /** @type {Movie} */
         const movie = await this.ask(`${this.api}/movies`, {
@@ -151,7 +151,7 @@ export class Downloads {
     while (now.status === "queued" || now.status === "running") {
       bar.hidden = false;
       bar.value = now.frames_done / now.frames_total;
-      state.replaceChildren(now.status === "queued" ? "Waiting for its turn" : `Picture ${now.frames_done} of ${now.frames_total}`);
+      state.replaceChildren(now.status === "queued" ? "Waiting in the queue" : `Picture ${now.frames_done} of ${now.frames_total}`);
       await nextLook();
       if (pressed) {
         pressed = false;
@@ -163,7 +163,7 @@ export class Downloads {
       }
       now = await this.ask(now.links.self);
     }
-    if (now.status === "failed") throw new Error(now.problem?.detail ?? "The movie could not be made.");
+    if (now.status === "failed") throw new Error(now.problem?.detail ?? "The movie could not be created.");
     state.replaceChildren(element("a", { href: now.links.file, download: true, class: "button primary" }, `Download the ${now.format === "gif" ? "GIF" : "MP4"}`));
   }
 
@@ -175,8 +175,8 @@ export class Downloads {
   async refusedToStop(address, token) {
     const answer = await fetch(address, { method: "DELETE", headers: proof(token) }).catch(() => null);
     if (answer?.ok || answer?.status === GONE) return "";
-    if (answer?.status === FORBIDDEN) return "Somebody else has asked for it: it goes on";
-    return answer ? "It could not be stopped" : "The server cannot be reached; the movie goes on";
+    if (answer?.status === FORBIDDEN) return "Someone else requested this movie too, so it will be finished";
+    return answer ? "It could not be stopped" : "The server cannot be reached. The movie was not stopped";
   }
 
   robot() {
@@ -184,9 +184,9 @@ export class Downloads {
       number("Joint speed, rad/s", "max_speed", "1"), number("Acceleration, rad/s²", "max_acceleration", "2"),
       number("Module mass, kg", "module_mass", "0.1"), number("Pitch, m", "pitch", "0.05"),
       number("Motor torque, N·m", "motor_torque", "3"),
-      choice("The chain", "held", [["held", "Held in the middle"], ["floating", "Floating, no gravity"]]),
+      choice("The chain", "held", [["held", "Held in the middle"], ["floating", "In zero gravity"]]),
       element("div", { class: "wide" },
-        element("button", { class: "button", type: "submit" }, "Would these motors do?")));
+        element("button", { class: "button", type: "submit" }, "Check motors")));
     const links = element("ul", { class: "downloads" });
     const verdict = element("p", { class: "movie-state", role: "status" });
     const fill = () => {
@@ -202,7 +202,7 @@ export class Downloads {
       event.preventDefault();
       const { held, ...asked } = fieldsOf(form);
       if (held === "floating") Object.assign(asked, { floating: "true", gravity: "0" });
-      verdict.replaceChildren("Working it out…");
+      verdict.replaceChildren("Computing…");
       try {
         /** @type {{ verdict: string }} */
         const told = await this.ask(`${this.api}/motors?${new URLSearchParams(asked)}`);
@@ -217,7 +217,7 @@ export class Downloads {
     };
     const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${this.api}/play`;
     return element("div", {}, form, verdict, links,
-      element("p", { class: "hint" }, "Joint targets in real time, which wait when the robot falls behind:"),
+      element("p", { class: "hint" }, "Joint targets in real time; they wait if the robot falls behind:"),
       element("p", {}, element("code", { class: "address" }, address)));
   }
 }

@@ -2,7 +2,7 @@
 import { copyText, element, get } from "../lib/text.js";
 
 const LONG = 28; // characters; beside their label they would stand in a narrow column
-const BEFORE_AFTER = "Smoothing, before and after";
+const BEFORE_AFTER = "Before and after smoothing";
 const ON_TABLE = "On a table";
 const TABS = ["attempts", "module", "plots", "properties", "downloads"];
 
@@ -21,7 +21,7 @@ function onTable({ text, rows, assumptions, servos, named }) {
       element("ul", {}, ...assumptions.map((said) => element("li", {}, said)))),
     list,
     servos ? element("p", { class: "hint" }, servos) : null, links.length ? element("ul", { class: "servos" }, ...links) : null,
-    servos ? element("p", { class: "hint" }, "docs/robot.md lists all servos with what their figures are from; `foldback servos` works this out for other pitches and materials.") : null);
+    servos ? element("p", { class: "hint" }, "For other pitches and materials, run the command `foldback servos`.") : null);
 }
 
 export class Drawer {
@@ -96,7 +96,7 @@ export class Drawer {
       return element("div", { class: "group" }, element("h3", {}, heading), list);
     });
     const { smoothing, table } = facts;
-    const rests = table ? [{ heading: ON_TABLE, rows: [{ label: "In a sentence", value: table.text }, ...table.rows.map(([label, value]) => ({ label, value }))] }] : [];
+    const rests = table ? [{ heading: ON_TABLE, rows: [{ label: "Summary", value: table.text }, ...table.rows.map(([label, value]) => ({ label, value }))] }] : [];
     if (smoothing) groups.unshift(this.smoothing(smoothing));
     if (facts.table) groups.unshift(onTable(facts.table));
     const copy = element("button", { class: "button", type: "button" }, "Copy all");
@@ -105,7 +105,7 @@ export class Drawer {
       const text = [...rests, ...changed, ...facts.properties]
         .map(({ heading, rows }) => [heading, ...rows.map(({ label, value }) => `  ${label}: ${value}`)].join("\n"))
         .join("\n");
-      copyText(text, () => this.toast("Properties copied"), () => this.toast("Copying is not allowed here"));
+      copyText(text, () => this.toast("Properties copied"), () => this.toast("This browser does not allow copying"));
     };
     get("panel-properties").replaceChildren(...groups, element("div", { class: "drawer-foot" }, copy));
   }

@@ -42,7 +42,7 @@ export class Failure {
     get("stuck-knot").replaceChildren(...(knot ? [drawing(knot)] : []));
     get("stuck-knot").hidden = !knot;
     get("stuck-swatch").hidden = !modules.length;
-    get("stuck-go").textContent = modules.length ? "Show where" : "Show how far it came";
+    get("stuck-go").textContent = modules.length ? "Show where" : "Show how far it got";
     this.unfold(!narrow.matches);
     this.mark();
   }

@@ -25,7 +25,7 @@ export class KeyPanel {
   /** @param {boolean} on */
   show(on) {
     const key = on ? ownKey() : "";
-    if (key === null) { this.say("This browser keeps nothing for this site, so it has no key."); return; }
+    if (key === null) { this.say("This browser does not store data for this site, so it has no key."); return; }
     get("key-shown").hidden = !on;
     get("key-show").textContent = on ? "Hide the key" : "Show the key";
     get("key-show").setAttribute("aria-expanded", String(on));
@@ -39,22 +39,22 @@ export class KeyPanel {
   // Nothing of this browser goes to who gave the key.
   /** @param {string} key */
   async add(key) {
-    if (!isKey(key)) { this.say("This is no key: expected 24 or more letters, digits, - and _, without spaces."); return; }
-    if (keysHere().includes(key)) { this.say("This key is here already."); return; }
-    if (broughtKeys().length >= MOST_KEYS) { this.say(`There are ${MOST_KEYS} keys of others here, the most there may be; remove one first.`); return; }
-    this.say("Looking…");
+    if (!isKey(key)) { this.say("This is not a key. A key has at least 24 letters, digits, - or _, and no spaces."); return; }
+    if (keysHere().includes(key)) { this.say("You already added this key."); return; }
+    if (broughtKeys().length >= MOST_KEYS) { this.say(`There are ${MOST_KEYS} added keys, which is the limit. Remove one first.`); return; }
+    this.say("Checking…");
     try {
       /** @type {{ total?: number, folds?: [], previews?: [], movies?: [] }[]} */
       const told = await Promise.all(LISTS.map((list) => asked("GET", `/api/mine/${list}`, key)));
       const count = told.reduce((sum, { total, previews, movies }) => sum + (total ?? 0) + (previews?.length ?? 0) + (movies?.length ?? 0), 0);
-      if (!count) { this.say("Nothing is there with this key, so it was not added. Is all of it copied?"); return; }
-      if (!bring(key)) { this.say("This browser keeps nothing for this site, so the key cannot be added."); return; }
+      if (!count) { this.say("No folds found for this key. Did you copy all of it?"); return; }
+      if (!bring(key)) { this.say("This browser does not store data for this site, so the key cannot be added."); return; }
     } catch (error) {
       this.say(wordsOf(error));
       return;
     }
     get("key-paste").value = "";
-    this.say("Added: what was made with it is listed above.");
+    this.say("Key added. Its folds are listed above.");
     await this.again();
   }
 
@@ -63,7 +63,7 @@ export class KeyPanel {
       const name = `Key ${key.slice(0, SHOWN)}…`;
       const use = element("button", { class: "way", type: "button", "aria-label": `Use for new folds: ${name}` }, "Use for new folds");
       use.onclick = async () => {
-        const sure = await confirmed("Use this key for new folds?", "Whoever else holds it will see, rename and delete what you fold from now on. What you have folded stays with your key.", "Use it");
+        const sure = await confirmed("Use this key for new folds?", "Anyone else who has this key can see, rename and delete your new folds. Your earlier folds stay with your own key.", "Use it");
         if (sure) { useKey(key); await this.again(); }
       };
       const remove = element("button", { class: "way", type: "button", "aria-label": `Remove: ${name}` }, "Remove");
@@ -83,16 +83,16 @@ export class KeyPanel {
   // what has moved is listed all the same.
   async renew() {
     const old = ownKey();
-    if (old === null) { this.say("This browser keeps nothing for this site, so it has no key."); return; }
-    if (broughtKeys().length >= MOST_KEYS) { this.say(`There are ${MOST_KEYS} keys of others here, the most there may be; remove one first.`); return; }
-    const sure = await confirmed("Make a new key?", "What you have made moves to a new key. The old one opens nothing of it any more, for whoever has it and in your other browsers, until you add the new key there.", "New key");
+    if (old === null) { this.say("This browser does not store data for this site, so it has no key."); return; }
+    if (broughtKeys().length >= MOST_KEYS) { this.say(`There are ${MOST_KEYS} added keys, which is the limit. Remove one first.`); return; }
+    const sure = await confirmed("Create a new key?", "Your folds move to a new key. The old key stops working for everyone, including your other browsers. Add the new key there.", "New key");
     if (!sure) return;
     const made = newKey();
     bring(made);
     try {
       await asked("POST", "/api/mine/key", old, { owner_token: made });
       replaceOwn(made);
-      this.say("Done: the old key opens nothing any more.");
+      this.say("Done. The old key no longer works.");
     } catch (error) {
       if (error instanceof Refusal && error.final) dropKey(made);
       this.say(`The key may still be the old one. ${wordsOf(error)}`);
@@ -102,23 +102,23 @@ export class KeyPanel {
 
   async deleteAll() {
     const keys = keysHere();
-    const sure = await confirmed("Delete all of it?", "All folds, shapes and movies that are listed here go for good, also for other browsers with these keys and for all who have links. What is in the gallery stays.", "Delete all");
+    const sure = await confirmed("Delete everything?", "This permanently deletes all folds, previews and movies listed here, in every browser. Their links will stop working for everyone. Gallery folds stay.", "Delete all");
     if (!sure) return;
     this.say("Deleting…");
     try {
       for (const key of keys) await allDeleted(key);
-      this.say("All of it is deleted.");
+      this.say("Everything was deleted.");
     } catch (error) {
-      this.say(`Not all of it could be deleted. ${wordsOf(error)}`);
+      this.say(`Some items could not be deleted. ${wordsOf(error)}`);
     }
     await this.again();
   }
 
   async forget() {
-    const sure = await confirmed("Forget this browser?", "Its keys are dropped here. What was made with them stays until it expires, and its links work, but without the key nobody can list, rename or delete it. Copy the key first if you may want it back.", "Forget");
+    const sure = await confirmed("Forget this browser?", "This removes the keys from this browser. Your folds and links stay until they expire, but without the key you cannot list, rename or delete them. Copy the key first if you may need it again.", "Forget");
     if (!sure) return;
     forgetKeys();
-    this.say("Forgotten: a new key is made when you fold again.");
+    this.say("Keys removed. You will get a new key with your next fold.");
     await this.again();
   }
 }

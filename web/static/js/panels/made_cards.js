@@ -133,7 +133,7 @@ export class FoldCard {
   }
 
   async remove() {
-    const sure = await confirmed(`Delete “${this.fold.title}”?`, "It goes for good, with its plan and its movies, and for all who have its link.", "Delete");
+    const sure = await confirmed(`Delete “${this.fold.title}”?`, "This permanently deletes the fold, its plan and its movies. The link will stop working for everyone.", "Delete");
     if (sure) await removed(this, this.fold.links.self);
   }
 
@@ -157,7 +157,7 @@ export class PreviewCard {
       element("h3", { class: "card-title" }, element("a", { href: page }, title)),
       element("p", { class: "card-count" }, facts),
       element("div", { class: "ways" }, way("Delete", title, async () => {
-        const sure = await confirmed(`Delete “${title}”?`, "The file that was sent goes for good. Folds that were made of it stay.", "Delete");
+        const sure = await confirmed(`Delete “${title}”?`, "This permanently deletes the uploaded file. Folds made from it stay.", "Delete");
         if (sure) await removed(this, `/api/mine/previews/${id}`);
       })));
   }
@@ -191,11 +191,11 @@ export class MovieLine {
 
   show() {
     const { status, frames_done: done, frames_total: total, problem, links, format } = this.movie;
-    const words = { queued: "Waiting for its turn", running: `Picture ${done} of ${total}`, ready: "", failed: sentence(problem?.detail ?? "It could not be made.") };
+    const words = { queued: "Waiting in the queue", running: `Picture ${done} of ${total}`, ready: "", failed: sentence(problem?.detail ?? "It could not be created.") };
     this.state.textContent = words[status];
     const file = status === "ready" ? element("a", { class: "way", href: links.file, download: true, "aria-label": `Download ${format.toUpperCase()}: ${this.title}` }, "Download") : null;
     this.ways.replaceChildren(...(file ? [file] : []), way("Delete", `movie of ${this.title}`, async () => {
-      const sure = await confirmed(`Delete the movie of “${this.title}”?`, "It can be made again from the fold’s page.", "Delete");
+      const sure = await confirmed(`Delete the movie of “${this.title}”?`, "You can create it again on the fold’s page.", "Delete");
       if (sure) await removed(this, links.self);
     }));
   }

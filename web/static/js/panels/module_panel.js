@@ -30,7 +30,7 @@ export class ModulePanel {
     this.joints = [];
     this.near = element("dd");
     this.off = element("dd");
-    this.pressing = element("dt", { hidden: true }, "Presses on the table");
+    this.pressing = element("dt", { hidden: true }, "Force on the table");
     this.presses = element("dd", { "data-of": "pressed", hidden: true });
     this.modules = 0;
     this.field = element("input", { id: "module-number", type: "text", inputmode: "numeric", enterkeyhint: "go", autocomplete: "off", maxlength: 9 });
@@ -158,7 +158,7 @@ export class ModulePanel {
         element("tbody", {}, ...module.joints.map(({ name }) =>
           element("tr", { "data-motion": name }, element("th", { scope: "row" }, hingeOf(name)),
             column("speed"), column("torque"))))))
-      : element("p", { class: "hint no-joint" }, "This module carries no joint.");
+      : element("p", { class: "hint no-joint" }, "This module has no joint.");
     /** @type {Record<number, string>} */
     const ends = { 0: " · first", [module.modules - 1]: " · last" };
     this.near = element("dd", { "data-of": "nearest" }, "–");

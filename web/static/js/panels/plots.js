@@ -35,14 +35,14 @@ const TORQUES = ["table_torque", "peak_torque_nm"]; // whichever there is
 function onTable(table) {
   if (!table) return [];
   const wp = (/** @type {number} */ v) => `${round(v)} w·p`;
-  const bounds = [{ at: table.kept, what: "kept to while unfolding" }, { at: table.bound, what: "allowed" }];
+  const bounds = [{ at: table.kept, what: "limit while unfolding" }, { at: table.bound, what: "limit" }];
   return [{
     name: "table_torque", label: "Largest torque on the table", text: (v) => `${wp(v)} (${newtonMetres(v * table.unit_nm)})`, worst: Math.max,
     bounds: bounds.flatMap(({ at, what }) => (at === null ? [] : [{ at, what: `${wp(at)} ${what}` }])), said: table.words,
   }];
 }
 
-const SOME_FRAMES = "looked at in some frames, straight lines between them";
+const SOME_FRAMES = "measured in some frames; the lines connect them";
 
 /**
  * @param {string} name
@@ -106,7 +106,7 @@ export class Plots {
     this.made = [];
     const hint = document.createElement("p");
     hint.className = "hint";
-    hint.textContent = "Plots come with a finished fold.";
+    hint.textContent = "Plots appear when the fold is finished.";
     panel.replaceChildren(hint);
     figures.on("begun", () => this.build());
     player.on("state", (/** @type {State} */ state) => this.show(state));
@@ -184,7 +184,7 @@ export class Plots {
       const told = Number.isFinite(value) ? text(value) : null;
       now.textContent = told ?? "–";
       picture.setAttribute("aria-valuenow", String(shown + 1));
-      picture.setAttribute("aria-valuetext", `Frame ${shown + 1}, ${label.toLowerCase()} ${told ?? "not known"}`);
+      picture.setAttribute("aria-valuetext", `Frame ${shown + 1}, ${label.toLowerCase()} ${told ?? "unknown"}`);
     }
   }
 

@@ -4,7 +4,7 @@ import { get, remaining } from "../lib/text.js";
 /** @param {Preparing} preparing */
 export function preparingWords({ fraction, remaining_s: left }) {
   const percent = Math.floor(100 * fraction);
-  const words = `Preparing the solvers, once on this machine: ${percent} %`;
+  const words = `First start: preparing the solvers. This happens only once: ${percent} %`;
   return left ? `${words} · ${remaining(left)}` : words;
 }
 

@@ -17,12 +17,13 @@ const OVER = ["verified", "failed", "cancelled"];
 export class Progress {
   /**
    * @param {Facts} facts
-   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void }} around
+   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void, onProgress?: (now: ProgressTold) => void }} around
    */
-  constructor(facts, { onDone, toast }) {
+  constructor(facts, { onDone, toast, onProgress = () => {} }) {
     this.facts = facts;
     this.onDone = onDone;
     this.toast = toast;
+    this.onProgress = onProgress;
     this.token = tokenOf(facts.id);
     this.cancelling = false;
     /** @type {EventSource | null} */
@@ -72,6 +73,7 @@ export class Progress {
   show(now) {
     this.now = now;
     if (OVER.includes(now.status)) return; // the verdict follows
+    this.onProgress(now);
     const compiling = now.message === COMPILING ? { fraction: now.fraction ?? 0, remaining_s: null } : null;
     const preparing = now.preparing ?? compiling;
     const queue = now.queue_position ?? 0;
@@ -83,7 +85,7 @@ export class Progress {
       if (now.paused) text = now.message ?? "Paused";
       else text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
       if (now.wait_s != null) text += left;
-      else if (queue > 0) text += " · no worker is running just now";
+      else if (queue > 0) text += " · no worker is running right now";
     } else if (now.message === READY) text = "Getting ready";
     else {
       const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %${left}`];
@@ -131,7 +133,7 @@ export class Progress {
       if (this.now) this.show(this.now);
       get("cancel").disabled = false;
       get("cancel").hidden = answer.status === 403;
-      this.toast(answer.status === 403 ? "Others have asked for it too: it goes on" : "It could not be cancelled");
+      this.toast(answer.status === 403 ? "Other people requested this fold too, so it will keep running" : "It could not be cancelled");
     }
   }
 }

@@ -42,7 +42,7 @@ export class Share {
     get("share-link").value = location.origin + path;
     if (!this.embed) return;
     const hash = path.includes("#") ? path.slice(path.indexOf("#")) : "";
-    get("share-embed").value = `<iframe src="${location.origin}${this.embed}${hash}" title="${document.title.replaceAll('"', "")}" width="720" height="480" style="border:0" allow="fullscreen" loading="lazy"></iframe>`;
+    get("share-embed").value = `<iframe src="${location.origin}${this.embed}${hash}" title="${get("name").textContent.replaceAll('"', "&quot;")}" width="720" height="480" style="border:0" allow="fullscreen" loading="lazy"></iframe>`;
   }
 
   /** @param {HTMLInputElement | HTMLTextAreaElement} field */

@@ -3,6 +3,7 @@ import { FrameField } from "./frame_field.js";
 import { LoopRange } from "./loop_range.js";
 import { PHASES, get, radians, seconds } from "../lib/text.js";
 
+const REAL = "real"; // the speed of the robot
 const SVG = "http://www.w3.org/2000/svg";
 
 const PRESSED = /** @type {const} */ (["reverse", "loop", "follow", "live"]);
@@ -32,7 +33,8 @@ export class Bar {
     for (const name of PRESSED) {
       get(name).onclick = () => this.press(name);
     }
-    get("speed").onchange = () => player.send({ do: "set", speed: Number(get("speed").value) });
+    get("speed").onchange = () => this.setSpeed(get("speed").value);
+    for (const option of get("speed").options) if (option.value === REAL) option.hidden = !("timeline" in player);
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
     this.scrub.addEventListener("pointerdown", () => { this.scrubbing = true; });
     for (const name of ["pointerup", "pointercancel", "change"]) {
@@ -94,10 +96,13 @@ export class Bar {
     else document.documentElement.requestFullscreen().catch(() => {}); // a browser may have its reasons
   }
 
+  /** @param {string} value */
+  setSpeed(value) { this.player.send({ do: "set", ...(value === REAL ? { real: true } : { speed: Number(value) }) }); }
+
   // The next of the speeds that are on offer, faster or, with -1, slower.
   /** @param {number} by */
   hurry(by) {
-    const speeds = [...get("speed").options].map(({ value }) => Number(value));
+    const speeds = [...get("speed").options].map(({ value }) => Number(value)).filter(Number.isFinite);
     const now = this.state?.speed ?? 1;
     const next = by > 0 ? speeds.find((speed) => speed > now) : speeds.findLast((speed) => speed < now);
     if (next) this.player.send({ do: "set", speed: next });
@@ -155,38 +160,30 @@ export class Bar {
     get("play-icon").setAttribute("href", running ? "#i-pause" : "#i-play");
     get("play").setAttribute("aria-label", running ? "Pause" : "Play");
     const speed = get("speed");
-    if (document.activeElement !== speed) speed.value = String(state.speed);
+    if (document.activeElement !== speed) speed.value = state.real ? REAL : String(state.speed);
     get("r-phase").textContent = PHASES[state.phase] ?? "";
     this.frame.show(state);
     this.range.show(state);
     get("r-time").textContent = state.time_s === null ? "" : seconds(state.time_s);
+    get("r-pace").textContent = state.pace === null ? "" : `${Number(state.pace.toPrecision(2))}× robot speed`;
     get("r-error").textContent = state.error_rad === null ? "" : `Error ${radians(state.error_rad)}`;
     this.scrub.setAttribute("aria-valuetext",
       `${PHASES[state.phase] ?? ""}, frame ${Math.round(state.frame) + 1} of ${state.frames}`);
   }
 
-  // Within its phase a fold goes from straight to folded, and an explosion the other way.
   /** @param {State} state */
-  showFolded({ frame }) {
-    const phase = this.outline?.phases.find(({ to }) => frame < to) ?? this.outline?.phases.at(-1);
-    if (!phase) return;
-    const share = Math.min(1, Math.max(0, (frame - phase.from) / Math.max(1, phase.to - 1 - phase.from)));
-    const folded = 100 * (phase.name === "playback" ? share : 1 - share);
+  showFolded({ folded }) {
+    if (folded === null) return;
     const slider = get("folded");
-    if (document.activeElement !== slider || !slider.matches(":active")) slider.value = String(folded);
-    get("r-folded").textContent = `${Math.round(folded)} %`;
+    if (document.activeElement !== slider || !slider.matches(":active")) slider.value = String(100 * folded);
+    get("r-folded").textContent = `${Math.round(100 * folded)} %`;
   }
 
   get folding() { return this.outline?.phases.findLast(({ name }) => name === "playback"); }
 
-  // Goes to so much of the fold itself.
+  // Goes to the frame of the fold itself that is folded so far.
   /** @param {number} percent */
-  fold(percent) {
-    const { folding } = this;
-    if (!folding) return;
-    const { from, to } = folding;
-    this.player.send({ do: "seek", frame: from + (percent / 100) * (to - 1 - from) });
-  }
+  fold(percent) { if (this.folding) this.player.send({ do: "fold", percent }); }
 
   /** @param {number} frame */
   place(frame) {

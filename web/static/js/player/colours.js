@@ -12,11 +12,11 @@ export const COLOURINGS = [
   ["error-even", "Joint error, colour-blind safe"],
   ["position", "Position error"],
   ["torque", "Torque"],
-  ["joint_torque", "Torque of joints"],
-  ["pressed", "Pressed on the table"],
+  ["joint_torque", "Joint torque"],
+  ["pressed", "Force on the table"],
   ["speed", "Joint speed"],
   ["clearance", "Clearance"],
-  ["chain", "Place in the chain"],
+  ["chain", "Position in the chain"],
 ];
 
 // Those that need figures.js.
@@ -78,7 +78,7 @@ export class Colouring {
    * @param {import("./timeline.js").Timeline} timeline
    * @param {Scale} scale
    */
-  constructor(key, timeline, { values, high, low = 0, ramp = "ramp_even", text, none = "not recorded", bad = null }) {
+  constructor(key, timeline, { values, high, low = 0, ramp = "ramp_even", text, none = "no data in this phase", bad = null }) {
     this.key = key;
     this.timeline = timeline;
     /** @type {Measured | null} */
@@ -153,14 +153,14 @@ export function colouring(key, timeline, figures) {
   };
   const lacking = figures?.lacking ?? null;
   // Of long folds clearances and torques are told of the whole chain, which the plots show.
-  const none = lacking ?? (timeline.windowed ? "known of the whole chain only" : "not measured yet");
+  const none = lacking ?? (timeline.windowed ? "only known for the whole chain" : "no data yet");
   const measured = (/** @type {FigureName} */ name) => figures?.largest(name) ?? 0;
   /** @type {Record<string, () => Colouring>} */
   const makers = {
     error: () => per((shown) => timeline.moduleErrors(shown.errors), radians, { high: () => timeline.errorScale, ramp: "ramp_error" }),
     "error-even": () => per((shown) => timeline.moduleErrors(shown.errors), radians, { high: () => timeline.errorScale }),
     position: () => per((shown) => figures?.row(shown.low)?.position_error ?? unknown(), (v) => `${round(v)} pitch`, {
-      high: () => roundUp(measured("position_error")), none: lacking ?? "not recorded",
+      high: () => roundUp(measured("position_error")), none: lacking ?? "no data in this phase",
     }),
     speed: () => per((shown) => timeline.carried(timeline.speeds(shown.frame), (a, b) => Math.max(Math.abs(a), Math.abs(b))), (v) => `${round(v)} rad/s`),
     torque: () => per((shown) => {
@@ -170,9 +170,9 @@ export function colouring(key, timeline, figures) {
     joint_torque: () => per((shown) => {
       const torques = figures?.row(shown.low)?.joint_torque;
       return torques ? timeline.carried(torques, Math.max) : unknown();
-    }, (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), { high: () => roundUp(measured("joint_torque")), none: "not worked out here" }),
+    }, (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), { high: () => roundUp(measured("joint_torque")), none: "not computed here" }),
     pressed: () => per((shown) => figures?.row(shown.low)?.pressed ?? unknown(), (v) => (v ? `${round(v)} × its weight` : "0"), {
-      high: () => roundUp(measured("pressed")), none: "not worked out here",
+      high: () => roundUp(measured("pressed")), none: "not computed here",
     }),
     clearance: () => per((shown) => figures?.row(shown.low)?.clearance ?? unknown(), (v) => `${round(v)} pitch`, {
       high: NEAR, bad: (v) => v < 0, none,

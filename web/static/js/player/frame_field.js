@@ -59,7 +59,7 @@ export class FrameField {
     event.stopPropagation();
     const frame = event.key === "Enter" ? frameIn(this.field.value, this.frames) : this.frame;
     if (frame === null) {
-      this.refuse(`Got “${this.field.value}”, expected a whole number from 1 to ${this.frames}.`);
+      this.refuse(`Enter a whole number from 1 to ${this.frames}.`);
       return;
     }
     this.close(frame);

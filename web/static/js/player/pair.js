@@ -1,5 +1,6 @@
 // Two folds on one playhead: each goes through a phase in step with the other, however many frames it
 // has there; one that has no such phase waits.
+import { frameFolded } from "./foldedness.js";
 import { Playhead } from "./playhead.js";
 import { Emitter } from "../lib/text.js";
 
@@ -103,7 +104,7 @@ export class Pair extends Emitter {
     if (!this.phases.length) return false;
     if (message.do === "orbit" || message.do === "camera") { this.players[0].send(message); return true; }
     if (message.do === "select") { for (const player of this.players) player.send(message); return true; }
-    if (!this.playhead.do(message)) return false;
+    if (!this.playhead.do(message.do === "fold" ? { do: "seek", frame: this.frameFolded(message.percent / 100) } : message)) return false;
     if (message.do === "set") for (const player of this.players) player.send(this.ofCamera(message));
     this.sync();
     return true;
@@ -119,6 +120,17 @@ export class Pair extends Emitter {
     for (const other of this.players) if (other !== player) other.send({ do: "camera", camera: player.rig.at(player.shown) });
     this.turning = false;
     this.tell("camera");
+  }
+
+  // The frame at which the first fold has that share of folding.
+  /** @param {number} wanted */
+  frameFolded(wanted) {
+    const { timeline } = this.players[0];
+    const frame = frameFolded(timeline, wanted);
+    const own = timeline.outline.phases.findLast(({ name }) => name === "playback");
+    const at = this.phases.findLast(({ name }) => name === "playback");
+    if (frame === null || !own || !at) return this.playhead.frame;
+    return at.from + ((frame - own.from) / Math.max(1, own.to - 1 - own.from)) * (at.to - 1 - at.from);
   }
 
   // What of a message is about the camera.
@@ -143,10 +155,17 @@ export class Pair extends Emitter {
     const state = {
       ...this.playhead.is, frame: this.playhead.frame, frames: this.last + 1, growing: this.growing, phase: at.name,
       time_s: null, error_rad: errors.length ? Math.max(...errors) : null,
+      folded: this.folded, pace: null,
     };
     const text = JSON.stringify(state);
     if (text !== this.told) { this.told = text; this.tell("state", state); }
     this.wake();
+  }
+
+  // How far the first fold is folded.
+  get folded() {
+    const [{ shown, timeline }] = this.players;
+    return shown && timeline.folded(shown);
   }
 
   wake() {

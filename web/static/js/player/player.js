@@ -6,8 +6,10 @@
 // It tells what is by events: waiting, begun, outline, state, module, camera, drawn, painted.
 import { CameraRig, USUAL } from "./camera_rig.js";
 import { colouring } from "./colours.js";
+import { frameFolded } from "./foldedness.js";
 import { picked } from "../lib/kinematics.js";
 import { Playhead, after, nextChange } from "./playhead.js";
+import { Story } from "./story.js";
 import { Emitter } from "../lib/text.js";
 
 const LONGEST_TICK_S = 0.2;
@@ -48,6 +50,7 @@ export class Player extends Emitter {
     }
     this.playhead = new Playhead(timeline);
     this.rig = new CameraRig(timeline, this.playhead, { aspect, calm });
+    this.story = this.playhead.story = new Story(this.playhead, timeline, calm);
     /** @type {import("./colours.js").Colouring | null} */
     this.colouring = null;
     /** @type {number | null} */
@@ -66,12 +69,12 @@ export class Player extends Emitter {
     this.due = false;
     this.gliding = false;
     this.changed = false;
-    this.chose = false; // whether the visitor has said which frame to be at
     /** @type {Command[]} */
     this.unheard = []; // what was asked for while a timeline that is begun anew is fetched
     timeline.on("waiting", () => { this.shown = null; this.tell("waiting"); });
     timeline.on("begun", () => this.begin());
     timeline.on("grew", () => this.grew());
+    timeline.on("settled", () => { this.story.settled(); this.show(); });
     timeline.on("loaded", () => {
       this.searchOn();
       if (this.shown && (!this.shown.exact || this.rig.approximate)) this.show(true);
@@ -87,6 +90,7 @@ export class Player extends Emitter {
    */
   send(asked) {
     if (!this.colouring) return false;
+    this.story.heard(asked);
     if (!this.timeline.chain) { this.unheard.push(asked); return true; }
     const message = this.sought(asked);
     const { follow, turn } = this.is;
@@ -94,8 +98,6 @@ export class Player extends Emitter {
     if (message.do === "set" && "follow" in message) this.lookAt([]);
     if (message.do === "select") this.select(message.module);
     else if (!this.playhead.do(message)) return false;
-    else if (message.do === "seek" || message.do === "step") this.chose = true;
-    else if (message.do === "set" && message.live) this.chose = false;
     if (message.do === "set") {
       if (this.is.follow !== follow || (turn && !this.is.turn)) this.rig.follow(this.is.follow);
       this.aim();
@@ -114,6 +116,7 @@ export class Player extends Emitter {
     const { search } = this;
     this.search = null;
     if (message.do === "pass") return { do: "seek", frame: after(timeline, frame, message.seconds) };
+    if (message.do === "fold") return { do: "seek", frame: frameFolded(timeline, message.percent / 100) ?? frame };
     if (message.do !== "change") return message;
     if (search?.way === message.way && !timeline.row(frame)) { this.search = search; return { do: "seek", frame }; }
     return { do: "seek", frame: this.changeFrom(frame, message.way) };
@@ -214,7 +217,8 @@ export class Player extends Emitter {
     this.selected = this.selected !== null && this.selected < timeline.chain.modules ? this.selected : null;
     this.stage?.set(timeline.bundle);
     this.sketch?.set(timeline.bundle);
-    if (timeline.growing && !this.chose) { this.is.live = true; playhead.frame = timeline.last; }
+    if (timeline.growing && this.is.live) playhead.frame = timeline.last;
+    else this.story.begun();
     playhead.frame = Math.min(playhead.frame, timeline.last);
     this.tell("begun");
     this.show(true);
@@ -237,7 +241,7 @@ export class Player extends Emitter {
 
   get busy() {
     const { is } = this;
-    return this.changed || this.gliding || is.playing || is.live || is.turn;
+    return this.changed || this.gliding || this.timeline.standing.fading || is.playing || is.live || is.turn;
   }
 
   // Asks for one more tick.
@@ -251,6 +255,8 @@ export class Player extends Emitter {
   tick(now) {
     const passed = this.clock === null ? 0 : Math.min(Math.max(now - this.clock, 0), LONGEST_TICK_S);
     if (!this.timeline.chain || !this.shown) { this.clock = null; return; }
+    if (this.timeline.standing.advance(passed)) { this.rig.goals.clear(); this.show(true); }
+    this.story.advance(passed);
     if (this.playhead.advance(passed, now)) this.show();
     const drawn = this.changed;
     this.changed = false;
@@ -292,11 +298,23 @@ export class Player extends Emitter {
     for (const e of shown.errors) if (Math.abs(e) > error) error = Math.abs(e);
     const state = {
       ...is, frame: playhead.frame, frames: timeline.total, growing: timeline.growing, time_s: shown.time_s, phase: shown.phase, error_rad: error < 0 ? null : error,
+      folded: Math.round(1000 * timeline.folded(shown)) / 1000, pace: this.paceAt(shown),
     };
     const text = JSON.stringify(state);
     if (text === this.told) return;
     this.told = text;
     this.tell("state", state);
+  }
+
+  // Seconds of the robot that pass in one second of playing; null where no robot moves.
+  /** @param {Snapshot} shown */
+  paceAt({ low, phase, exact }) {
+    const { timeline, playhead, is } = this;
+    if (phase === "explosion" || !exact || this.story.telling) return null;
+    if (is.real) return 1;
+    const first = Math.min(low, Math.max(0, timeline.last - 1));
+    const [a, b] = [timeline.row(first), timeline.row(first + 1)];
+    return a && b && a.phase === b.phase && b.time_s > a.time_s ? (b.time_s - a.time_s) * playhead.framesPerSecond * is.speed : null;
   }
 
   tellModule() {

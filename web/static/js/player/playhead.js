@@ -2,10 +2,10 @@
 //   play, pause, toggle           run or stop; play at the end starts over
 //   seek {frame} or {percent}     go there and stop
 //   step {by}                     whole frames back or forward, and stop
-//   set {speed, loop, reverse, follow, turn, live}   any of them
+//   set {speed, loop, reverse, follow, turn, live, real}   any of them; real plays in the robot's time
 //   set {from, to}                loop over these frames and what is between; null for the whole
 const SPEEDS = [0.05, 20];
-const SWITCHES = /** @type {const} */ (["loop", "reverse", "follow", "turn", "live"]);
+const SWITCHES = /** @type {const} */ (["loop", "reverse", "follow", "turn", "live", "real"]);
 const WHOLE_PLAYBACK_S = 20;
 const SLOWEST_FPS = 12;
 const FASTEST_FPS = 240; // a long timeline takes longer, else its modules fly by
@@ -17,14 +17,16 @@ const SEEN_RAD = 0.05; // a hinge that has turned by more shows it
 
 export class Playhead {
   // `timeline` tells its `last` frame and whether it is `growing`.
-  /** @param {{ last: number, growing: boolean }} timeline */
+  /** @param {{ last: number, growing: boolean, row?: Timeline["row"] }} timeline */
   constructor(timeline) {
     this.timeline = timeline;
     this.frame = 0;
     this.coarse = false;
     this.hold = 0;
+    /** @type {{ framesPerSecond: number | null } | null} sets the pace while it has one */
+    this.story = null;
     /** @type {Switches} */
-    this.is = { playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false, from: null, to: null };
+    this.is = { playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false, real: false, from: null, to: null };
   }
 
   // True when the message was understood.
@@ -42,7 +44,7 @@ export class Playhead {
         this.go((message.by > 0 ? Math.floor(this.frame + 1e-9) : Math.ceil(this.frame - 1e-9)) + message.by);
         return true;
       case "set":
-        if (message.speed !== undefined) is.speed = Math.min(Math.max(message.speed, SPEEDS[0]), SPEEDS[1]);
+        if (message.speed !== undefined) Object.assign(is, { speed: Math.min(Math.max(message.speed, SPEEDS[0]), SPEEDS[1]), real: false });
         if (message.live && !is.live) is.playing = false;
         for (const name of SWITCHES) is[name] = message[name] ?? is[name];
         this.loopOver(message);
@@ -98,11 +100,23 @@ export class Playhead {
       return true;
     }
     if (!is.playing || now < this.hold) return false;
-    this.runOn(passed * this.framesPerSecond * is.speed, now);
+    const even = passed * this.framesPerSecond * is.speed;
+    this.runOn(this.inRealTime ? this.framesIn(passed) || even : even, now);
     return true;
   }
 
-  get framesPerSecond() { return Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.timeline.last + 1) / WHOLE_PLAYBACK_S)); }
+  get inRealTime() { return this.is.real && this.timeline.row !== undefined && !this.story?.framesPerSecond; }
+
+  // Frames that the robot takes so many seconds for; 0 at the end.
+  /** @param {number} passed */
+  framesIn(passed) {
+    const timeline = /** @type {Timeline} */ (this.timeline);
+    return Math.abs(after(timeline, this.frame, this.is.reverse ? -passed : passed) - this.frame);
+  }
+
+  get framesPerSecond() {
+    return this.story?.framesPerSecond ?? Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.timeline.last + 1) / WHOLE_PLAYBACK_S));
+  }
 
   /**
    * @param {number} by

@@ -4,6 +4,8 @@ import { decode } from "../lib/columns.js";
 import { Whole, Window } from "./frames.js";
 import { Kinematics } from "../lib/kinematics.js";
 import { Emitter } from "../lib/text.js";
+import { foldedness } from "./foldedness.js";
+import { Standing } from "./standing.js";
 import { touching } from "./touching.js";
 
 const AT_ONCE = 2; // requests
@@ -105,6 +107,9 @@ export class Timeline extends Emitter {
   rows;
   /** @type {Floats} */
   foldedRad;
+  /** @type {Floats | null} angles at the first frame */
+  startRad = null;
+  standing = new Standing();
   /** @type {Floats} */
   foldedPositions;
   /** @type {Float32Array<ArrayBuffer>} */
@@ -138,6 +143,7 @@ export class Timeline extends Emitter {
     this.over = over;
     this.unsure = !over;
     this.looks = 0;
+    this.grown = false; // on this page
     this.ended = false;
     this.running = false;
     this.forget();
@@ -154,6 +160,8 @@ export class Timeline extends Emitter {
     this.loading = new Set();
     this.focus = 0;
     this.version = 0;
+    this.startRad = null;
+    this.standing.clear();
   }
 
   get growing() { return this.status === "growing" && !this.over; }
@@ -186,6 +194,7 @@ export class Timeline extends Emitter {
       }
     }
     this.running = false;
+    if (this.over && !this.ended) this.tell("settled");
   }
 
   // While a fold goes on, a timeline that is complete may yet be begun anew: its plan was refused.
@@ -224,10 +233,11 @@ export class Timeline extends Emitter {
       await pause(RETRY_MS);
       return;
     }
-    // Frames spread over the whole timeline, so that it can be scrubbed everywhere at once.
+    // Frames spread over the whole timeline up to its last, so that it can be scrubbed everywhere at once.
     const stride = Math.ceil(first.header.total / COARSE);
+    const from = (first.header.total - 1) % stride;
     const windowed = "first" in first.arrays;
-    const spread = stride > 1 && (windowed || first.header.status !== "growing") ? await this.source.batch({ stride }) : null;
+    const spread = stride > 1 && (windowed || first.header.status !== "growing") ? await this.source.batch({ from, stride }) : null;
     const { header, arrays } = bundle;
     this.bundle = bundle;
     this.chain = header.chain;
@@ -241,12 +251,15 @@ export class Timeline extends Emitter {
     this.rows = windowed ? WINDOW_ROWS : Math.max(1, Math.min(LONGEST_BATCH, Math.floor(BATCH_BYTES / (8 * this.joints + 40))));
     this.id = first.header.id;
     this.take(first);
+    const start = this.row(0);
+    if (start) this.startRad = Float32Array.from({ length: this.joints }, (_, j) => this.how.angle(start, j));
     if (spread?.header.id === this.id) this.take(spread);
     this.tell("begun");
     this.load();
   }
 
   async grow() {
+    this.grown = true;
     const batch = await this.source.batch({ from: this.total, wait: WAIT_S });
     if (!batch || batch.header.id !== this.id) { this.begunAnew(); return; }
     const before = [this.total, this.status];
@@ -279,7 +292,18 @@ export class Timeline extends Emitter {
     this.status = header.status;
     this.outline = header.outline;
     this.version++;
+    this.stand();
     this.spare();
+  }
+
+  // Turns the fold so that its last frame, once that is here, has the drawing's orientation.
+  stand() {
+    const { standing, outline, bundle: { header }, windowed } = this;
+    if (this.growing) { standing.clear(); return; }
+    const folding = outline.phases?.findLast(({ name }) => name === "playback");
+    const end = folding && !header.table && !standing.correction ? this.row(this.last) : null;
+    if (!end || !folding || !header.chain.folded_wxyz) return;
+    standing.set(end.wxyz, windowed ? header.chain.folded_wxyz : header.chain.folded_root_wxyz, folding, this.grown);
   }
 
   // Where each frame of a stretch is kept: in a row of a batch.
@@ -321,6 +345,7 @@ export class Timeline extends Emitter {
       if (here + away < chunks) yield here + away;
       if (away && away <= BEHIND && here >= away) yield here - away;
     }
+    if (!this.growing && !this.standing.correction && this.nearest(this.last) !== this.last) yield chunks - 1;
   }
 
   /**
@@ -428,6 +453,7 @@ export class Timeline extends Emitter {
     const after = exact && share > 1e-6 ? this.row(low + 1) : null;
     const time = row.time_s + (after ? (after.time_s - row.time_s) * share : 0);
     if (after) row = this.how.between(row, after, share);
+    row = { ...row, wxyz: this.standing.turned(row.wxyz, at) };
     const poses = this.how.poses(this.kinematics, row);
     const told = row;
     return {
@@ -439,6 +465,11 @@ export class Timeline extends Emitter {
   // How many modules, from the first on, a camera should have in view; as web/pictures/camera.py tells.
   /** @param {WindowPoses} poses */
   framed({ rod = Infinity }) { return Math.min(this.chain.modules, rod + 1 + (this.bundle.header.camera?.stretch ?? Infinity)); }
+
+  // How far the chain is folded at a moment, 0 to 1: into the shape that it folds into or, before it is
+  // straight, the one that it comes from.
+  /** @param {Snapshot} snapshot */
+  folded({ phase, angle }) { return foldedness(angle, phase === "playback" ? this.foldedRad : this.startRad ?? this.foldedRad); }
 
   // How fast each hinge turns around a frame, in rad/s; NaN where the frames beside it are not here.
   /** @param {number} frame */

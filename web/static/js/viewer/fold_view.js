@@ -110,7 +110,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   player.on("begun", () => {
     if (begun) return;
     begun = true;
-    if (!place.go() && !timeline.growing && play) player.send({ do: "play" });
+    if (!place.go() && !player.story.telling && play) player.send({ do: "play" });
   });
   window.foldback = { timeline, player }; // for the console
   return { timeline, player, stage, sketch, bar, place, plots };

@@ -1,0 +1,44 @@
+"""Messages for people: a program's error text, "got X, expected Y; do Z", as plain sentences."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+GOT_EXPECTED: Final = re.compile(
+    r"\bgot (?P<got>.+?), expected (?P<expected>[^;.]+)(?=[;.]|$)", re.S
+)
+GOT: Final = re.compile(r"\bgot (?=\S)")
+WRONG_KIND: Final = re.compile(
+    r"this looks like (?P<kind>.+?), expected (?P<expected>.+)\.$", re.DOTALL
+)
+MESSAGES: Final = (
+    (re.compile(r"got an empty file\b.*"), "This file is empty."),
+    (re.compile(r"got 0 angles, expected a positive\b.*"), "Type at least one angle: 0, + or −."),
+    (
+        re.compile(
+            r"(?:character \d+: )?got (?P<sign>.+?) after \d+ angles, expected 0, \+ or -.*"
+        ),
+        '"{sign}" isn\'t an angle. Use 0, + or − for each hinge.',
+    ),
+)
+"""Errors that people meet most, with a sentence of their own."""
+
+
+def message_for_people(detail: str) -> str:
+    """Return an error's detail as sentences for people; the API keeps the detail itself.
+
+    Args:
+        detail: What was found, what was expected and what to do, as programs read it.
+    """
+    for pattern, message in MESSAGES:
+        if match := pattern.fullmatch(detail):
+            return message.format(**match.groupdict())
+    if match := WRONG_KIND.fullmatch(detail):
+        return f"This looks like {match['kind']}. Please use {match['expected']}."
+    text = GOT_EXPECTED.sub(r"expected \g<expected>, but found \g<got>", detail)
+    text = GOT.sub("found ", text)
+    head, separator, advice = text.partition("; ")
+    if separator:
+        text = f"{head}. {advice[:1].upper()}{advice[1:]}"
+    return text[:1].upper() + text[1:]

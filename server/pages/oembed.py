@@ -1,0 +1,79 @@
+"""oEmbed (https://oembed.com): how other sites show a fold whose link somebody pastes."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+from typing import Annotated, Final
+from urllib.parse import urlsplit
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import JSONResponse, Response
+
+from server.api.finding import find_fold, viewing_of
+from server.pages.page import origin_of
+
+router = APIRouter(include_in_schema=False)
+
+FOLD_PATH: Final = re.compile(r"/(?:folds|embed)/([A-Za-z0-9_-]{1,64})")
+WIDTH_PX: Final = 720
+HEIGHT_PX: Final = 480
+"""Size of a frame for which the asking site names no bounds, as in *Share*."""
+MIN_PX: Final = 200
+"""Smallest side of a frame in which the controls still leave room for the picture."""
+MAX_ADDRESS: Final = 2000
+"""Characters of an address that is looked up; browsers send no longer ones."""
+PICTURE: Final = (1200, 630)
+"""Width and height of the picture of a fold, in pixels."""
+
+
+@router.get("/oembed")
+async def oembed(
+    request: Request,
+    url: Annotated[str, Query(max_length=MAX_ADDRESS)],
+    wanted: Annotated[str, Query(alias="format", max_length=10)] = "json",
+    maxwidth: Annotated[int, Query(ge=1, le=10_000)] = WIDTH_PX,
+    maxheight: Annotated[int, Query(ge=1, le=10_000)] = HEIGHT_PX,
+) -> Response:
+    """Describe the fold behind a link of this service.
+
+    Sites that may embed folds get a frame, all others the name and a picture. What is not a link of
+    this service is answered with 404, any format but JSON with 501, as the specification wants.
+    """
+    if wanted != "json":
+        return Response("Only JSON is served.", status_code=501, media_type="text/plain")
+    origin = origin_of(request)
+    fold_id = _fold_in(url, origin)
+    found = await find_fold(request, fold_id) if fold_id is not None else None
+    if found is None:
+        return Response("No such fold here.", status_code=404, media_type="text/plain")
+    row = found.row
+    about = {
+        "version": "1.0",
+        "provider_name": "foldback",
+        "provider_url": origin,
+        "title": row.title,
+        "thumbnail_url": f"{origin}/folds/{row.id}/picture.png",
+        "thumbnail_width": PICTURE[0],
+        "thumbnail_height": PICTURE[1],
+    }
+    settings = viewing_of(request).settings
+    if settings is None or not settings.embed_origins:
+        return JSONResponse({"type": "link", **about})
+    width, height = max(MIN_PX, min(maxwidth, WIDTH_PX)), max(MIN_PX, min(maxheight, HEIGHT_PX))
+    frame = (
+        f'<iframe src="{origin}/embed/{row.id}" title="{escape(row.title)}" width="{width}" '
+        f'height="{height}" style="border:0" allow="fullscreen" loading="lazy"></iframe>'
+    )
+    return JSONResponse({"type": "rich", "html": frame, "width": width, "height": height, **about})
+
+
+def _fold_in(url: str, origin: str) -> str | None:
+    """Return the id of the fold that a link of this service leads to, or None."""
+    try:
+        address = urlsplit(url)
+    except ValueError:
+        return None
+    match = FOLD_PATH.fullmatch(address.path)
+    same = f"{address.scheme}://{address.netloc}" == origin
+    return match[1] if match is not None and same else None

@@ -1,0 +1,33 @@
+"""The list of all texts: what counts as a text for people, in each kind of file."""
+
+from __future__ import annotations
+
+import pytest
+
+from docs.make_texts import READERS, all_texts, is_for_people
+
+
+@pytest.mark.parametrize(
+    ("suffix", "source", "texts"),
+    [
+        (".py", '"""Module."""\nx = f"got {x}, " "expected y"\ny = "key"', ["got {…}, expected y"]),
+        (".py", '@app.get("/a")\ndef a():\n    """Return a."""', ["Return a."]),
+        (".html", '<p title="A tip">Hello <b>you</b></p>', ["A tip", "Hello", "you"]),
+        (".js", '// "no"\nf(`All ${n ? "big ones" : ""}`, "a " + "b");', ["All {…}", "a b"]),
+        (".md", "# Title\n\nOne line.\n```\ncode here\n```\n", ["# Title", "One line."]),
+    ],
+)
+def test_reader_finds_texts_and_no_comments(suffix: str, source: str, texts: list[str]) -> None:
+    found = {" ".join(words.split()) for _, words in READERS[suffix](source)}
+    assert set(texts) <= found
+    assert not {"no", "Module.", "code here"} & found
+
+
+def test_is_for_people_leaves_out_keys_and_code() -> None:
+    assert is_for_people("Drop a file here") and is_for_people("Fold")
+    assert not is_for_people("not-verified") and not is_for_people("SELECT a from b")
+
+
+def test_all_texts_name_a_line_that_holds_the_text() -> None:
+    texts = [text for text in all_texts() if text.path == "web/templates/my_folds.html"]
+    assert any(text.words == "My folds" for text in texts)
