@@ -76,7 +76,7 @@ def read_glb(data: bytes, source: Source) -> Solid:
         raise _damaged("its JSON is not text") from error
     value = parse(text)
     if not isinstance(value, dict):
-        raise _damaged("its JSON is no object")
+        raise _damaged("its JSON is not an object")
     return read_gltf(cast("Document", value), source, binary=chunks.get(BINARY_CHUNK))
 
 
@@ -149,7 +149,7 @@ def _decoded(entry: Document, binary: bytes | None) -> bytes:
         return binary
     head, comma, body = str(uri).partition(",")
     if not comma or not head.endswith(";base64"):
-        raise _damaged("a buffer is no base64 data")
+        raise _damaged("a buffer is not base64 data")
     try:
         return base64.b64decode(body, validate=True)
     except (binascii.Error, ValueError) as error:
