@@ -309,7 +309,7 @@ class _Scene:
         """Notes that a mesh is read as it was made, where the scene bends it."""
         mesh = self._document["meshes"][int(node["mesh"])]
         if "skin" in node:
-            self._notes["a skeleton was left alone: the mesh is as it was made."] = None
+            self._notes["a skeleton was ignored; the mesh is in its original pose."] = None
         if any(node.get("weights", mesh.get("weights", []))):
             self._notes["morph targets were left alone: the mesh is as it was made."] = None
 
