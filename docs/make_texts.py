@@ -74,7 +74,10 @@ def in_python(source: str) -> Iterator[tuple[int, str]]:
         if isinstance(node, ast.JoinedStr):
             skipped.update(id(part) for part in node.values)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.decorator_list:
-            called = any(isinstance(decorator, ast.Call) for decorator in node.decorator_list)
+            called = any(
+                isinstance(decorator, ast.Call) and isinstance(decorator.func, ast.Attribute)
+                for decorator in node.decorator_list
+            )
             if called and (shown := ast.get_docstring(node)):
                 yield node.lineno, shown
     for node in ast.walk(tree):

@@ -6,7 +6,7 @@ import re
 from typing import Final
 
 GOT_EXPECTED: Final = re.compile(
-    r"\bgot (?P<got>.+?), expected (?P<expected>[^;.]+)(?=[;.]|$)", re.S
+    r"\bgot (?P<got>.+?), expected (?P<expected>(?:[^;.]|\.(?=\d))+)", re.DOTALL
 )
 GOT: Final = re.compile(r"\bgot (?=\S)")
 WRONG_KIND: Final = re.compile(

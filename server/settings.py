@@ -33,111 +33,108 @@ class Settings(BaseSettings):
 
     host: str = Field(default="127.0.0.1", description="Address to listen on.")
     port: int = Field(
-        default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one."
+        default=8000, ge=0, le=65535, description="Port to listen on; 0 picks a free one."
     )
-    data_dir: Path = Field(default=Path("data"), description="Where folds and the database live.")
+    data_dir: Path = Field(default=Path("data"), description="Directory of folds and database.")
     database_url: str | None = Field(
-        default=None, description="Database, as postgresql://…; SQLite in data_dir if not set."
+        default=None, description="Database, as postgresql://…. Default: SQLite in data_dir."
     )
     jobs_url: str | None = Field(
         default=None,
-        description="Database of the job system; the one above if it is PostgreSQL, else SQLite.",
+        description="Database of the job system. Default: the one above if it is PostgreSQL, "
+        "else SQLite.",
     )
     storage_url: str | None = Field(
         default=None,
-        description="Where the files of folds are kept, as s3://bucket/prefix (the usual AWS_… "
-        "variables say the rest), which needs pip install 'foldback[storage]'; in data_dir if not "
-        "set.",
+        description="Store for the files of folds, as s3://bucket/prefix; the usual AWS_… "
+        "variables configure it. Needs pip install 'foldback[storage]'. Default: data_dir.",
     )
     cache_bytes: int = Field(
         default=2048 * MIB,
         ge=MIB,
-        description="Disk for copies of files that are kept elsewhere.",
+        description="Disk space for copies of files that are stored elsewhere.",
     )
     storage_bytes: int | None = Field(
         default=None,
         ge=MIB,
-        description="Bytes that all folds may take; what can be made again goes, then those that "
-        "nobody looked at for longest.",
+        description="Storage for all folds. When it is full, files that can be recreated are "
+        "deleted first, then the folds that have gone unviewed for longest.",
     )
     storage_of_visitor_bytes: int | None = Field(
         default=None,
         ge=MIB,
-        description="Bytes that the folds of one visitor may take, from when they are accepted, "
-        "without what was made of them (exports, pictures, movies).",
+        description="Storage for the folds of one visitor, counted from when they are accepted, "
+        "without exports, pictures and movies.",
     )
     keep_days: float | None = Field(
         default=None,
         gt=0,
-        description="Days after which a fold that nobody looks at is forgotten; never if not set. "
-        "Folds of the gallery and pinned ones stay.",
+        description="Days after which a fold that is not viewed is deleted. Default: never. "
+        "Gallery folds and pinned folds stay.",
     )
     imprint_url: str | None = Field(
         default=None,
-        description="Where it stands who runs the service, as https://…; linked on `/privacy`.",
+        description="Page that names the operator of the service, as https://…; linked on "
+        "`/privacy`.",
     )
     origins: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Further origins (scheme://host) whose pages may talk to this service, with "
-        "commas between.",
+        description="Further origins (scheme://host) whose pages may use this service, "
+        "separated by commas.",
     )
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Names that the service answers to, with commas between; * for any, "
-        "*.example.org for all below. This machine's own names always count. When none is given: "
-        "those and `host` on a loopback address, any name on one that others reach. Set it there "
-        "too, and behind a proxy, to keep foreign names from pointing here (DNS rebinding).",
+        description="Host names that the service answers to, separated by commas; * allows any, "
+        "*.example.org all subdomains. This machine's own names are always allowed. Default: "
+        "only those and `host` on a loopback address, any name on a public address. Set it on "
+        "public addresses and behind a proxy too, against DNS rebinding.",
     )
 
     log_format: Literal["text", "json"] = Field(
-        default="text", description="How lines of the log are written: for people or as JSON."
+        default="text", description="Format of log lines: text for people, or JSON."
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
-        default="info", description="What is logged: this and what is worse."
+        default="info", description="Lowest level that is logged."
     )
     metrics_public: bool = Field(
         default=False,
-        description="Whether `/metrics` answers everybody, not only programs that send the token "
-        "below.",
+        description="Let anyone read `/metrics`, without the token below.",
     )
     metrics_token: SecretStr | None = Field(
         default=None,
-        description="Token, of 16 characters or more, that opens `/metrics` to programs that send "
-        "it as `Authorization: Bearer …`. Without it `/metrics` is closed, on this machine as "
-        "well.",
+        description="Token (16 characters or more) for `/metrics`, sent as `Authorization: "
+        "Bearer …`. Without a token, `/metrics` is closed, on this machine too.",
     )
     leave_s: float = Field(
         default=0.0,
         ge=0,
-        description="How long `serve`, told to end, goes on answering while `/ready` says 503, so "
-        "that a load balancer sends no one any more.",
+        description="Time for which `serve` still answers after it was asked to stop, while "
+        "`/ready` returns 503, so that a load balancer stops sending requests.",
     )
     otlp_endpoint: str | None = Field(
         default=None,
-        description="Where workers send traces of folds by OpenTelemetry (OTLP over HTTP), as "
-        "http://host:4318/v1/traces; needs the extra `foldback[otel]`.",
+        description="Address to which workers send OpenTelemetry traces of folds (OTLP over "
+        "HTTP), as http://host:4318/v1/traces; needs the extra `foldback[otel]`.",
     )
     trusted_proxies: Annotated[tuple[str, ...], NoDecode] = Field(
         default=("127.0.0.0/8", "::1"),
-        description="Addresses or networks, with commas between, whose X-Forwarded-For and "
-        "X-Forwarded-Proto are believed; of all others they are ignored.",
+        description="Addresses or networks, separated by commas, whose X-Forwarded-For and "
+        "X-Forwarded-Proto are trusted; these headers are ignored from all others.",
     )
 
-    workers: int = Field(
-        default=1, ge=0, le=64, description="Worker processes that `serve` looks after."
-    )
+    workers: int = Field(default=1, ge=0, le=64, description="Worker processes that `serve` runs.")
     folds_per_worker: int = Field(
         default=1,
         ge=1,
         le=64,
-        description="Folds a worker computes at once, and as many quick ones (10 s) beside them.",
+        description="Folds that a worker computes at once, plus as many quick ones (10 s).",
     )
     prewarm: bool = Field(
         default=True,
-        description="Whether what computing processes are forks of starts and runs all compiled "
-        "loops once, and the first page is made, before anybody asks. Without it an idle service "
-        "takes some 500 MB less and who comes first waits some seconds more. Start a new version "
-        "once with it: that compiles the loops.",
+        description="At start, run all compiled loops once and prepare the first page, before "
+        "the first request. Without it an idle service takes about 500 MB less, and the first "
+        "visitor waits some seconds longer. Start a new version with it once: that compiles the "
+        "loops.",
     )
     finished_folds: bool = Field(
         default=True,
@@ -145,119 +142,130 @@ class Settings(BaseSettings):
         "One that is deleted does not come back.",
     )
     lease_s: float = Field(
-        default=15.0, gt=0, description="A worker silent for so long is dead; others take over."
+        default=15.0,
+        gt=0,
+        description="A worker that sends no heartbeat for this time counts as dead; others take "
+        "over.",
     )
     drain_s: float = Field(
         default=0.0,
         ge=0,
-        description="How long a worker that is told to end may go on with folds it has begun; "
-        "what is left then is handed back to the queue.",
+        description="Time for which a stopping worker may continue its folds; the rest goes "
+        "back to the queue.",
     )
     largest_queue: int = Field(
         default=256,
         ge=1,
-        description="Folds that may wait, of all visitors. One network may have as many as are "
-        "still free: half of them if it is alone, a third if there are two.",
+        description="Folds that may wait, of all visitors. One network may use half of the free "
+        "places if it is alone, a third if there are two networks, and so on.",
     )
     largest_queue_of_visitor: int = Field(
-        default=16, ge=1, description="Folds that may wait, of one."
+        default=16, ge=1, description="Folds of one visitor that may wait."
     )
     largest_queue_seconds: float = Field(
         default=7200.0,
         gt=0,
-        description="Seconds that computing all folds that wait is expected to take; shared by "
-        "networks likewise.",
+        description="Expected computing time of all waiting folds, s; shared between networks "
+        "in the same way.",
     )
     largest_queue_seconds_of_visitor: float = Field(
         default=1800.0,
         gt=0,
-        description="Of them, for the folds of one visitor; a first fold may take more.",
+        description="Expected computing time of one visitor's waiting folds, s; the first fold "
+        "may take longer.",
     )
 
     slice_seconds: float = Field(
         default=30.0,
         gt=0,
-        description="Time that a fold computes before it makes room for cheaper ones that wait; "
-        "three times as long after each such pause.",
+        description="Computing time after which a fold pauses for cheaper ones that wait; three "
+        "times as long after each pause.",
     )
 
     max_upload_bytes: int = Field(default=64 * MIB, ge=1024, description="Largest upload.")
     max_uploads: int = Field(
-        default=24, ge=1, description="Forms that may come in or be worked on at once, in all."
+        default=24, ge=1, description="Uploads that may be received or processed at once, in all."
     )
-    max_uploads_of_visitor: int = Field(default=6, ge=1, description="Of them, of one.")
-    upload_seconds: float = Field(
-        default=120.0, gt=0, description="Time that an upload may take to come in."
+    max_uploads_of_visitor: int = Field(
+        default=6, ge=1, description="Uploads of one visitor at once."
     )
+    upload_seconds: float = Field(default=120.0, gt=0, description="Longest time for one upload.")
     upload_idle_s: float = Field(
-        default=15.0, gt=0, description="An upload of which nothing comes for so long is over."
+        default=15.0, gt=0, description="An upload that sends nothing for this time is cancelled."
     )
     header_seconds: float = Field(
-        default=20.0, gt=0, description="Time that a connection may take to say what it wants."
+        default=20.0, gt=0, description="Time within which a connection must send its request."
     )
     unread_seconds: float = Field(
-        default=60.0, gt=0, description="A connection that takes nothing for so long is ended."
+        default=60.0, gt=0, description="A connection that reads nothing for this time is closed."
     )
     max_connections: int = Field(
         default=2000, ge=1, description="Connections that may be open at once."
     )
     max_connections_of_visitor: int = Field(
-        default=256, ge=1, description="Of them, of one; a trusted proxy may have all."
+        default=256, ge=1, description="Connections of one visitor; a trusted proxy may use all."
     )
     requests_per_second_of_visitor: float = Field(
         default=100.0,
         gt=0,
-        description="Requests of one visitor that are answered in a second, on average; 40 chunks, "
-        "frames or other protocol events for each of them are read.",
+        description="Requests of one visitor per second, on average; up to 40 chunks, frames or "
+        "other protocol events are read for each.",
     )
     requests_at_once_of_visitor: int = Field(
         default=2000,
         ge=1,
-        description="Requests that one visitor may make at once after a while without any.",
+        description="Requests that one visitor may make at once after a pause.",
     )
     lists_per_second_of_visitor: float = Field(
         default=5.0,
         gt=0,
-        description="Lists (`/api/mine`, `/api/folds`, `/gallery`, `/`) that one visitor gets in a "
-        "second, on average; 20 times as many at once.",
+        description="Lists (`/api/mine`, `/api/folds`, `/gallery`, `/`) that one visitor may "
+        "load per second, on average; 20 times as many at once.",
     )
-    max_modules: int = Field(default=12_000, ge=3, description="Longest chain that is accepted.")
+    max_modules: int = Field(default=12_000, ge=3, description="Longest chain.")
     min_free_disk_bytes: int = Field(
-        default=64 * MIB, ge=0, description="Refuse uploads below this."
+        default=64 * MIB, ge=0, description="Free disk space below which uploads are refused."
     )
     read_seconds: float = Field(default=10.0, gt=0, description="Time to read one upload.")
     preview_seconds: float = Field(default=10.0, gt=0, description="Time to prepare a preview.")
     preview_search_seconds: float = Field(
-        default=4.0, gt=0, description="Of it, for searching a path through exact cells."
+        default=4.0, gt=0, description="Part of it for finding a path through exact cells."
     )
     files_waiting: int = Field(
         default=8, ge=1, description="Exports and pictures that may be made at once."
     )
-    files_waiting_of_visitor: int = Field(default=3, ge=1, description="Of them, of one.")
+    files_waiting_of_visitor: int = Field(
+        default=3, ge=1, description="Exports and pictures of one visitor at once."
+    )
     answers_waiting: int = Field(
         default=12,
         ge=1,
-        description="Large answers (frames, trajectories, motors) that may be made or waited for.",
+        description="Large answers (frames, trajectories, motors) that may be prepared or "
+        "waited for.",
     )
-    answers_waiting_of_visitor: int = Field(default=4, ge=1, description="Of them, of one.")
+    answers_waiting_of_visitor: int = Field(
+        default=4, ge=1, description="Large answers of one visitor."
+    )
     previews_waiting: int = Field(default=8, ge=1, description="Previews that may wait at once.")
-    previews_waiting_of_visitor: int = Field(default=3, ge=1, description="Of them, of one.")
+    previews_waiting_of_visitor: int = Field(
+        default=3, ge=1, description="Waiting previews of one visitor."
+    )
     retime_seconds: float = Field(
-        default=60.0, gt=0, description="Time to work out one trajectory, or a table of motors."
+        default=60.0, gt=0, description="Time to compute one trajectory or a table of motors."
     )
     preview_keep_s: float = Field(
-        default=86400.0, gt=0, description="A preview untouched for so long is forgotten."
+        default=86400.0, gt=0, description="A preview that is not used for this time is deleted."
     )
-    previews_bytes: int = Field(
-        default=512 * MIB, ge=MIB, description="Disk that previews may take before that."
-    )
+    previews_bytes: int = Field(default=512 * MIB, ge=MIB, description="Disk space for previews.")
     previews_of_visitor_bytes: int = Field(
-        default=128 * MIB, ge=MIB, description="Of it, for those of one visitor."
+        default=128 * MIB, ge=MIB, description="Disk space for the previews of one visitor."
     )
     most_previews: int = Field(
         default=10_000, ge=1, description="Previews that are stored at once."
     )
-    most_previews_of_visitor: int = Field(default=1_000, ge=1, description="Of them, of one.")
+    most_previews_of_visitor: int = Field(
+        default=1_000, ge=1, description="Stored previews of one visitor."
+    )
     stage_seconds: float = Field(
         default=1800.0, gt=0, description="Wall time of one stage of a fold."
     )
@@ -269,41 +277,49 @@ class Settings(BaseSettings):
         default=19,
         ge=0,
         le=19,
-        description="How readily computing lets pages go first, as of `nice`.",
+        description="Priority of computing below that of pages, as for `nice`.",
     )
 
     movies_waiting: int = Field(default=6, ge=1, description="Movies that may wait at once.")
-    movies_waiting_of_visitor: int = Field(default=2, ge=1, description="Of them, of one.")
+    movies_waiting_of_visitor: int = Field(
+        default=2, ge=1, description="Waiting movies of one visitor."
+    )
     movies_of_fold: int = Field(
         default=12,
         ge=1,
-        description="Movies of one fold that are kept for its owner, and as many for all others; "
-        "the oldest goes first.",
+        description="Movies of one fold that are stored for its owner, and as many for everyone "
+        "else; the oldest are deleted first.",
     )
     movie_seconds: float = Field(default=600.0, gt=0, description="Time to make one movie.")
 
     max_streams: int = Field(
         default=512, ge=1, description="Event streams (`/events`) that may be open at once."
     )
-    max_streams_of_visitor: int = Field(default=16, ge=1, description="Of them, to one address.")
+    max_streams_of_visitor: int = Field(
+        default=16, ge=1, description="Event streams open to one address."
+    )
     max_waits: int = Field(
         default=512, ge=1, description="Requests that may wait for frames (`?wait=`) at once."
     )
-    max_waits_of_visitor: int = Field(default=32, ge=1, description="Of them, of one address.")
-    max_robots: int = Field(
-        default=32, ge=1, description="Robots (`/play`) that may be driven at once."
+    max_waits_of_visitor: int = Field(
+        default=32, ge=1, description="Waiting requests of one address."
     )
-    max_robots_of_visitor: int = Field(default=8, ge=1, description="Of them, by one address.")
+    max_robots: int = Field(
+        default=32, ge=1, description="Robots (`/play`) that may be connected at once."
+    )
+    max_robots_of_visitor: int = Field(
+        default=8, ge=1, description="Robots connected from one address."
+    )
     embed_origins: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Sites that may show folds in a frame, as `https://…`, separated by commas; "
-        "`*` lets all.",
+        description="Sites that may embed folds, as `https://…`, separated by commas; `*` "
+        "allows all.",
     )
     frames_per_answer: int = Field(
         default=2000, ge=1, description="Frames in one answer of the API."
     )
     numbers_per_answer: int = Field(
-        default=2_000_000, ge=1000, description="Numbers in such an answer."
+        default=2_000_000, ge=1000, description="Numbers in one such answer."
     )
 
     @field_validator("log_format", "log_level", mode="before")

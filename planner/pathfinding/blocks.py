@@ -169,7 +169,7 @@ def _spanning_tree(blocks: Ints, rng: np.random.Generator, tree: Tree) -> tuple[
     if found > 1:
         raise InputError(
             "disconnected",
-            f"got blocks in {found} parts, expected one; keep the largest or join them.",
+            f"got blocks in {found} parts, expected one; keep the largest part or join them.",
         )
     if tree == "random":
         graph = minimum_spanning_tree(graph)

@@ -248,7 +248,7 @@ def _opened(cycle: Ints, options: _Options) -> Ints | None:
 
 def _no_blocks(connected: bool) -> str:
     if not connected:
-        return "The cells are in several parts that share no face; keep one or join them."
+        return "The cells form several parts that share no face; keep one or join them."
     return (
         "The cells do not consist of 2×2×2 blocks whose path has such ends; double the shape or "
         "use exact."

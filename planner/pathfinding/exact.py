@@ -90,7 +90,7 @@ def exact_path(
 
 
 _REASONS: Final[dict[str, Callable[[float], str]]] = {
-    "infeasible": lambda _: "The solver proved that no path visits every cell once with such ends.",
+    "infeasible": lambda _: "The search proved that no path with such ends visits every cell once.",
     "undecided": lambda limit: (
         f"No path was found in {limit:g} s, and none ruled out; "
         "give it more time, repair the shape or double it."

@@ -90,7 +90,7 @@ def feasibility(shape: Shape, *, seed: int = 0, time_limit_s: float = TIME_LIMIT
         known = {"found": True, "infeasible": False, "undecided": None}[search.status]
         if known is False:
             problems = (
-                Problem(code="no-path", detail="the solver proved that no path visits all cells."),
+                Problem(code="no-path", detail="the search proved that no path visits all cells."),
             )
     if known:
         return Feasibility(feasible=True)

@@ -74,9 +74,9 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
         white = (n + excess) // 2
         yield Problem(
             code="parity",
-            detail=f"coloured like a chessboard there are {white} cells of one colour and "
-            f"{n - white} of the other; a path takes turns between them, so they may differ by "
-            "one at most.",
+            detail=f"coloured like a chessboard, the shape has {white} cells of one colour and "
+            f"{n - white} of the other; a path alternates between the colours, so they may "
+            "differ by at most one.",
             cells=tuples(cells[balance == np.sign(balance.sum())]),
             amount=excess - 1,
         )
@@ -85,8 +85,8 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
     if len(dead) > 2:
         yield Problem(
             code="dead-ends",
-            detail=f"{len(dead)} cells have one neighbour only; a path can begin in one and end "
-            "in one, not more.",
+            detail=f"{len(dead)} cells have only one neighbour; a path can start in one and end in "
+            "another, so at most two are possible.",
             cells=tuples(cells[dead]),
             amount=len(dead) - 2,
         )
@@ -105,7 +105,7 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
         most = max(len(pieces.sums[cell]) for cell in split)
         yield Problem(
             code="cut-cells",
-            detail=f"up to {most} parts hang together by a single cell; a path that has left a "
+            detail=f"up to {most} parts are joined by a single cell; a path that has left a "
             "part through it cannot come back, so there may be two.",
             cells=tuples(cells[sorted(split)]),
             amount=sum(_beyond_two(pieces.sizes[cell]) for cell in split),

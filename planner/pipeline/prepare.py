@@ -85,7 +85,7 @@ class Preparation:
         why = " ".join(problem.detail for problem in problems) or " ".join(self.notes)
         remedy = ""
         if self.feasibility is not None and self.feasibility.repairs:
-            remedy = f" A repair is at hand: {self.feasibility.repairs[0].detail}"
+            remedy = f" Possible repair: {self.feasibility.repairs[0].detail}"
         raise InputError("no-path", f"no path through these cells was found. {why}{remedy}".strip())
 
     def report(self, *, full: bool = True) -> dict[str, Any]:
@@ -261,11 +261,11 @@ def check_for_table(chain: Chain) -> None:
     if faults:
         told = " ".join(fault.detail for fault in faults[:MOST_FAULTS])
         if len(faults) > MOST_FAULTS:
-            told += f" There are {len(faults) - MOST_FAULTS} more faults."
+            told += f" There are {len(faults) - MOST_FAULTS} more problems."
         raise InputError(
             "not-for-a-table",
             f"got a path in which a chain cannot fold on a table: {told} "
-            "Expected one that goes up layer by layer; read it as voxels to have one found.",
+            "Expected one that rises layer by layer; read the cells as voxels to find one.",
         )
 
 

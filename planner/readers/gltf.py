@@ -76,7 +76,7 @@ def read_glb(data: bytes, source: Source) -> Solid:
         raise _damaged("its JSON is not text") from error
     value = parse(text)
     if not isinstance(value, dict):
-        raise _damaged("its JSON is no object")
+        raise _damaged("its JSON is not an object")
     return read_gltf(cast("Document", value), source, binary=chunks.get(BINARY_CHUNK))
 
 
@@ -149,7 +149,7 @@ def _decoded(entry: Document, binary: bytes | None) -> bytes:
         return binary
     head, comma, body = str(uri).partition(",")
     if not comma or not head.endswith(";base64"):
-        raise _damaged("a buffer is no base64 data")
+        raise _damaged("a buffer is not base64 data")
     try:
         return base64.b64decode(body, validate=True)
     except (binascii.Error, ValueError) as error:
@@ -309,7 +309,7 @@ class _Scene:
         """Notes that a mesh is read as it was made, where the scene bends it."""
         mesh = self._document["meshes"][int(node["mesh"])]
         if "skin" in node:
-            self._notes["a skeleton was left alone: the mesh is as it was made."] = None
+            self._notes["a skeleton was ignored; the mesh is in its original pose."] = None
         if any(node.get("weights", mesh.get("weights", []))):
             self._notes["morph targets were left alone: the mesh is as it was made."] = None
 

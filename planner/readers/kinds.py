@@ -28,12 +28,12 @@ SIGNATURES: Final = (
     (b"#VRML", "a VRML scene"),
     (b"#usda", "a USD scene"),
     (b"PXR-USDC", "a USD scene"),
-    (b"# .PCD", "a cloud of points"),
+    (b"# .PCD", "a point cloud"),
     (b"# vtk DataFile", "a VTK data set"),
     (b"DBRep_DrawableShape", "a BREP model"),
     (b"3D Geometry File Format", "a Rhino model"),
     (b"AC10", "an AutoCAD drawing"),
-    (b"\xd0\xcf\x11\xe0", "a document of an office or CAD program"),
+    (b"\xd0\xcf\x11\xe0", "an office or CAD document"),
 )
 XML_KINDS: Final = (
     (b"<svg", "an SVG drawing"),

@@ -79,7 +79,7 @@ def _voxels(grid: NDArray[Any], source: Source) -> Shape:
     if len(other):
         raise InputError(
             "not-voxels",
-            f"got a grid with the value {other[0]:g}, expected 0 and 1 alone; threshold it, e.g. "
+            f"got a grid with the value {other[0]:g}, expected only 0 and 1; threshold it, e.g. "
             "grid > 0.5.",
         )
     filled = int(np.count_nonzero(grid))

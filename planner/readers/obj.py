@@ -67,7 +67,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
         text = TEXTURE.sub(b"", text) if b"/" in text else text
         text = _counted_from_the_first(text) if COUNTED_BACK.search(text) else text
         if NO_POLYGON.search(text):
-            raise _damaged("a polygon of fewer than three corners, or of what are no vertices")
+            raise _damaged("a polygon with fewer than three corners, or with unknown vertices")
         points, faces = triangles_in(text, "obj")
     except InputError as refusal:
         raise (_first_fault(data, vertices) or refusal) from refusal

@@ -31,7 +31,7 @@ BYTE_ORDER_MARKS: Final = (
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
 """Marks at the beginning of a text; those of UTF-32 begin like those of UTF-16."""
-REMEDY: Final = "if these are voxels in no order, read them as voxels"
+REMEDY: Final = "for voxels in any order, read them as voxels"
 
 
 def to_utf8(data: bytes) -> bytes:

@@ -41,7 +41,7 @@ CURA_ROLES: Final = frozenset(
 """Settings by which Cura marks modifiers, cutters and supports."""
 UNBUILT: Final = "objects that the model has and does not build were left out."
 UNPRINTED: Final = "parts that are not to be printed were left out."
-LEFT_OUT: Final = "cutters, modifiers and supports were left out: they are no material."
+LEFT_OUT: Final = "cutters, modifiers and supports were ignored, because they are not material."
 SLICER_CONFIGS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
 """Lists of the parts' roles, as PrusaSlicer and those that came from it write them."""
 READ_EXTENSIONS: Final = ("/production/", "/material/", "/trianglesets/")
@@ -324,9 +324,7 @@ class _Models:
     def solid(self) -> Solid:
         """Everything that is built, as one solid."""
         if not self._items and UNPRINTED in self._notes:
-            raise InputError(
-                "empty", "no part of the model is to be printed; mark one as printable."
-            )
+            raise InputError("empty", "no part of the model is printable; mark one as printable.")
         inner = {key for model in self._objects.values() for key, _ in model.parts}
         items = self._items or [
             (key, np.array(IDENTITY).reshape(4, 3)) for key in self._objects if key not in inner

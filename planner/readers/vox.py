@@ -16,7 +16,7 @@ MAGIC: Final = b"VOX "
 MOST_CHUNKS: Final = 100_000
 MOST_PLACED: Final = 10_000
 HEAD_BYTES: Final = 8
-COLOURLESS: Final = "voxels of colour 0, which is empty, were left out."
+COLOURLESS: Final = "voxels of colour 0, which means empty, were ignored."
 HIDDEN: Final = "hidden objects were left out."
 CHUNK_BYTES: Final = 12
 DIGITS_OF_A_FRAME: Final = 9
@@ -170,7 +170,7 @@ def _frame(words: dict[bytes, bytes]) -> int:
     """Return the number of the frame that an object's state belongs to; 0 if it is not stated."""
     word = words.get(b"_f", b"0")
     if not word.isdigit():
-        raise _damaged("a frame is numbered by what is no number")
+        raise _damaged("a frame has no valid number")
     return int(word[:DIGITS_OF_A_FRAME])
 
 
@@ -234,7 +234,7 @@ def _placed(words: dict[bytes, bytes]) -> _Placed:
             shift = np.array([int(word) for word in words[b"_t"].split()], dtype=np.int64)
         code = int(words.get(b"_r", b"4"))
     except (ValueError, OverflowError) as error:
-        raise _damaged("a node is placed by what is no number") from error
+        raise _damaged("a node has no valid position") from error
     first, second = code & 3, (code >> 2) & 3
     if shift.shape != (3,) or np.abs(shift).max() > 1 << 20 or {first, second} - {0, 1, 2}:
         raise _damaged("a node is placed in an impossible way")

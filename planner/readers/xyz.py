@@ -71,7 +71,7 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
         code = "truncated" if len(rows) < promised else "wrong-count"
         raise InputError(
             code,
-            f"got {len(rows)} cells after a first line that promises {promised}; "
+            f"got {len(rows)} cells after a first line that announces {promised}; "
             "the file is cut, or more than one frame.",
             where=f"line {first + 1}",
         )

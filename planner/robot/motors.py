@@ -107,12 +107,12 @@ class MotorTable:
             f"at frame {self.peak_frame[k]:.0f}"
         )
         if self.would_do is None:
-            return f"{need}, the most of all"
+            return f"{need} (the largest)"
         if self.would_do:
-            return f"would do: {need}, the most of all, and has {self.motor_torque_nm:g} N·m"
+            return f"Yes: {need} (the largest), and has {self.motor_torque_nm:g} N·m"
         short = int((self.peak_torque_nm > (self.motor_torque_nm or 0.0)).sum())
         return (
-            f"would not do: {need}, and has {self.motor_torque_nm:g} N·m; too weak for {short} of "
+            f"No: {need}, and has {self.motor_torque_nm:g} N·m; too weak for {short} of "
             f"{len(self.joint_names)} hinges"
         )
 

@@ -55,7 +55,7 @@ def check_smoothable(plan: Plan) -> None:
     if plan.certificate.peak_torque_nm is None:
         raise InputError(
             "smooth-no-torques",
-            f"got a plan of {name} that tells no torques, as earlier versions made; fold it again.",
+            f"got a plan of {name} without torques, as earlier versions wrote them; fold it again.",
         )
     hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
     if frames * hinges <= MOST_ANGLES:

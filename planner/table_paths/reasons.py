@@ -22,7 +22,7 @@ TELLING: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
 """What is told first when the sides differ; the others count 1, and of equals the first side."""
 FALLING_EFFORT: Final = 1.5
 """Deterministic time of the solver for paths that go down, for all sides of a shape together."""
-REMEDY: Final = "Fill what is missing, fold a part of it, or fold it floating."
+REMEDY: Final = "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +57,8 @@ def ruled_out(side: Side) -> NoPath | None:
     floor = cells[cells[:, 2] == 0]
     if len(floor) == 1:
         detail = (
-            "got one cell on the floor, expected two or more: the first link has to lie flat. "
-            "Lay the shape on another side."
+            "got one cell on the floor, expected two or more, because the first link lies flat. "
+            "Turn the shape onto another side."
         )
         return _no_path(side, "no-path", detail, tuples(floor))
     margin = stands(cells)
@@ -83,15 +83,16 @@ def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
         faults = faults_of(side.cells[found.order])
         if not faults:
             return found.order, None
-        detail = f"no path was found that stands all the time: {faults[0].detail} {REMEDY}"
+        detail = f"no path was found that stays balanced throughout: {faults[0].detail} {REMEDY}"
         return None, _no_path(side, "not-stable", detail, faults[0].cells)
     if found.status == "undecided":
-        detail = f"no path from the floor up was found, and none ruled out. {REMEDY}"
+        detail = f"no path from the floor up was found, but one may exist. {REMEDY}"
         return None, _no_path(side, "no-path", detail, may_fall=True)
     free = climbed(side.cells, seed=seed, hairpins_allowed=True)
     if free.status == "found":
         return None, _hairpins_only(side, "every path from the floor up")
-    detail = f"the solver {'proved' if free.status == 'infeasible' else 'found'} no path from the "
+    proved = "proved that no path exists" if free.status == "infeasible" else "found no path"
+    detail = f"the search {proved} from the "
     return None, _no_path(side, "no-path", f"{detail}floor up. {REMEDY}", may_fall=True)
 
 

@@ -150,7 +150,7 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     numbers = np.rint(frames.time_s / (every * told["step_s"])).astype(np.int64)
     numbers[-1] = len(angles) - 1
     if (np.diff(numbers) < 0).any() or numbers[0] < 0 or numbers.max() >= len(angles):
-        yield f"{name}: the frames are not at its times"
+        yield f"{name}: the frames do not have its times"
         return
     yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=STEP_RAD)
     held = np.searchsorted(numbers, np.arange(len(angles)), side="right") - 1

@@ -118,7 +118,7 @@ def verify(
         if not changed:
             raise
         more = "" if len(changed) <= MOST_TOLD else f", and {len(changed) - MOST_TOLD} more"
-        told = f"{error} Not as it was written: {'; '.join(changed[:MOST_TOLD])}{more}."
+        told = f"{error} Changed since it was written: {'; '.join(changed[:MOST_TOLD])}{more}."
         if isinstance(error, InputError):
             raise InputError(error.code, told) from error
         raise TimelineError(told) from error
@@ -132,7 +132,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
     found.look("plan.json and plan.npz say the same", forms_differ(plan, npz, text))
     earlier = npz["format"] in EARLIER
     timeline, frames = opened(directory / "timeline.zarr")
-    found.look("timeline.zarr is of this chain", chain_differs(timeline, plan))
+    found.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
     try:
         record, playback = results(plan, frames)
         if record is None and plan.explosion is not None:
@@ -143,7 +143,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
             "not-a-plan", f"the results in plan.npz cannot be read ({error}); plan the fold again."
         ) from error
     if not earlier:
-        found.look("plan.npz holds all that a plan has", lacking(plan, npz, record, playback))
+        found.look("plan.npz is complete", lacking(plan, npz, record, playback))
     if playback is not None:
         found.look("timeline.zarr shows the plan's playback", playback_differs(plan, playback))
         found.look(
@@ -166,7 +166,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
         alone = ", but for what only the simulation knew: torques, largest error between frames"
         told = ToldFigures(plan, npz["certificate"], record, playback, earlier=earlier)
         found.look(
-            f"the certificate's figures come out again{alone if simulated else ''}",
+            f"the certificate's figures were computed again and agree{alone if simulated else ''}",
             told.differences(certificate, found.notes),
         )
     reason = None
@@ -174,8 +174,8 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
         reason = reason_of(directory, plan, found.notes)
         if reason is not None:
             found.look(
-                "the reason why it stuck holds",
-                (f"the reason why it stuck: {difference}" for difference in reason.differences),
+                "the reason why it stalled was confirmed",
+                (f"the reason why it stalled: {difference}" for difference in reason.differences),
             )
     model = _text(directory / "model.xml")
     found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))

@@ -157,7 +157,7 @@ async def get_trajectory(
     response_class=Response,
     responses={
         200: {
-            "description": "A row for each joint, and whether given motors would do",
+            "description": "One row per joint, and whether the given motors are strong enough",
             "content": {"application/json": {}, "text/csv": {}},
         },
         **problems(404, 409, 413, 422, 429, 503),

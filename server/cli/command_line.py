@@ -64,7 +64,7 @@ def application() -> typer.Typer:
     def foldback(
         version: Annotated[
             bool,
-            typer.Option("--version", callback=_version, is_eager=True, help=("Show the version.")),
+            typer.Option("--version", callback=_version, is_eager=True, help="Show the version."),
         ] = False,
     ) -> None:
         """Plan how a straight chain of modules folds into a solid."""

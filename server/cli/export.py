@@ -26,8 +26,8 @@ def export(
         typer.Option(
             "--as",
             metavar="NAMES",
-            help=f"Formats, separated by commas: {', '.join(e.name for e in EXPORTS)}. All if none "
-            "is given.",
+            help=f"Formats, separated by commas: {', '.join(e.name for e in EXPORTS)}. "
+            "Default: all.",
         ),
     ] = None,
     as_json: AsJson = False,

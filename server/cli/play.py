@@ -156,12 +156,12 @@ def play(
         bool,
         typer.Option(
             "--viser",
-            help="In a plain viser server, as programs get it from web.viser.show: "
-            "the poses are streamed, and one slider moves them for everybody.",
+            help="Use a plain viser server, like web.viser.show: poses are streamed, and one "
+            "slider moves the view for everyone.",
         ),
     ] = False,
 ) -> None:
-    """Look at a fold's directory in the browser."""
+    """Show a fold's directory in the browser."""
     try:
         name = row_of(directory).name
         if viser:

@@ -60,7 +60,7 @@ def refold(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Unfold a folded chain and fold it into another shape; exits as `fold` does."""
+    """Unfold a folded chain and fold it into another shape; exits like `fold`."""
     begins: Chain | None = None
     try:
         request = Request.of(

@@ -60,7 +60,7 @@ def retime(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Give a plan time stamps within a robot's limits; exits 3 when it would not do."""
+    """Add time stamps to a plan within a robot's limits. Exits with 3 if it is unsuitable."""
     try:
         form = _form(out)
         if module_mass is None and (motor_torque is not None or table is not None):

@@ -64,7 +64,7 @@ def servos(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """List the servos that would do for a torque; exits 3 when none would."""
+    """List servos that are strong enough for a torque. Exits with 3 if there are none."""
     try:
         pitch_m = 1e-3 * pitch_mm
         casing = (

@@ -31,7 +31,7 @@ def smooth(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make a folding shorter and quieter, as clear as before; exits as `fold` does."""
+    """Make a motion shorter and smoother without losing clearance; exits like `fold`."""
     try:
         request = Request.of(seed=seed, module_size=module_size)
         request.check()

@@ -53,7 +53,7 @@ def table(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell whether a plan rests on a table, and what that asks of its hinges.
+    """Check if a plan works on a table, and compute the joint torques.
 
     Exits with 3 when it does not rest.
     """

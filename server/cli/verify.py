@@ -37,7 +37,7 @@ def verify(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check a plan anew: its files against each other, its figures, and by plain MuJoCo."""
+    """Check a plan again: its files, its figures, and a replay in plain MuJoCo."""
     try:
         request = Request.of(module_size=module_size)
         request.check()

@@ -35,11 +35,11 @@ def confinement(settings: Settings) -> Finding:
     code, words = run_python(_CONFINE, str(settings.root / "foldback.db"))
     free = words.split()[1:]
     if code or not words.startswith("free"):
-        found = f"what they may touch could not be tried ({words})"
+        found = f"their sandbox could not be tested ({words})"
     elif free:
-        found = f"this kernel does not keep them from foreign {' and '.join(free)}"
+        found = f"this kernel does not protect foreign {' and '.join(free)}"
     else:
-        words = "kept from foreign files, signals and sockets by Landlock and seccomp"
+        words = "isolated from foreign files, signals and sockets by Landlock and seccomp"
         return Finding(name=name, verdict="ok", found=words)
     return Finding(
         name=name,

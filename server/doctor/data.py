@@ -44,33 +44,36 @@ def directory(settings: Settings) -> Finding:
             name=name,
             verdict="problem",
             found=found,
-            remedy="Give it to the user that runs foldback, or name another in FOLDBACK_DATA_DIR.",
+            remedy=(
+                "Make it writable for the user that runs foldback, or set FOLDBACK_DATA_DIR to "
+                "another one."
+            ),
         )
     kind = _kind_of_disk(there)
     free = shutil.disk_usage(there).free
     found = f"{root} on {kind}, {free // 2**20} MiB free"
     if root != there:
-        found += "; it will be made"
+        found += "; it will be created"
     if free < settings.min_free_disk_bytes:
         return Finding(
             name=name,
             verdict="problem",
             found=f"{found}, of which {settings.min_free_disk_bytes // 2**20} MiB must stay so",
-            remedy="Make room (`foldback admin expire --older DAYS`), or use a larger disk.",
+            remedy="Free some space (`foldback admin expire --older DAYS`), or use a larger disk.",
         )
     if kind in NETWORK and settings.database_url is None:
         return Finding(
             name=name,
             verdict="warning",
             found=f"{found}; SQLite is not safe on a network disk",
-            remedy="Use a local disk, or PostgreSQL by FOLDBACK_DATABASE_URL.",
+            remedy="Use a local disk, or PostgreSQL with FOLDBACK_DATABASE_URL.",
         )
     if kind in PASSING:
         return Finding(
             name=name,
             verdict="warning",
-            found=f"{found}; it is gone after a restart",
-            remedy="Name a directory on a disk in FOLDBACK_DATA_DIR.",
+            found=f"{found}; its content is lost after a restart",
+            remedy="Set FOLDBACK_DATA_DIR to a directory on a disk.",
         )
     return Finding(name=name, verdict="ok", found=found)
 
@@ -106,23 +109,25 @@ def _tables(name: str, url: str, connection: sa.Connection) -> Finding:
             name=name,
             verdict="problem",
             found=f"{found}, which a newer foldback wrote; this one knows {schema.head}",
-            remedy="Install that one again, or restore a backup of the time before.",
+            remedy="Install the newer version again, or restore an older backup.",
         )
     if schema.found is None:
-        return Finding(name=name, verdict="ok", found=f"{_shown(url)}, empty; tables will be made")
+        return Finding(
+            name=name, verdict="ok", found=(f"{_shown(url)}, empty; tables will be created")
+        )
     if schema.behind:
         return Finding(
             name=name,
             verdict="warning",
             found=f"{found}, {schema.behind} behind {schema.head}",
-            remedy="Back it up; `foldback serve` brings it up as it starts.",
+            remedy="Back it up; `foldback serve` updates it at start.",
         )
     if ahead_s > APART_S:
         return Finding(
             name=name,
             verdict="warning",
             found=f"{found}; its clock and this machine's are {ahead_s:.0f} s apart",
-            remedy="Let both clocks be set by NTP.",
+            remedy="Synchronise both clocks with NTP.",
         )
     return Finding(name=name, verdict="ok", found=found)
 
@@ -135,7 +140,7 @@ def jobs(settings: Settings) -> Finding:
 def _queue(name: str, url: str, connection: sa.Connection) -> Finding:
     schema = "dbos" if connection.dialect.name == "postgresql" else None
     made = sa.inspect(connection).has_table(JOBS_TABLE, schema=schema)
-    found = _shown(url) if made else f"{_shown(url)}, empty; tables will be made"
+    found = _shown(url) if made else f"{_shown(url)}, empty; tables will be created"
     return Finding(name=name, verdict="ok", found=found)
 
 
@@ -167,7 +172,7 @@ def storage(settings: Settings) -> Finding:
         _check_storage(settings)
     except Exception as error:  # each kind of storage has its own kinds of error
         if settings.storage_url is None:
-            remedy = "Give it to the user that runs foldback."
+            remedy = "Make it writable for the user that runs foldback."
         else:
             remedy = "Check FOLDBACK_STORAGE_URL, the AWS_… variables and the bucket's policy."
         words = str(error).partition("\n")[0][:200]
@@ -228,7 +233,7 @@ def _unusable(name: str, url: str, setting: str, error: Exception) -> Finding:
     said = getattr(error, "orig", None) or error
     words = str(said).strip().partition("\n")[0][:200]
     if "not a database" in words or "malformed" in words:
-        remedy = "Move it away and restore a backup; without one a new one is made."
+        remedy = "Move it away and restore a backup; without a backup, a new one is created."
     else:
         remedy = f"Start it, or check {setting}."
     return Finding(

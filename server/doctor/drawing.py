@@ -75,12 +75,14 @@ def kernels(settings: Settings) -> Finding:
     del settings
     code, words = run_python(_COMPILE)
     if code == 0:
-        return Finding(name="kernels", verdict="ok", found=f"compiled ones are kept in {words}")
+        return Finding(
+            name="kernels", verdict="ok", found=(f"compiled kernels are stored in {words}")
+        )
     return Finding(
         name="kernels",
         verdict="problem",
         found=f"they cannot be used ({words})",
-        remedy="Name a directory that can be written in NUMBA_CACHE_DIR.",
+        remedy="Set NUMBA_CACHE_DIR to a writable directory.",
     )
 
 

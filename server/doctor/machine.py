@@ -60,7 +60,7 @@ def python(settings: Settings) -> Finding:
             name=name,
             verdict="problem",
             found=f"{here}; {'; '.join(wrong)}",
-            remedy="Install foldback anew into an environment of its own.",
+            remedy="Reinstall foldback into an environment of its own.",
         )
     where = Path(str(distribution("foldback").locate_file(""))).resolve()
     return Finding(name=name, verdict="ok", found=f"{here} in {where}; {count} packages fit")
@@ -70,7 +70,7 @@ def variables(settings: Settings) -> Finding:
     """Whether each variable that looks like a setting is one."""
     unknown = unknown_names(os.environ)
     if not unknown:
-        words = f"{len(settings.model_fields_set)} set, all others as usual"
+        words = f"{len(settings.model_fields_set)} set, all others at their defaults"
         return Finding(name="settings", verdict="ok", found=words)
     return Finding(
         name="settings",
@@ -84,7 +84,7 @@ def port(settings: Settings) -> Finding:
     """Whether ``serve`` can listen where it is told to."""
     name, place = "port", f"{settings.host}:{settings.port}"
     if settings.port == 0:
-        return Finding(name=name, verdict="ok", found="a free one is taken (port 0)")
+        return Finding(name=name, verdict="ok", found="a free port is picked (port 0)")
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     try:
         with socket.socket(family) as listener:
@@ -100,7 +100,7 @@ def port(settings: Settings) -> Finding:
                 name=name,
                 verdict="problem",
                 found=f"another program listens at {place}",
-                remedy="Set FOLDBACK_PORT to a free port, or end that program.",
+                remedy="Set FOLDBACK_PORT to a free port, or stop that program.",
             )
         return Finding(
             name=name,
@@ -224,7 +224,7 @@ def clock(settings: Settings) -> Finding:
             name="clock",
             verdict="warning",
             found=f"it says {shown}, and files were written {_hours(past - now)} later than that",
-            remedy="Set it, and let it be set by NTP: folds expire by it.",
+            remedy="Set the clock and synchronise it with NTP, because folds expire by it.",
         )
     return Finding(name="clock", verdict="ok", found=shown)
 

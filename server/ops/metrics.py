@@ -29,18 +29,18 @@ class Metrics:
         ProcessCollector(registry=self._registry)
         self._seconds = Histogram(
             "foldback_request_seconds",
-            "Time to the end of an answer; event streams last as long as they are followed.",
+            "Duration of answers; event streams count until they are closed.",
             ("method", "route", "status"),
             buckets=BUCKETS_S,
             registry=self._registry,
         )
         self.in_progress = Gauge(
             "foldback_requests_in_progress",
-            "Requests that are being answered, event streams among them.",
+            "Requests in progress, event streams included.",
             registry=self._registry,
         )
         self._websockets = Gauge(
-            "foldback_websockets_open", "Views and robots that are open.", registry=self._registry
+            "foldback_websockets_open", "Open views and robots.", registry=self._registry
         )
 
     def count(self, *, method: str, route: str, status: int, seconds: float) -> None:
@@ -58,7 +58,7 @@ class Metrics:
 
         Args:
             figures: Those of the rows; None when the database does not answer.
-            streams: Event streams that are open.
+            streams: Open event streams.
             robots: Robots that are being driven.
         """
         rows = CollectorRegistry(auto_describe=False)
@@ -72,7 +72,7 @@ class _Open(Collector):
         self._counts = counts
 
     def collect(self) -> Iterable[GaugeMetricFamily]:
-        words = {"streams": "Event streams that are open.", "robots": "Robots that are driven."}
+        words = {"streams": "Open event streams.", "robots": "Connected robots."}
         for name, count in self._counts.items():
             yield GaugeMetricFamily(f"foldback_{name}_open", words[name], value=count)
 
@@ -97,8 +97,8 @@ class _Rows(Collector):
         yield _gauge("queue_length", "Folds that wait for a worker.", found.folds["queued"])
         words = "Age of the fold that waits for longest."
         yield _gauge("queue_oldest_seconds", words, found.oldest_queued_s)
-        yield _gauge("workers", "Workers that live.", found.workers)
-        yield _gauge("storage_bytes", "What the files of folds take.", found.storage_bytes)
+        yield _gauge("workers", "Live workers.", found.workers)
+        yield _gauge("storage_bytes", "Size of the files of all folds.", found.storage_bytes)
         words = "Time to compute a fold, of those that ended within the last hour."
         seconds = _by("fold_seconds_lately", words, "quantile")
         for quantile in QUANTILES if found.computed_s else ():

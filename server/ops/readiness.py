@@ -83,11 +83,11 @@ class Readiness:
         if self._settings.read_only:
             reasons.insert(0, READ_ONLY_WORDS)
         elif database == OK and not workers and self._settings.workers:
-            reasons.append("no worker lives")
+            reasons.append("no worker is running")
         if compiled is not None:
             reasons.append(f"kernels are being compiled ({compiled:.0%})")
         if self._ending.is_set():
-            reasons.append("the service is ending")
+            reasons.append("the service is stopping")
         return State(
             database=database, disk=disk, storage=storage, workers=workers, reasons=tuple(reasons)
         )

@@ -28,7 +28,7 @@ EXPECTED: Final = {
     "less_than_equal": "at most {le}",
 }
 """Words for what is expected, by pydantic's kind of error."""
-REMEDY: Final = "Set it so, or unset it; docs/operations.md lists all settings."
+REMEDY: Final = "Correct it, or unset it; docs/operations.md lists all settings."
 LONGEST: Final = 60
 """Characters of a value that an error repeats."""
 

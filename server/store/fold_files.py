@@ -45,7 +45,9 @@ class NoSuchFoldError(NoSuch):
     """There is no fold with this id."""
 
     def __init__(self, fold_id: str) -> None:
-        super().__init__("no-such-fold", "There is no fold at this address; it may be deleted.")
+        super().__init__(
+            "no-such-fold", ("There is no fold at this address; it may have been deleted.")
+        )
 
 
 class Folders:

@@ -202,7 +202,7 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     assert told[0][3] == f"× {ratio:.2f}"
     assert len(told) == len(plan.smoothing["after"])
     keep(page, "smoothed")
-    page.get_by_role("link", name="Compare on one playhead").click()
+    page.get_by_role("link", name="Compare side by side").click()
     page.wait_for_url(f"**/compare?a={wrench}&b={smoothed}")
     expect(page.locator("#side-1")).to_contain_text("smoothed")
 
@@ -227,10 +227,10 @@ def test_motors_are_judged_and_a_movie_is_made(offered: Page, tmp_path: Path) ->
     robot.locator("[name=motor_torque]").fill("0.001")
     robot.get_by_role("button").click()
     said = page.locator(".movie-state").nth(1)
-    expect(said).to_contain_text("would not do")
+    expect(said).to_contain_text("No: ")
     robot.locator("[name=motor_torque]").fill("100000")
     robot.get_by_role("button").click()
-    expect(said).to_contain_text("would do")
+    expect(said).to_contain_text("Yes: ")
     movie = page.locator("form.options").nth(0)
     movie.locator("[name=format]").select_option("gif")
     movie.locator("[name=seconds]").select_option("6")

@@ -113,7 +113,7 @@ def test_the_verdict_names_the_joint_that_is_too_weak(
     assert told.would_do is None
     weak = motor_table(chain, trajectory, HELD, motor_torque_nm=0.9 * need)
     assert weak.would_do is False
-    assert weak.verdict.startswith(f"would not do: joint_1_z needs {need:.3g} N·m at frame ")
+    assert weak.verdict.startswith(f"No: joint_1_z needs {need:.3g} N·m at frame ")
     strong = motor_table(chain, trajectory, HELD, motor_torque_nm=1.1 * need)
     assert strong.would_do is True
     row = strong.as_dict()["joints"][0]

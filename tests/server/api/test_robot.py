@@ -329,7 +329,7 @@ def test_motors_are_judged(service: Service, finished: Finished) -> None:
     asked = {"module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
     weak = service.http.get(here, params=asked).json()
     assert weak["would_do"] is False
-    assert weak["verdict"].startswith("would not do: joint_")
+    assert weak["verdict"].startswith("No: joint_")
     strong = service.http.get(here, params={**asked, "motor_torque": 100}).json()
     assert strong["would_do"] is True
     assert strong["joints"][0]["peak_torque_nm"] == weak["joints"][0]["peak_torque_nm"]

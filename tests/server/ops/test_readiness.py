@@ -52,7 +52,7 @@ def test_without_a_worker_it_is_not_ready(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path, workers=1)
     store = Store(settings)
     stats = Stats(settings, Leases.of(settings, store))
-    assert Readiness(settings, stats).state().reasons == ("no worker lives",)
+    assert Readiness(settings, stats).state().reasons == ("no worker is running",)
     stats.close()
     store.close()
 
@@ -82,7 +82,7 @@ def test_it_says_so_while_it_ends(here_with: Callable[..., ServiceHere]) -> None
         while (answer := other.get("/ready")).status_code == 200:
             time.sleep(0.02)
         assert answer.status_code == 503
-        assert answer.json()["reasons"] == ["the service is ending"]
+        assert answer.json()["reasons"] == ["the service is stopping"]
         assert other.get("/health").status_code == 200
     assert service.stop() == 0
 

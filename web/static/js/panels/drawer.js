@@ -119,6 +119,6 @@ export class Drawer {
       element("tbody", {}, ...rows.map(({ label, ...values }) =>
         element("tr", {}, element("th", { scope: "row" }, label), ...Object.values(values).map((text) => element("td", {}, text))))));
     return element("div", { class: "group" }, element("h3", {}, BEFORE_AFTER), rows.length ? table : null,
-      element("p", { class: "hint" }, note), compare ? element("a", { class: "button", href: compare }, "Compare on one playhead") : null);
+      element("p", { class: "hint" }, note), compare ? element("a", { class: "button", href: compare }, "Compare side by side") : null);
   }
 }
