@@ -20,9 +20,9 @@ MAX_ADDED: Final = 24
 MAX_ADDED_SHARE: Final = 0.1
 """The same as a share of the cells; the smaller of the two applies. Chosen."""
 MAX_COMPARED: Final = 16
-"""Candidate cells compared for each added cell. More find smaller repairs and take longer. Chosen."""
+"""Candidate cells compared for each added cell. More find smaller repairs, more slowly. Chosen."""
 MAX_TRIED: Final = 6
-"""Single cells tried where no obstacle is left and there is no path. Each costs up to 1 s. Chosen."""
+"""Single cells tried where no obstacle is left and there is no path, about 1 s each. Chosen."""
 APART: Final = 1000
 """Weight of a layer in several parts against one cell too many of a colour."""
 
@@ -90,7 +90,7 @@ def _obstacles_removed(cells: Ints) -> list[Cell] | None:
 
 
 def _trouble(cells: set[Cell]) -> int:
-    """Return by how much a shape and its layers miss a path; 0 where nothing is known against it."""
+    """Return by how much a shape and its layers miss a path; 0 where no obstacle is known."""
     array = np.array(sorted(cells), dtype=np.int64)
     return _amount(array) + sum(
         _amount(array[array[:, 2] == height]) for height in np.unique(array[:, 2])

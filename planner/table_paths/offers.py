@@ -90,6 +90,8 @@ def table_offers(
 def _of_cells(
     shape: Shape, options: PathOptions, seed: int, over: Callable[[], bool]
 ) -> Iterator[Offer]:
+    if over():
+        return
     if not options.repair and (added := cells_to_add(shape.cells, seed)):
         yield _repair(shape, added)
     if options.method != "blocks" and not over() and _has_path(doubled(shape), seed, turned=True):
@@ -101,6 +103,8 @@ def _of_solid(
 ) -> Iterator[Offer]:
     asked = DEFAULT_MODULES if options.modules is None else options.modules
     plain = {"method": "auto", "repair": False}
+    if over():
+        return
     shape = voxelise(solid, cells=asked, seed=seed).shape
     if not options.repair and (added := cells_to_add(shape.cells, seed)):
         yield replace(_repair(shape, added), change={"method": "auto", "repair": True})

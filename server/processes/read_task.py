@@ -6,6 +6,7 @@ Solvers are loaded where they are needed: most uploads are paths.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -144,6 +145,35 @@ def preview(directory: Path) -> dict[str, Any]:
     )
     write_json(directory / "report.json", made.report())
     return {"kind": made.kind}
+
+
+def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
+    """Write ``offers.json`` beside the report of a preview that has no path for a table.
+
+    Args:
+        directory: Directory of the preview's options.
+        cancelled: True once the client has left; the search then ends with what it has found.
+
+    Raises:
+        InputError: When the input can't be used.
+    """
+    from planner.table_paths.offers import table_offers
+
+    request = json.loads((directory / "request.json").read_bytes())
+    data = (directory.parent / "input").read_bytes()
+    options = options_of(request)
+    found = read(data, filename=request["filename"], as_voxels=options.as_voxels)
+    made: list[dict[str, Any]] = []
+    if not isinstance(found, Chain | CellPath):
+        limit = request["time_limit_s"]
+        search = table_offers(
+            found, options, seed=request["seed"], time_limit_s=limit, cancelled=cancelled
+        )
+        made = [offer.report() for offer in search]
+    if cancelled():
+        return {"status": "cancelled"}
+    write_json(directory / "offers.json", {"offers": made})
+    return {"offers": len(made)}
 
 
 def _note(directory: Path, cells: NDArray[Any]) -> None:
