@@ -24,7 +24,7 @@ SEARCH_S: Final = 20.0
 """Seconds for all offers of one shape. A larger value finds more of them, later. Chosen."""
 MAX_COUNTS: Final = 12
 """Module counts tried on each side of the one asked for. Chosen."""
-MAX_BLOCK_COUNTS: Final = 5
+MAX_BLOCK_COUNTS: Final = 9
 """Counts tried for 2×2×2 modules. Chosen."""
 
 
@@ -67,7 +67,10 @@ def table_offers(
     time_limit_s: float = SEARCH_S,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Iterator[Offer]:
-    """Search for changes with which a chain can fold on a table, the smallest change first.
+    """Search for changes with which a chain can fold on a table.
+
+    Of a solid, 2×2×2 modules come first, since they are found soonest; then a repair, then the
+    nearest counts. Of cells, a repair comes first.
 
     Args:
         found: What was read.
@@ -105,9 +108,6 @@ def _of_solid(
     plain = {"method": "auto", "repair": False}
     if over():
         return
-    shape = voxelise(solid, cells=asked, seed=seed).shape
-    if not options.repair and (added := cells_to_add(shape.cells, seed)):
-        yield replace(_repair(shape, added), change={"method": "auto", "repair": True})
     blocks = round(asked / BLOCK)
     tries = [blocks, *(blocks + k * sign for k in range(1, MAX_BLOCK_COUNTS) for sign in (-1, 1))]
     for count in tries[:MAX_BLOCK_COUNTS]:
@@ -120,6 +120,11 @@ def _of_solid(
             change = {**plain, "method": "blocks", "modules": BLOCK * count}
             yield Offer(kind="blocks", modules=len(fine), change=change)
             break
+    if over():
+        return
+    shape = voxelise(solid, cells=asked, seed=seed).shape
+    if not options.repair and (added := cells_to_add(shape.cells, seed)):
+        yield replace(_repair(shape, added), change={"method": "auto", "repair": True})
     for count in _counts(solid, asked, seed, over):
         yield Offer(kind="modules", modules=count, change={**plain, "modules": count})
 

@@ -299,7 +299,8 @@ class Previews:
         except InputError as error:
             raise Unusable.of(error) from None
         except ChildError as error:
-            raise _problem(error, self._settings.preview_seconds) from None
+            if error.code != "time-limit" or not (place / OFFERS).is_file():
+                raise _problem(error, self._settings.preview_seconds) from None
         found = _json_at(place / OFFERS)
         if found is None:
             raise Unavailable("gone", "Nobody waited for these offers any more.")

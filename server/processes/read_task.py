@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from planner.pathfinding.options import PathOptions
 
 LARGEST_DRAWING: Final = 4000
+OFFERS_FACTOR: Final = 2.0
+"""Time for offers, in times for the search of one path. Together with the last shape, which is not
+interrupted, it stays below the wall time of a preview. Chosen."""
 PATH_OPTIONS: Final = (
     "module",
     "modules",
@@ -165,14 +168,15 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     found = read(data, filename=request["filename"], as_voxels=options.as_voxels)
     made: list[dict[str, Any]] = []
     if not isinstance(found, Chain | CellPath):
-        limit = request["time_limit_s"]
+        limit = OFFERS_FACTOR * request["time_limit_s"]
         search = table_offers(
             found, options, seed=request["seed"], time_limit_s=limit, cancelled=cancelled
         )
-        made = [offer.report() for offer in search]
-    if cancelled():
-        return {"status": "cancelled"}
-    write_json(directory / "offers.json", {"offers": made})
+        for offer in search:  # what is found stays, even if the next shape takes too long
+            made.append(offer.report())
+            write_json(directory / "offers.json", {"offers": made})
+    if not made and not cancelled():
+        write_json(directory / "offers.json", {"offers": []})
     return {"offers": len(made)}
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 import trimesh
@@ -19,8 +21,9 @@ from planner.table_paths.table_paths import why_none
 HOLES = ((1, 2), (3, 2))
 SURPLUS = np.array([(x, y, 0) for x in range(5) for y in range(5) if (x, y) not in HOLES])
 """A slab with 13 cells of one chessboard colour and 10 of the other."""
-TORUS: bytes = trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
-MODULES = 30
+TORUS = cast(
+    "bytes", trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
+)
 
 
 def test_cells_to_add_to_a_surplus_of_one_colour_gives_a_path() -> None:
@@ -42,8 +45,11 @@ def test_offers_of_cells_are_a_repair_and_blocks_with_paths() -> None:
         assert not faults_of(made.cells)
 
 
-@pytest.mark.parametrize("modules", [MODULES])
-def test_offers_of_a_torus_are_what_a_fold_gets(modules: int) -> None:
+@pytest.mark.parametrize(
+    "modules",
+    [30, *(pytest.param(n, marks=pytest.mark.long) for n in (80, 100, 120, 160, 200, 240, 300))],
+)
+def test_first_offer_for_a_torus_is_what_a_fold_gets(modules: int) -> None:
     asked = PathOptions(modules=modules, world="table")
     assert not prepare(TORUS, "torus.stl", asked).chains
     solid = read(TORUS, filename="torus.stl")

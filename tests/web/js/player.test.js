@@ -321,3 +321,15 @@ test("two folds go through their phases in step", async () => {
   pair.send({ do: "select", module: 4 });
   assert.deepEqual([one.selected, two.selected], [4, 4]);
 });
+
+test("a fold without frames leaves the other one to be played", async () => {
+  const { player: one, timeline } = await shown();
+  const { player: none } = await shown();
+  none.shown = null;
+  const pair = new Pair([one, none]);
+  pair.begin();
+  assert.equal(pair.send({ do: "seek", frame: 1 }), false);
+  pair.leave(none);
+  assert.equal(pair.last, timeline.last);
+  assert.ok(pair.send({ do: "seek", frame: 1 }));
+});
