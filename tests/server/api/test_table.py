@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from io import BytesIO
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
+import trimesh
 
 from planner.pipeline.expected_cost import expected_cost
 from planner.pipeline.request import Request
@@ -188,3 +190,22 @@ def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(desk: Serv
     assert desk.http.post("/api/shapes/offers", data={**same, **change}).json() == {"offers": []}
     missing = desk.http.post("/api/shapes/offers", data={**form, "preview": "0" * 20})
     assert missing.status_code == 404
+
+
+def test_gallery_card_under_on_a_table_folds_on_a_table(desk: Service) -> None:
+    page = desk.http.get("/gallery?world=table").text
+    assert 'action="/gallery/mallet-24?world=table"' in page
+    answer = desk.http.post("/gallery/mallet-24?world=table", follow_redirects=False)
+    assert answer.status_code == 303
+    fold = answer.headers["location"].rpartition("/")[2]
+    assert desk.http.get(f"/api/folds/{fold}").json()["world"] == "table"
+
+
+def test_mesh_folded_again_on_a_table_has_the_same_blocks(desk: Service) -> None:
+    data = trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
+    file = {"file": ("torus.stl", cast("bytes", data))}
+    floating = desk.http.post("/api/folds", files=file, data={"modules": "160"}).json()
+    again = desk.http.post("/api/folds", data={"fold": floating["id"], "world": "table"})
+    assert again.status_code == 202, again.text
+    directory = desk.directory(again.json()["id"])
+    assert json.loads((directory / "request.json").read_bytes())["method"] == "blocks"

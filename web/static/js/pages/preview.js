@@ -226,7 +226,7 @@ function show(told) {
 
   const problems = feasibility?.problems ?? [];
   trouble(
-    onTable() ? "There is no path for a table" : feasibility?.feasible === false ? "There is no path through these cells" : "No path was found",
+    onTable() ? `This shape can’t be folded on a table at ${whole(modules)} modules` : feasibility?.feasible === false ? "There is no path through these cells" : "No path was found",
     problems.map(({ detail }) => detail),
     path ? [] : onTable() ? [floating()] : repairs(feasibility),
   );
