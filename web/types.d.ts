@@ -385,6 +385,13 @@ interface FoldsMade { folds: FoldMade[]; next: string | null; total: number }
 interface PreviewMade { id: string; title: string; module: string; modules: number; created_at: string; expires_at: string; page: string; drawing: string }
 interface MovieMade { title: string; created_at: string; movie: Movie }
 interface Repair { add: number[][]; drop: number[][]; detail: string; doubled: boolean; modules: number }
+interface TableOffer {
+  kind: "repair" | "modules" | "blocks";
+  modules: number;
+  change: { modules: number | null; method: "auto" | "blocks" | null; repair: boolean | null };
+  added: number[][];
+}
+
 interface Report {
   id: string;
   kind: "mesh" | "voxels" | "path" | "chain";
@@ -404,7 +411,7 @@ interface Report {
   expected_as_published_s: number;
   expected_preferred_s: number;
   knot: { verdict: "unknot" | "knotted" | "undecided"; determinant: number | null } | null;
-  feasibility: { feasible: boolean; problems: { code: string; detail: string }[]; repairs: Repair[] } | null;
+  feasibility: { feasible: boolean; problems: { code: string; detail: string; cells: number[][] }[]; repairs: Repair[] } | null;
   notes: string[];
   cells: number[][];
   links: { page: string };

@@ -135,7 +135,6 @@ class Request:
             ("module", "module"),
             ("strategy", "strategy"),
             ("prefer", "preference"),
-            ("method", "path method"),
             ("ends", "choice of ends"),
         ):
             if (got := getattr(self, name)) != getattr(plain, name):
@@ -144,12 +143,17 @@ class Request:
                     f"got the {what} {got} for a fold on a table, expected "
                     f"{getattr(plain, name)}; take the world floating for others.",
                 )
-        if self.repair or self.start is not None:
-            what = "repair of the shape" if self.repair else "cell to start in"
+        if self.method not in ("auto", "blocks"):
             raise InputError(
                 "unsuited-world",
-                f"got a {what} for a fold on a table, expected none: its path is chosen so that it "
-                "rests; take the world floating for that.",
+                f"got the path method {self.method} for a fold on a table, expected auto or "
+                "blocks; take the world floating for others.",
+            )
+        if self.start is not None:
+            raise InputError(
+                "unsuited-world",
+                "got a cell to start in for a fold on a table, expected none: its path is chosen "
+                "so that it rests; take the world floating for that.",
             )
         if self.refold or self.smooth:
             raise InputError(

@@ -7,11 +7,14 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.pathfinding.blocks import halved
 from planner.pathfinding.feasibility import Feasibility, Problem
+from planner.pathfinding.fill_cubes import BLOCK, doubled
 from planner.pathfinding.filled import Filled
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
+from planner.table_paths.mending import added_words, cells_to_add, with_cells
 from planner.table_paths.reasons import NoPath, closest, most_telling, ruled_out
 from planner.table_paths.resting import sides_of
 from planner.table_paths.table_paths import paths_or_reasons
@@ -28,26 +31,34 @@ SIDES: dict[str, str] = {
 
 
 class TableCubes:
-    """One cube in each cell; see ``planner.pathfinding.filling.Filling``."""
+    """One cube in each cell, or eight; see ``planner.pathfinding.filling.Filling``."""
 
     def cells_for(self, options: PathOptions) -> int:
         """How many cells a solid should be voxelised into."""
-        return DEFAULT_MODULES if options.modules is None else options.modules
+        modules = DEFAULT_MODULES if options.modules is None else options.modules
+        return max(1, round(modules / BLOCK)) if options.method == "blocks" else modules
 
     def modules_of(self, shape: Shape, options: PathOptions) -> int:
-        """One for each cell."""
-        del options
-        return len(shape)
+        """One for each cell, or eight."""
+        return BLOCK * len(shape) if _doubles(shape, options, of_solid=False) else len(shape)
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
         """Finds chains through cells; a shape that was drawn as a mesh keeps standing."""
-        del options, time_limit_s
+        del time_limit_s
         notes: tuple[str, ...] = ()
-        paths, reasons = paths_or_reasons(shape.cells, seed=seed, turned=not of_solid)
+        doubles = _doubles(shape, options, of_solid=of_solid)
+        if doubles:
+            shape = doubled(shape)
+        turned = not of_solid
+        paths, reasons = paths_or_reasons(shape.cells, seed=seed, turned=turned)
+        if not paths and options.repair and (added := cells_to_add(shape.cells, seed)):
+            shape = with_cells(shape, added)
+            paths, reasons = paths_or_reasons(shape.cells, seed=seed, turned=False)
+            notes = (f"Repaired: {added_words(added)}",)
         if paths and paths[0].down != "-z":
-            notes = (f"It lies on its {SIDES[paths[0].down]} side.",)
+            notes = (*notes, f"It lies on its {SIDES[paths[0].down]} side.")
         cells = paths[0].cells if paths else shape.cells
         return Filled(
             chains=tuple(
@@ -62,9 +73,9 @@ class TableCubes:
             knot=knot_of(cells) if paths else None,
             notes=notes,
             not_started="",
-            scale=1.0,
+            scale=2.0 if doubles else 1.0,
             shift=-0.5,
-            modules_per_cell=1,
+            modules_per_cell=BLOCK if doubles else 1,
         )
 
     def check(self, shape: Shape, options: PathOptions) -> None:
@@ -73,11 +84,19 @@ class TableCubes:
         Raises:
             InputError: As ``table_paths`` does.
         """
-        del options
+        if options.repair:
+            return
+        if _doubles(shape, options, of_solid=False):
+            shape = doubled(shape)
         reasons = [ruled_out(side) for side in sides_of(shape.cells)]
         told = tuple(reason for reason in reasons if reason is not None and not reason.may_fall)
         if len(told) == len(reasons):
             raise InputError(*most_telling(told))
+
+
+def _doubles(shape: Shape, options: PathOptions, *, of_solid: bool) -> bool:
+    """Return True if each cell becomes 2×2×2 modules."""
+    return options.method == "blocks" and (of_solid or halved(shape) is None)
 
 
 def _why_none(shape: Shape, reasons: tuple[NoPath, ...]) -> Feasibility:

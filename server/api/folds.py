@@ -244,7 +244,9 @@ def post_fold(
             shape = row.shape
             world, (options, cells) = options.world, noted(context.store.directory(again))
             if world != row.world and world == "table":
-                options = replace(options, as_voxels=True)  # a path is one for a floating chain
+                # A path is one for a floating chain; a mesh became 2×2×2 modules, if not told to.
+                method = "blocks" if cells is None and options.method == "auto" else "auto"
+                options = replace(options, as_voxels=True, method=method)
             options = replace(options, world=world)  # which is asked for each time
             checked(asked, options)
             if smooth is not None and module_size is None:

@@ -449,6 +449,32 @@ class Preview(BaseModel):
         return cls.model_validate({**report, **large, **more})
 
 
+class TableChange(BaseModel):
+    """Options that an offer changes; those that are null stay as they are."""
+
+    modules: int | None = None
+    method: Literal["auto", "blocks"] | None = None
+    repair: bool | None = None
+
+
+class TableOffer(BaseModel):
+    """A version of a shape that can fold on a table: a path was found that rests all the time."""
+
+    kind: Literal["repair", "modules", "blocks"] = Field(
+        description="`repair` adds cells, `modules` takes another count, `blocks` makes 2×2×2 "
+        "modules of each voxel."
+    )
+    modules: int = Field(description="Number of modules.")
+    change: TableChange = Field(description="Options to send instead of those asked for.")
+    added: list[list[int]] = Field(description="Cells that a repair adds.")
+
+
+class TableOffers(BaseModel):
+    """Versions of a shape that can fold on a table, in the order in which they were found."""
+
+    offers: list[TableOffer]
+
+
 class FramesBody(BaseModel):
     """A stretch of a fold's timeline. Lengths are in pitches, angles in radians."""
 

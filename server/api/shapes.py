@@ -29,7 +29,7 @@ from server.api.folds import (
     problems,
     token_of,
 )
-from server.api.schemas import LONGEST_NAME, Preview, Shape, Shapes
+from server.api.schemas import LONGEST_NAME, Preview, Shape, Shapes, TableOffers
 from server.errors import NotFound, Unusable
 from server.files.previews import ShapeOptions
 from server.store.folds import hash_of
@@ -109,6 +109,40 @@ async def post_preview(
     async with leaving(request) as gone:
         preview_id, report = await run_in_threadpool(reported, gone)
     return Preview.of(preview_id, options.key, report, full=full)
+
+
+@router.post(
+    "/offers",
+    summary="Versions of a previewed shape that can fold on a table",
+    responses=problems(404, 422, 429, 503, 504, 507),
+)
+async def post_offers(
+    request: Request,
+    context: Here,
+    options: PathOptions,
+    preview: Annotated[
+        str, Form(max_length=64, pattern=ID, description="The id of an earlier preview.")
+    ],
+    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
+) -> TableOffers:
+    """Search for a repair, 2×2×2 modules and nearby counts; a client that leaves ends the search.
+
+    Take the same options as for the preview that found no path on a table. It may take as long as a
+    preview, and counts as one.
+    """
+    options = replace(options, seed=seed)
+    checked(Asked(), options)
+    visitor = context.visitor(request)
+    async with leaving(request) as gone:
+        found = await run_in_threadpool(
+            context.previews.offers,
+            preview,
+            options,
+            context.preparer,
+            visitor=visitor,
+            gone=gone,
+        )
+    return TableOffers.model_validate(found)
 
 
 def preview_row(

@@ -49,6 +49,8 @@ from server.store.object_store import Storage
 KEY: Final = re.compile(r"[0-9a-f]{24}")
 MOST_OPTION_SETS: Final = 400
 """Sets of options that are stored for one upload: of its owner, and as many of all others."""
+OFFERS: Final = "offers.json"
+"""File beside a report: the versions of the shape that can fold on a table."""
 GOING: Final = ".going-"
 """Prefix of directories that are being removed."""
 SETTLED_S: Final = 300.0
@@ -262,6 +264,49 @@ class Previews:
         self._elsewhere.keep_report(place)
         return found
 
+    def offers(
+        self,
+        preview_id: str,
+        options: ShapeOptions,
+        reader: Reader,
+        *,
+        visitor: str,
+        gone: Callable[[], bool] | None = None,
+    ) -> dict[str, Any]:
+        """Return versions of an upload that can fold on a table; searched once.
+
+        There are none for a world without gravity, and for a shape that has a path as it is.
+
+        Args:
+            preview_id: The upload's.
+            options: The options of the preview that found no path.
+            reader: The children that search.
+            visitor: Who asks.
+            gone: True once the client has left; the search ends then.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload.
+            ServiceError: When it cannot be used, took too long, or too many wait.
+        """
+        report = self.report(preview_id, options, reader, visitor=visitor, gone=gone)
+        if options.world != "table" or report["has_path"]:
+            return {"offers": []}
+        place = self.place(preview_id, options.key)
+        if (known := _json_at(place / OFFERS)) is not None:
+            return known
+        try:
+            reader.call("offers", place, visitor=visitor, cancelled=gone)
+        except InputError as error:
+            raise Unusable.of(error) from None
+        except ChildError as error:
+            if error.code != "time-limit" or not (place / OFFERS).is_file():
+                raise _problem(error, self._settings.preview_seconds) from None
+        found = _json_at(place / OFFERS)
+        if found is None:
+            raise Unavailable("gone", "Nobody waited for these offers any more.")
+        self._elsewhere.keep_report(place)
+        return found
+
     def there(self, preview_id: str) -> bool:
         """Whether an upload is there still, here or where others find it.
 
@@ -359,8 +404,13 @@ def _option_sets(directory: Path, *, of_strangers: bool) -> int:
 
 def read_report(place: Path) -> dict[str, Any] | None:
     """The report in a directory of options, if it is there."""
+    return _json_at(place / "report.json")
+
+
+def _json_at(path: Path) -> dict[str, Any] | None:
+    """Return the JSON object in a file; None where there is none."""
     try:
-        return json.loads((place / "report.json").read_bytes())
+        return json.loads(path.read_bytes())
     except (OSError, ValueError):
         return None
 

@@ -45,6 +45,7 @@ from server.pages.quantities import PRESETS, STRATEGIES, length_m, quantity, sen
 from server.pages.quantities import parameters as parameters_in_words
 from server.pages.setting_words import changed, in_a_line
 from server.pages.smoothing_words import Row, note_of, rows_of
+from server.pages.table_check import ruled_out_on_table
 from server.store.fold_files import frames_promised
 from server.store.shown import RUNNING, Found, ShownFold, has_motion
 
@@ -368,7 +369,7 @@ def _compare(found: Found) -> list[Suggestion]:
             "form": {**form, "prefer": unlike},
         }
         others = [best, *others]
-    if _may_rest(row):
+    if _may_rest(row) and not ruled_out_on_table(result(found.directory, CHAIN)):
         takes = _about(expected_seconds(row.modules, world="table"))
         rests: Suggestion = {"text": "On a table", "hint": f"With gravity, takes {takes}"}
         rests["form"] = {**form, "world": "table"}

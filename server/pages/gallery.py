@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Literal
 
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
@@ -56,10 +57,14 @@ async def gallery_page(request: Request) -> Response:
 
 
 @router.post("/gallery/{name}", response_class=HTMLResponse)
-def fold_shape(request: Request, name: str) -> Response:
+def fold_shape(
+    request: Request, name: str, world: Literal["floating", "table"] = "floating"
+) -> Response:
     """Folds an example shape and leads to its fold, for browsers that run no script."""
     try:
-        accepted = post_fold(request, context_of(request), None, ShapeOptions(), shape=name)
+        accepted = post_fold(
+            request, context_of(request), None, ShapeOptions(world=world), shape=name
+        )
     except ServiceError as error:
         problem = Problem.of(error)
         detail = message_for_people(problem.detail)

@@ -165,7 +165,7 @@ def _load(*names: str) -> None:
 
 
 def _reader(*, warm: bool) -> Task:
-    from server.processes.read_task import check, preview, warm_up
+    from server.processes.read_task import check, offers, preview, warm_up
 
     _load(MESHES)
     if warm:
@@ -181,6 +181,8 @@ def _reader(*, warm: bool) -> Task:
         # One process reads many uploads: each in a thread that gets to see that one only.
         with ThreadPoolExecutor(1) as thread:
             thread.submit(confine_thread, place).result()
+            if task == "offers":
+                return thread.submit(offers, directory, cancelled).result()
             return thread.submit({"check": check, "preview": preview}[task], directory).result()
 
     return read
@@ -193,6 +195,7 @@ def _preparer(*, warm: bool) -> Task:
     _load(
         "planner.pipeline.prepare",
         "planner.shapes.decimation",
+        "planner.table_paths.offers",
         "planner.pathfinding.filling",
         "planner.pathfinding.shape_overlap",
     )

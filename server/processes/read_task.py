@@ -6,6 +6,7 @@ Solvers are loaded where they are needed: most uploads are paths.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from planner.pathfinding.options import PathOptions
 
 LARGEST_DRAWING: Final = 4000
+OFFERS_FACTOR: Final = 2.0
+"""Time for offers, in times for the search of one path. Together with the last shape, which is not
+interrupted, it stays below the wall time of a preview. Chosen."""
 PATH_OPTIONS: Final = (
     "module",
     "modules",
@@ -144,6 +148,36 @@ def preview(directory: Path) -> dict[str, Any]:
     )
     write_json(directory / "report.json", made.report())
     return {"kind": made.kind}
+
+
+def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
+    """Write ``offers.json`` beside the report of a preview that has no path for a table.
+
+    Args:
+        directory: Directory of the preview's options.
+        cancelled: True once the client has left; the search then ends with what it has found.
+
+    Raises:
+        InputError: When the input can't be used.
+    """
+    from planner.table_paths.offers import table_offers
+
+    request = json.loads((directory / "request.json").read_bytes())
+    data = (directory.parent / "input").read_bytes()
+    options = options_of(request)
+    found = read(data, filename=request["filename"], as_voxels=options.as_voxels)
+    made: list[dict[str, Any]] = []
+    if not isinstance(found, Chain | CellPath):
+        limit = OFFERS_FACTOR * request["time_limit_s"]
+        search = table_offers(
+            found, options, seed=request["seed"], time_limit_s=limit, cancelled=cancelled
+        )
+        for offer in search:  # what is found stays, even if the next shape takes too long
+            made.append(offer.report())
+            write_json(directory / "offers.json", {"offers": made})
+    if not made and not cancelled():
+        write_json(directory / "offers.json", {"offers": []})
+    return {"offers": len(made)}
 
 
 def _note(directory: Path, cells: NDArray[Any]) -> None:

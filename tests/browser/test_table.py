@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 import pytest
+import trimesh
 from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import keep, picture
 from tests.browser.test_failures import opened
-from tests.browser.test_preview import answered, choose
+from tests.browser.test_preview import answered, choose, settled
 from tests.server.api.test_table import voxels
 from tests.server.service import Service
 
@@ -83,3 +85,23 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
 
     page.locator("#compare").click()
     expect(page.locator("#compare-ways")).to_contain_text("Floating")
+
+
+def test_a_shape_without_a_path_gets_one_on_a_click(visit: Visit) -> None:
+    page = visit("/", width=1366, height=768)
+    torus = trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
+    choose(page, "torus.stl", cast("bytes", torus))
+    page.wait_for_url(re.compile("/previews/"))
+    answered(page)
+    page.goto(page.url.partition("?")[0] + "?modules=160&world=table")
+    settled(page)
+    expect(page.locator("#odd-text")).to_contain_text("too many of")
+    expect(page.locator("#nearest button")).to_have_count(0)
+    expect(page.locator("#seeking")).to_be_empty(timeout=60_000)
+    keep(page, "table-offers-1366x768")
+    page.locator("#repairs .button.primary").click()
+    expect(page.locator("#fold")).to_be_enabled(timeout=30_000)
+    expect(page).to_have_url(re.compile("method=blocks"))
+    page.reload()
+    expect(page.locator("#fold")).to_have_text("Fold 160 modules", timeout=30_000)
+    expect(page.locator("#repaired")).to_contain_text("2×2×2")

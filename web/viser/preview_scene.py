@@ -33,6 +33,8 @@ SOLID: Final[Rgb] = (92, 120, 164)
 GHOST: Final[Rgb] = (110, 120, 134)
 GHOST_OPACITY: Final = 0.13
 SOLID_OPACITY: Final = 0.34
+SOLID_OPACITY_NO_PATH: Final = 0.1
+"""Opacity of the solid where the cells are what matters: they are seen through it."""
 ADDED_OPACITY: Final = 0.55
 AZIMUTH_RAD: Final = np.deg2rad(-54.0)
 ELEVATION_RAD: Final = np.deg2rad(26.0)
@@ -112,7 +114,7 @@ class _PreviewScene:
                 self._placed(np.asarray(mesh["vertices"], dtype=np.float64)),
                 np.asarray(mesh["faces"], dtype=np.int64),
                 color=SOLID,
-                opacity=SOLID_OPACITY,
+                opacity=SOLID_OPACITY if report["has_path"] else SOLID_OPACITY_NO_PATH,
                 flat_shading=False,
                 side="front",
                 cast_shadow=False,

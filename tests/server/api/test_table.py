@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from io import BytesIO
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
+import trimesh
 
 from planner.pipeline.expected_cost import expected_cost
 from planner.pipeline.request import Request
@@ -38,7 +40,7 @@ def asked(desk: Service, path: str = "/api/folds", **form: str) -> Any:
         ({"method": "exact"}, "unsuited-world", "got the path method exact"),
         ({"ends": "surface"}, "unsuited-world", "got the choice of ends surface"),
         ({"start": "0,0,0"}, "unsuited-world", "got a cell to start in"),
-        ({"repair": "true"}, "unsuited-world", "got a repair of the shape"),
+        ({"method": "snake"}, "unsuited-world", "got the path method snake"),
         ({"settings": "table_torque=0"}, "bad-settings", "got table_torque = '0'"),
         ({"shape": "tetra-ring"}, "unsuited-world", "got the module tetrahedron"),
     ],
@@ -170,3 +172,40 @@ def test_floating_it_is_another_fold(service: Service, resting: dict[str, Any]) 
 def test_who_wants_it_on_a_table_waits_for_it() -> None:
     floating, table = (expected_cost(64, Request(world=w)) for w in ("floating", "table"))
     assert table.expected_s > 10 * floating.expected_s
+
+
+def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(desk: Service) -> None:
+    cells = [[x, y, 0] for x in range(5) for y in range(5) if (x, y) not in ((1, 2), (3, 2))]
+    form = {"world": "table", "as_voxels": "true"}
+    file = {"file": ("slab.json", str(cells).encode())}
+    none = desk.http.post("/api/shapes/preview", files=file, data=form).json()
+    assert not none["has_path"]
+    same = {**form, "preview": none["id"]}
+    offers = desk.http.post("/api/shapes/offers", data=same).json()["offers"]
+    assert [offer["kind"] for offer in offers] == ["repair", "blocks"]
+    change = {k: v for k, v in offers[0]["change"].items() if v is not None}
+    better = desk.http.post("/api/shapes/preview", data={**same, **change}).json()
+    assert better["has_path"]
+    assert better["modules"] == offers[0]["modules"] == len(cells) + len(offers[0]["added"])
+    assert desk.http.post("/api/shapes/offers", data={**same, **change}).json() == {"offers": []}
+    missing = desk.http.post("/api/shapes/offers", data={**form, "preview": "0" * 20})
+    assert missing.status_code == 404
+
+
+def test_gallery_card_under_on_a_table_folds_on_a_table(desk: Service) -> None:
+    page = desk.http.get("/gallery?world=table").text
+    assert 'action="/gallery/mallet-24?world=table"' in page
+    answer = desk.http.post("/gallery/mallet-24?world=table", follow_redirects=False)
+    assert answer.status_code == 303
+    fold = answer.headers["location"].rpartition("/")[2]
+    assert desk.http.get(f"/api/folds/{fold}").json()["world"] == "table"
+
+
+def test_mesh_folded_again_on_a_table_has_the_same_blocks(desk: Service) -> None:
+    data = trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
+    file = {"file": ("torus.stl", cast("bytes", data))}
+    floating = desk.http.post("/api/folds", files=file, data={"modules": "160"}).json()
+    again = desk.http.post("/api/folds", data={"fold": floating["id"], "world": "table"})
+    assert again.status_code == 202, again.text
+    directory = desk.directory(again.json()["id"])
+    assert json.loads((directory / "request.json").read_bytes())["method"] == "blocks"

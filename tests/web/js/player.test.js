@@ -339,3 +339,15 @@ test("playhead_in_real_time_moves_by_the_robots_clock", async () => {
   player.send({ do: "set", speed: 2 });
   assert.deepEqual([player.is.real, player.is.speed], [false, 2]);
 });
+
+test("a fold without frames leaves the other one to be played", async () => {
+  const { player: one, timeline } = await shown();
+  const { player: none } = await shown();
+  none.shown = null;
+  const pair = new Pair([one, none]);
+  pair.begin();
+  assert.equal(pair.send({ do: "seek", frame: 1 }), false);
+  pair.leave(none);
+  assert.equal(pair.last, timeline.last);
+  assert.ok(pair.send({ do: "seek", frame: 1 }));
+});

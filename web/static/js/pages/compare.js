@@ -28,9 +28,9 @@ const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_M
  * What is said of a fold, until it is over.
  * @param {string} id
  * @param {HTMLElement} verdict
- * @param {Timeline} timeline
+ * @param {Player} player
  */
-async function follow(id, verdict, timeline) {
+async function follow(id, verdict, player) {
   for (let running = true; running;) {
     await new Promise((done) => { setTimeout(done, LOOK_MS); });
     const answer = await fetch(`/folds/${id}/facts`).catch(() => null);
@@ -41,8 +41,9 @@ async function follow(id, verdict, timeline) {
     verdict.textContent = now.verdict.text;
     verdict.dataset.tone = now.verdict.tone;
     running = now.running;
+    if (!running && !now.frames) { pair.leave(player); return; }
   }
-  timeline.finish();
+  player.timeline.finish();
 }
 
 const sides = facts.map(({ id, running }, k) => {
@@ -66,13 +67,14 @@ const sides = facts.map(({ id, running }, k) => {
   player.on("state", (/** @type {State} */ { error_rad: error }) => {
     now.textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
   });
-  if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player.timeline);
+  if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player);
   webgl.then((there) => setTimeout(() => { if (there) frame.src = "/view"; }, 1500 * k));
   return { player, stage };
 });
 const pair = new Pair(sides.map(({ player }) => player));
 offerSides(pair);
 new Keys(pair, new Bar(pair));
+facts.forEach(({ running, frames }, k) => { if (!running && !frames) pair.leave(sides[k].player); });
 pair.on("begun", () => { if (!place.go() && !calm) pair.send({ do: "play" }); });
 const colours = get("colour-by");
 colours.append(...COLOURINGS.filter(([key]) => !MEASURED.has(key)).map(([key, label]) => element("option", { value: key }, label)));

@@ -74,11 +74,13 @@ if (sieve) {
 
 for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-shape]"))) {
   card.onclick = async (event) => {
+    const { world } = wanted();
+    if (card.matches("a") && world !== "table") return; // its fold without gravity is there
     event.preventDefault();
     if (card.getAttribute("aria-busy")) return;
     card.setAttribute("aria-busy", "true");
     say("");
-    const refused = await asking(({ askForFold }) => askForFold({ shape: card.dataset.shape ?? "" }));
+    const refused = await asking(({ askForFold }) => askForFold({ shape: card.dataset.shape ?? "", ...(world ? { world } : {}) }));
     if (refused) say(refused);
     card.removeAttribute("aria-busy");
     if (get("message").textContent) get("message").scrollIntoView({ block: "center" });

@@ -126,6 +126,8 @@ const asking = later(() => import("../lib/fold_request.js"), problem);
 // One request at a time; what was chosen meanwhile is asked for next.
 async function look() {
   clearTimeout(timer);
+  seeking.abort();
+  get("seeking").textContent = "";
   if (running) { again = true; return; }
   running = true;
   busy(true);
@@ -203,8 +205,9 @@ function show(told) {
   if (resizable && !options.modules) set(modules, false);
   const asked = told.asked ?? modules;
   const nearest = asked === modules ? "" : `${whole(modules)} is the closest possible count to ${whole(asked)}`;
-  get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || "Also possible";
-  const near = [told.below, told.above].flatMap((n) => (n && n !== modules && n <= facts.most_modules ? [n] : []));
+  get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || (onTable() ? "" : "Also possible");
+  // A neighbouring count may have no path for a table: offers() shows those that were checked.
+  const near = onTable() ? [] : [told.below, told.above].flatMap((n) => (n && n !== modules && n <= facts.most_modules ? [n] : []));
   get("nearest").replaceChildren(...near.map((count) => {
     const button = element("button", { type: "button", title: "The closest count that may work" }, whole(count));
     button.onclick = () => { set(count); look(); };
@@ -223,14 +226,17 @@ function show(told) {
 
   const problems = feasibility?.problems ?? [];
   trouble(
-    onTable() ? "This shape can't be folded on a table" : feasibility?.feasible === false ? "No path runs through all of these cells" : "No path was found",
+    onTable() ? `This shape can’t be folded on a table at ${whole(modules)} modules` : feasibility?.feasible === false ? "No path runs through all of these cells" : "No path was found",
     problems.map(({ detail }) => detail),
     path ? [] : onTable() ? [floating()] : repairs(feasibility),
   );
   get("trouble").hidden = path;
+  odd(told);
+  if (onTable() && !path) offers();
   const repaired = told.notes.find((note) => note.startsWith("Repaired"));
-  get("repaired").hidden = !(options.repair && repaired);
-  get("repaired-text").textContent = repaired ?? "";
+  const doubled = path && onTable() && options.method === "blocks";
+  get("repaired").hidden = !(options.repair && repaired) && !doubled;
+  get("repaired-text").textContent = doubled ? "Each voxel became 2×2×2 modules." : repaired ?? "";
 
   begin();
   const unordered = told.as_voxels && !options.as_voxels ? told.notes[0] : null;
@@ -342,6 +348,59 @@ function trouble(title, details, ways) {
   get("repairs").replaceChildren(...ways);
 }
 
+// What the coloured cells of a shape without a path are.
+/** @type {Record<string, string>} */
+const ODD = {
+  parity: "cells of the colour that there are too many of",
+  disconnected: "cells apart from the largest part",
+  "dead-ends": "cells with a single neighbour",
+  overhang: "cells with nothing below them",
+  parts: "a layer in several parts",
+};
+
+/** @param {Report} told */
+function odd(told) {
+  const marked = told.has_path ? undefined : told.feasibility?.problems.find(({ cells }) => cells.length);
+  get("odd").hidden = !marked;
+  get("odd-text").textContent = marked ? ODD[marked.code] ?? "cells in the way of a path" : "";
+}
+
+// Versions of the shape that were checked to fold on a table. The search ends with the next look.
+let seeking = new AbortController();
+async function offers() {
+  seeking = new AbortController();
+  const { signal } = seeking;
+  get("seeking").textContent = "Searching for a version that folds on a table…";
+  const answer = await fetch("/api/shapes/offers", { method: "POST", body: form(), signal }).catch(() => null);
+  if (signal.aborted) return;
+  /** @type {{ offers: TableOffer[] }} */
+  const told = answer?.ok ? await answer.json().catch(() => ({ offers: [] })) : { offers: [] };
+  if (signal.aborted) return;
+  get("seeking").textContent = told.offers.length ? "" : answer?.ok ? "No version that folds on a table was found." : "The search for other versions failed.";
+  get("repairs").prepend(...told.offers.map(offered));
+}
+
+/**
+ * @param {TableOffer} offer
+ * @param {number} place
+ */
+function offered({ kind, modules, change, added }, place) {
+  const words = {
+    repair: `Add ${added.length} cell${added.length === 1 ? "" : "s"}: ${whole(modules)} modules`,
+    modules: `Use ${whole(modules)} modules`,
+    blocks: `Use 2×2×2 modules for each voxel: ${whole(modules)} modules`,
+  };
+  const button = element("button", { type: "button", class: place ? "button" : "button primary" }, words[kind]);
+  button.onclick = () => {
+    if (change.modules) set(change.modules);
+    options.repair = change.repair ?? options.repair;
+    choose("method", change.method ?? options.method);
+    elsewhere();
+    look();
+  };
+  return button;
+}
+
 // The cells of a path may have another one that is.
 function another() {
   const button = element("button", { type: "button", class: "button primary" }, "Find another path through these cells");
@@ -352,9 +411,12 @@ function another() {
 // Without gravity there may be one.
 function floating() {
   const button = element("button", { type: "button", class: "button" }, "Fold it in zero gravity");
-  button.onclick = () => { options.as_voxels = query.get("as_voxels") === "true"; choose("world", "floating"); look(); };
+  button.onclick = () => { options.as_voxels = query.get("as_voxels") === "true"; afresh(); choose("world", "floating"); look(); };
   return button;
 }
+
+// Repairs and 2×2×2 modules are chosen for one world.
+function afresh() { options.repair = false; choose("method", "auto"); }
 
 const onTable = () => options.world === "table";
 
@@ -364,9 +426,8 @@ function worlds() {
   get("world-hint").textContent = WORLDS[options.world];
   get("table-settings").hidden = !table;
   if (table) {
-    options.repair = false;
     elsewhere();
-    choose("method", "auto");
+    if (options.method !== "blocks") choose("method", "auto");
     choose("ends", "any");
     choose("module", "cube");
     get("preset").value = "default";
@@ -434,9 +495,9 @@ function prefer() {
 for (const list of [get("preset"), get("prefer")]) list.addEventListener("change", prefer);
 prefer();
 for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll(".choice input"))) {
-  input.addEventListener("change", () => { choose(/** @type {"module" | "method" | "ends" | "world"} */ (input.name), input.value); if (input.name !== "ends") elsewhere(); look(); });
+  input.addEventListener("change", () => { if (input.name === "world") afresh(); choose(/** @type {"module" | "method" | "ends" | "world"} */ (input.name), input.value); if (input.name !== "ends") elsewhere(); look(); });
 }
-get("unrepair").onclick = () => { options.repair = false; elsewhere(); look(); };
+get("unrepair").onclick = () => { if (onTable()) afresh(); options.repair = false; elsewhere(); look(); };
 get("start-button").onclick = () => {
   options.start = get("start-button").textContent === "Undo" ? null : picked?.cell?.join(",") ?? null;
   look();

@@ -31,10 +31,17 @@ export class Pair extends Emitter {
 
   get growing() { return this.players.some(({ timeline }) => timeline.growing); }
 
+  // Without a fold that has no frames the other one is played by itself.
+  /** @param {Player} player */
+  leave(player) {
+    this.players = this.players.filter((each) => each !== player);
+    this.begin();
+  }
+
   // The phases of both, as long as the longer of them.
   begin() {
     const outlines = this.players.map(({ timeline }) => timeline.outline);
-    if (this.players.some(({ shown, timeline }) => !shown || !timeline.outline)) return;
+    if (!this.players.length || this.players.some(({ shown, timeline }) => !shown || !timeline.outline)) return;
     const first = this.phases.length === 0;
     const { names } = outlines[0];
     const long = (/** @type {string} */ name) => Math.max(...outlines.map(({ phases }) => phases.filter((p) => p.name === name).reduce((sum, p) => sum + p.to - p.from, 0)));

@@ -1,0 +1,132 @@
+"""Mending for a table: the few cells to add to a shape so that a path for a table may exist."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.pathfinding import Cell
+from planner.pathfinding.lattice import colours, parts
+from planner.pathfinding.obstacles import obstacles
+from planner.shapes.shape import Shape
+from planner.table_paths.table_paths import paths_or_reasons
+
+Ints = NDArray[np.int64]
+
+MAX_ADDED: Final = 24
+"""Cells that a repair adds, at most; beyond it the shape is another one. Chosen."""
+MAX_ADDED_SHARE: Final = 0.1
+"""The same as a share of the cells; the smaller of the two applies. Chosen."""
+MAX_COMPARED: Final = 16
+"""Candidate cells compared for each added cell. More find smaller repairs, more slowly. Chosen."""
+MAX_TRIED: Final = 6
+"""Single cells tried where no obstacle is left and there is no path, about 1 s each. Chosen."""
+APART: Final = 1000
+"""Weight of a layer in several parts against one cell too many of a colour."""
+
+
+def cells_to_add(cells: Ints, seed: int = 0) -> list[Cell]:
+    """Return cells whose addition gives a shape a path for a table, as it stands.
+
+    First the obstacles of the shape and of its layers are removed; then one or two more cells are
+    tried where that is not enough. The same cells and seed give the same result.
+
+    Args:
+        cells: (n, 3) distinct cells.
+        seed: Seed of the path searches.
+
+    Returns:
+        No cells if none were found.
+    """
+    low = np.array([0, 0, cells[:, 2].min()])
+    standing = cells - low
+    added = _obstacles_removed(standing)
+    if added is None:
+        return []
+    now = {(int(x), int(y), int(z)) for x, y, z in standing} | set(added)
+    tries = [added] if added else []
+    tries += [[*added, cell] for cell in _near(now)[:MAX_TRIED]]
+    for each in tries:
+        found, _ = paths_or_reasons(_with(standing, each), seed=seed, most=1, turned=False)
+        if found:
+            return [(x, y, z + int(low[2])) for x, y, z in each]
+    return []
+
+
+def with_cells(shape: Shape, added: list[Cell]) -> Shape:
+    """Return a shape with cells added."""
+    return Shape.from_cells(_with(shape.cells, added), name=shape.name, pitch_m=shape.pitch_m)
+
+
+def added_words(added: list[Cell]) -> str:
+    """Return what a repair did, as a sentence."""
+    return f"Added {len(added)} cell{'s' * (len(added) != 1)}."
+
+
+def _with(cells: Ints, added: list[Cell]) -> Ints:
+    return np.concatenate([cells, np.array(added, dtype=np.int64).reshape(-1, 3)])
+
+
+def _obstacles_removed(cells: Ints) -> list[Cell] | None:
+    """Return the cells to add until nothing is known against a path; None if too many are needed.
+
+    Each is added where it helps most: on the floor or on another cell, never above an empty cell.
+    """
+    now = {(int(x), int(y), int(z)) for x, y, z in cells}
+    added: list[Cell] = []
+    most = min(MAX_ADDED, max(2, round(MAX_ADDED_SHARE * len(cells))))
+    trouble = _trouble(now)
+    while trouble and len(added) < most:
+        options = [(_trouble(now | {cell}), rank, cell) for rank, cell in enumerate(_near(now))]
+        best = min(options, default=None)
+        if best is None or best[0] >= trouble:
+            return None
+        trouble = best[0]
+        now.add(best[2])
+        added.append(best[2])
+    return None if trouble else added
+
+
+def _trouble(cells: set[Cell]) -> int:
+    """Return by how much a shape and its layers miss a path; 0 where no obstacle is known."""
+    array = np.array(sorted(cells), dtype=np.int64)
+    return _amount(array) + sum(
+        _amount(array[array[:, 2] == height]) for height in np.unique(array[:, 2])
+    )
+
+
+def _amount(cells: Ints) -> int:
+    count = parts(cells)[0]
+    if count > 1:
+        return APART * (count - 1)
+    return sum(problem.amount for problem in obstacles(cells)) if len(cells) > 2 else 0
+
+
+def _near(now: set[Cell]) -> list[Cell]:
+    """Return the free cells beside a shape that may help, those with most neighbours first."""
+    array = np.array(sorted(now), dtype=np.int64)
+    wanted: dict[int, int | None] = {}
+    for height in np.unique(array[:, 2]).tolist():
+        layer = array[array[:, 2] == height]
+        excess = int((1 - 2 * colours(layer)).sum())
+        if _amount(layer):
+            wanted[height] = None if abs(excess) < 2 else (1 if excess > 0 else 0)
+    whole = int((1 - 2 * colours(array)).sum())
+    if not wanted:
+        colour = None if abs(whole) < 2 else (1 if whole > 0 else 0)
+        wanted = dict.fromkeys(np.unique(array[:, 2]).tolist(), colour)
+    found: dict[Cell, int] = {}
+    for x, y, z in now:
+        if z not in wanted:
+            continue
+        for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            cell = x + i, y + j, z
+            borne = z == 0 or (cell[0], cell[1], z - 1) in now
+            if cell in now or not borne:
+                continue
+            found[cell] = found.get(cell, 0) + 1
+    shade = {cell: int(colours(np.array([cell], dtype=np.int64))[0]) for cell in found}
+    fitting = [c for c in found if wanted[c[2]] is None or shade[c] == wanted[c[2]]]
+    return sorted(fitting, key=lambda c: (-found[c], c))[:MAX_COMPARED]

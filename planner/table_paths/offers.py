@@ -1,0 +1,166 @@
+"""Offers: changes that give a shape without a path for a table one, each of them checked."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+from planner.pathfinding import Cell
+from planner.pathfinding.fill_cubes import BLOCK, doubled
+from planner.pathfinding.options import DEFAULT_MODULES, MODULE_COUNTS, PathOptions
+from planner.shapes.shape import Shape
+from planner.shapes.solid import Solid
+from planner.shapes.voxelise import voxelise
+from planner.table_paths.mending import cells_to_add
+from planner.table_paths.reasons import ruled_out
+from planner.table_paths.resting import sides_of
+from planner.table_paths.table_paths import paths_or_reasons
+
+Kind = Literal["repair", "modules", "blocks"]
+
+SEARCH_S: Final = 20.0
+"""Seconds for all offers of one shape. A larger value finds more of them, later. Chosen."""
+MAX_COUNTS: Final = 12
+"""Module counts tried on each side of the one asked for. Chosen."""
+MAX_BLOCK_COUNTS: Final = 9
+"""Counts tried for 2×2×2 modules. Chosen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offer:
+    """A change for which a path was found that rests on a table at every step.
+
+    Attributes:
+        kind: ``repair`` adds cells, ``modules`` takes another count, ``blocks`` makes 2×2×2
+            modules of each cell.
+        modules: Number of modules of the chain.
+        change: Options that differ from those asked for.
+        added: Cells that a repair adds.
+    """
+
+    kind: Kind
+    modules: int
+    change: dict[str, Any]
+    added: tuple[Cell, ...] = ()
+
+    def report(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "kind": self.kind,
+            "modules": self.modules,
+            "change": self.change,
+            "added": [list(cell) for cell in self.added],
+        }
+
+    def options(self, asked: PathOptions) -> PathOptions:
+        """The options with which a fold takes this offer."""
+        return replace(asked, **self.change)
+
+
+def table_offers(
+    found: Solid | Shape,
+    options: PathOptions,
+    *,
+    seed: int = 0,
+    time_limit_s: float = SEARCH_S,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Iterator[Offer]:
+    """Search for changes with which a chain can fold on a table.
+
+    Of a solid, 2×2×2 modules come first, since they are found soonest; then a repair, then the
+    nearest counts. Of cells, a repair comes first.
+
+    Args:
+        found: What was read.
+        options: How it was to become a chain on a table.
+        seed: Seed of the searches; a fold with the same seed finds the same paths.
+        time_limit_s: Wall time, s. It is checked between shapes, each of which takes a second.
+        cancelled: Asked between shapes; once True the search ends.
+    """
+    deadline = time.monotonic() + time_limit_s
+
+    def over() -> bool:
+        return cancelled() or time.monotonic() > deadline
+
+    if isinstance(found, Shape):
+        yield from _of_cells(found, options, seed, over)
+    else:
+        yield from _of_solid(found, options, seed, over)
+
+
+def _of_cells(
+    shape: Shape, options: PathOptions, seed: int, over: Callable[[], bool]
+) -> Iterator[Offer]:
+    if over():
+        return
+    if not options.repair and (added := cells_to_add(shape.cells, seed)):
+        yield _repair(shape, added)
+    if options.method != "blocks" and not over() and _has_path(doubled(shape), seed, turned=True):
+        yield Offer(kind="blocks", modules=BLOCK * len(shape), change={"method": "blocks"})
+
+
+def _of_solid(
+    solid: Solid, options: PathOptions, seed: int, over: Callable[[], bool]
+) -> Iterator[Offer]:
+    asked = DEFAULT_MODULES if options.modules is None else options.modules
+    plain = {"method": "auto", "repair": False}
+    if over():
+        return
+    blocks = round(asked / BLOCK)
+    tries = [blocks, *(blocks + k * sign for k in range(1, MAX_BLOCK_COUNTS) for sign in (-1, 1))]
+    for count in tries[:MAX_BLOCK_COUNTS]:
+        if over():
+            break
+        if count < 1 or (count == blocks and options.method == "blocks"):
+            continue
+        fine = doubled(voxelise(solid, cells=count, seed=seed).shape)
+        if _has_path(fine, seed):
+            change = {**plain, "method": "blocks", "modules": BLOCK * count}
+            yield Offer(kind="blocks", modules=len(fine), change=change)
+            break
+    if over():
+        return
+    shape = voxelise(solid, cells=asked, seed=seed).shape
+    if not options.repair and (added := cells_to_add(shape.cells, seed)):
+        yield replace(_repair(shape, added), change={"method": "auto", "repair": True})
+    for count in _counts(solid, asked, seed, over):
+        yield Offer(kind="modules", modules=count, change={**plain, "modules": count})
+
+
+def _counts(solid: Solid, asked: int, seed: int, over: Callable[[], bool]) -> Iterator[int]:
+    """Yield the nearest smaller and the nearest larger count with a path, as they are found."""
+    first = voxelise(solid, cells=asked, seed=seed)
+    following = {"below": first.below, "above": first.above}
+    low, high = MODULE_COUNTS
+    for _ in range(MAX_COUNTS):
+        for side, count in list(following.items()):
+            if over():
+                return
+            if count is None or not low <= count <= high:
+                del following[side]
+                continue
+            voxels = voxelise(solid, cells=count, seed=seed)
+            if len(voxels.shape) == count and _has_path(voxels.shape, seed):
+                yield count
+                del following[side]
+            else:
+                following[side] = voxels.below if side == "below" else voxels.above
+
+
+def _has_path(shape: Shape, seed: int, *, turned: bool = False) -> bool:
+    sides = list(sides_of(shape.cells, turned=turned))
+    reasons = [ruled_out(side) for side in sides]
+    if all(reason is not None and not reason.may_fall for reason in reasons):
+        return False
+    return bool(paths_or_reasons(shape.cells, seed=seed, most=1, turned=turned)[0])
+
+
+def _repair(shape: Shape, added: list[Cell]) -> Offer:
+    return Offer(
+        kind="repair",
+        modules=len(shape) + len(added),
+        change={"repair": True},
+        added=tuple(added),
+    )

@@ -1,0 +1,30 @@
+"""Table check: whether the cells of a fold are known to have no path for a table."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from planner.errors import UNREADABLE, PlannerError
+from planner.motion.timeline import chain_from_attributes
+from planner.table_paths.reasons import ruled_out
+from planner.table_paths.resting import sides_of
+
+
+@lru_cache(maxsize=256)
+def ruled_out_on_table(chain: Path) -> bool:
+    """Return True if a chain's cells have no path for a table on any side, by quick tests alone.
+
+    Args:
+        chain: Chain file of the fold. One that cannot be read counts as ruled out.
+    """
+    try:
+        positions = chain_from_attributes(json.loads(chain.read_bytes())).folded_poses.positions
+    except (PlannerError, *UNREADABLE):
+        return True
+    sides = list(sides_of(np.rint(positions).astype(np.int64)))
+    reasons = [ruled_out(side) for side in sides]
+    return all(reason is not None and not reason.may_fall for reason in reasons)

@@ -1,0 +1,65 @@
+"""Offers: versions of shapes without a path for a table that have one."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+import pytest
+import trimesh
+
+from planner.pathfinding.options import PathOptions
+from planner.pipeline.prepare import prepare
+from planner.readers import read
+from planner.shapes.shape import Shape
+from planner.shapes.solid import Solid
+from planner.table_paths.mending import cells_to_add
+from planner.table_paths.offers import table_offers
+from planner.table_paths.rules import FALLS, faults_of
+from planner.table_paths.table_paths import why_none
+
+HOLES = ((1, 2), (3, 2))
+SURPLUS = np.array([(x, y, 0) for x in range(5) for y in range(5) if (x, y) not in HOLES])
+"""A slab with 13 cells of one chessboard colour and 10 of the other."""
+TORUS = cast(
+    "bytes", trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
+)
+
+
+def test_cells_to_add_to_a_surplus_of_one_colour_gives_a_path() -> None:
+    assert why_none(SURPLUS)
+    added = cells_to_add(SURPLUS)
+    assert 0 < len(added) <= len(HOLES)
+    assert not why_none(np.concatenate([SURPLUS, np.array(added)]), turned=False)
+
+
+def test_offers_of_cells_are_a_repair_and_blocks_with_paths() -> None:
+    shape = Shape.from_cells(SURPLUS)
+    data = str(SURPLUS.tolist()).encode()
+    asked = PathOptions(world="table", as_voxels=True)
+    offers = list(table_offers(shape, asked))
+    assert [offer.kind for offer in offers] == ["repair", "blocks"]
+    for offer in offers:
+        made = prepare(data, "slab.json", offer.options(asked))
+        assert len(made.chain) == offer.modules
+        assert not faults_of(made.cells)
+
+
+@pytest.mark.parametrize(
+    "modules",
+    [30, *(pytest.param(n, marks=pytest.mark.long) for n in (80, 100, 120, 160, 200, 240, 300))],
+)
+def test_first_offer_for_a_torus_is_what_a_fold_gets(modules: int) -> None:
+    asked = PathOptions(modules=modules, world="table")
+    assert not prepare(TORUS, "torus.stl", asked).chains
+    solid = read(TORUS, filename="torus.stl")
+    assert isinstance(solid, Solid)
+    offer = next(table_offers(solid, asked))
+    made = prepare(TORUS, "torus.stl", offer.options(asked))
+    assert len(made.chain) == offer.modules
+    assert not faults_of(made.cells, rule=FALLS)
+
+
+def test_offers_of_a_search_that_nobody_waits_for_are_none() -> None:
+    asked = PathOptions(world="table", as_voxels=True)
+    assert not list(table_offers(Shape.from_cells(SURPLUS), asked, cancelled=lambda: True))
