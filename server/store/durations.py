@@ -19,6 +19,10 @@ NEAR: Final = 1.5
 FARTHEST: Final = 4.0
 """Factor in modules from which on another fold says nothing."""
 
+MIN_SAMPLES: Final = 3
+"""Minimum number of similar folds for an estimate. With a smaller value one slow fold decides it;
+with a larger one new kinds of folds stay without an estimate for longer. Chosen."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Duration:
@@ -61,7 +65,7 @@ def durations_like(store: Store, row: FoldRow) -> list[Duration]:
 
 
 def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | None:
-    """Seconds that each stage is likely to take, None when no fold of its size is known.
+    """Return the expected seconds of each stage; None below ``MIN_SAMPLES`` folds of its size.
 
     Of each stage it is the median over other folds, those of nearly as many modules counting most,
     each stretched by what a chain of so many modules is expected to cost.
@@ -74,7 +78,7 @@ def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | Non
         apart = abs(math.log(row.modules / duration.modules))
         if apart <= math.log(FARTHEST):
             weighed.append((math.exp(-0.5 * (apart / math.log(NEAR)) ** 2), duration))
-    if not weighed:
+    if len(weighed) < MIN_SAMPLES:
         return None
     typical: dict[str, float] = {}
     for stage in sorted({name for _, duration in weighed for name in duration.stage_s}):

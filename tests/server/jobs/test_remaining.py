@@ -12,7 +12,7 @@ import pytest
 from server.api.schemas import progress_of
 from server.jobs.remaining import Remaining, left_s
 from server.settings import Settings
-from server.store.durations import Duration, typical_s
+from server.store.durations import MIN_SAMPLES, Duration, typical_s
 from server.store.folds import Store
 from server.store.leases import Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
@@ -53,8 +53,9 @@ def remaining(tmp_path: Path, store: Store, clock: Clock) -> Remaining:
 def ended(store: Store, name: str, *, modules: int = 160, times: float = 1.0, **how: Any) -> None:
     stage_s = {stage: times * seconds for stage, seconds in USUAL.items()}
     took = {"started_at": NOW - 100.0, "ended_at": NOW - 100.0 + sum(stage_s.values())}
-    row = a_fold(name, modules=modules, progress={"stage_s": stage_s}, **took, **how)
-    store.add(row, "a token of somebody")
+    for k in range(MIN_SAMPLES):
+        row = a_fold(f"{name} {k}", modules=modules, progress={"stage_s": stage_s}, **took, **how)
+        store.add(row, "a token of somebody")
 
 
 def running(store: Store, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
@@ -83,6 +84,13 @@ def test_where_nothing_like_it_was_measured_nothing_is_said(
     ended(store, "one like it")
     clock.now += 10.0
     assert remaining.of(store.fold(fold)).remaining_s is not None
+
+
+def test_typical_duration_with_one_slow_fold_is_not_decided_by_it() -> None:
+    usual, slow = (Duration(modules=160, stage_s={"explode": s}) for s in (3.0, 360.0))
+    row = a_fold("now", modules=160)
+    assert typical_s([slow], row) is None
+    assert typical_s([slow, usual, usual], row) == {"explode": 3.0}
 
 
 def test_what_is_left_of_the_stage_and_the_stages_after_it(
