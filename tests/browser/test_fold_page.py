@@ -114,7 +114,7 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
     told.pop(0)
     expect(page.locator("#verdict")).to_have_text(
         "First start: preparing the solvers. This happens only once: 61 % · about 25 s left "
-        "· then place 2 in the queue"
+        "· then behind 1 other fold"
     )
     expect(page.get_by_role("progressbar", name="Preparing the solvers")).to_have_attribute(
         "aria-valuenow", "61"

@@ -1,5 +1,6 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
 import { proof, tokenOf } from "../lib/keys.js";
+import { Advance, queueWords } from "./advance.js";
 import { preparingWords, showPreparing } from "./preparing.js";
 import { STAGES, get, remaining, whole } from "../lib/text.js";
 
@@ -25,6 +26,7 @@ export class Progress {
     this.toast = toast;
     this.onProgress = onProgress;
     this.token = tokenOf(facts.id);
+    this.advance = new Advance();
     this.cancelling = false;
     /** @type {EventSource | null} */
     this.events = null;
@@ -73,6 +75,8 @@ export class Progress {
   show(now) {
     this.now = now;
     if (OVER.includes(now.status)) return; // the verdict follows
+    const { advance } = this;
+    if (now.status === "running") advance.note(now);
     this.onProgress(now);
     const compiling = now.message === COMPILING ? { fraction: now.fraction ?? 0, remaining_s: null } : null;
     const preparing = now.preparing ?? compiling;
@@ -80,24 +84,24 @@ export class Progress {
     let text = now.message === SMOOTHING ? "Smoothing" : STAGES[now.stage] ?? "Waiting";
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
     if (this.cancelling) text = "Cancelling…";
-    else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then place ${queue} in the queue` : ""}`;
+    else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
     else if (now.status === "queued") {
       if (now.paused) text = now.message ?? "Paused";
-      else text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
+      else text = queueWords(queue);
       if (now.wait_s != null) text += left;
       else if (queue > 0) text += " · no worker is running right now";
     } else if (now.message === READY) text = "Getting ready";
     else {
-      const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %${left}`];
+      const parts = [`${text} ${Math.floor(100 * advance.fraction)} %${advance.words()}${left}`];
       if (now.steps) parts.push(`${whole(now.steps)} steps`);
       const room = !left || !matchMedia(NARROW).matches;
-      if (room && now.simulated_s) parts.push(`${whole(now.simulated_s)} s simulated`);
+      if (room && now.simulated_s) parts.push(`${whole(advance.simulatedS)} s simulated`);
       else if (room && now.steps_per_second) parts.push(`${whole(now.steps_per_second)} steps/s`);
       text = parts.join(" · ");
     }
     this.say(text);
     const bar = /** @type {HTMLElement} */ (get("progress").firstElementChild);
-    const done = now.status === "queued" ? 0 : now.fraction ?? 0;
+    const done = now.status === "queued" ? 0 : advance.fraction;
     bar.style.transform = `scaleX(${preparing ? preparing.fraction : done})`;
     showPreparing(preparing);
   }
