@@ -86,7 +86,7 @@ def fold(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Explode, fold and verify a chain or a shape; exits 0 if verified, else 3, or 2 for bad input."""
+    """Explode, fold and verify a chain or a shape; exits 0, 3 (not verified) or 2 (bad input)."""
     try:
         request = Request.of(
             preset=preset,
