@@ -5,11 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from decimal import ROUND_HALF_UP, Context, Decimal
 from typing import Final, cast
 
 DIGITS: Final = 3
 WHOLE_BELOW: Final = 1e6
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SI_PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
+"""Prefixes by their power of ten; ``SI_PREFIXES`` in ``lib/text.js`` is the same table."""
+SI_UNITS: Final = ("N·m", "rad", "rad/s")
+"""Units that pages show with a prefix."""
 STRATEGIES: Final = {
     "simultaneous": "All at once",
     "blocks": "Blocks first",
@@ -102,33 +107,68 @@ UNITS: Final = {
 
 
 def number(value: float, digits: int = DIGITS) -> str:
-    """A number with so many significant digits: 0.00382, 30000, 1.3×10⁻¹²."""
+    """Return a number with so many significant digits: 0.00382, 30000, 1.3×10⁻¹².
+
+    ``number`` in ``lib/text.js`` gives the same texts.
+    """
+    if value == 0:
+        return "0"
     if isinstance(value, int):
         return str(value)
-    text = f"{value:.{digits}g}"
-    mantissa, exponent, power = text.partition("e")
-    if not exponent:
-        return text
-    if 1 <= abs(value) < WHOLE_BELOW:
-        return f"{value:.0f}"
-    return f"{mantissa}×10{str(int(power)).translate(SUPERSCRIPTS)}"
+    rounded = _rounded(value, digits)
+    power = rounded.adjusted()
+    if -4 <= power < digits:
+        return _plain(rounded)
+    if 1.0 <= abs(value) < WHOLE_BELOW:
+        return _plain(Decimal(value).quantize(Decimal(1), ROUND_HALF_UP))
+    return f"{_plain(rounded.scaleb(-power))}×10{str(power).translate(SUPERSCRIPTS)}"
+
+
+def si(value: float, unit: str, digits: int = DIGITS) -> str:
+    """Return a quantity with an SI prefix: ``34 µN·m``, ``0 rad``, ``< 1 pN·m``.
+
+    ``si`` in ``lib/text.js`` gives the same texts.
+    """
+    if value == 0.0:
+        return f"0 {unit}"
+    rounded = _rounded(value, digits)
+    power = 3 * (rounded.adjusted() // 3)
+    if power < (least := min(SI_PREFIXES)):
+        return f"< 1 {SI_PREFIXES[least]}{unit}"
+    power = min(power, max(SI_PREFIXES))
+    return f"{_plain(rounded.scaleb(-power))} {SI_PREFIXES[power]}{unit}"
+
+
+def _rounded(value: float, digits: int) -> Decimal:
+    """Return a value with so many significant digits; ties go away from zero, as in scripts."""
+    return Context(prec=digits, rounding=ROUND_HALF_UP).create_decimal(Decimal(value))
+
+
+def _plain(value: Decimal) -> str:
+    """Return a number without an exponent, without zeros at its end, and with a true minus."""
+    text = f"{value:f}"
+    return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")
 
 
 def quantity(value: object, unit: str = "", digits: int = DIGITS) -> str | None:
-    """A number, a range of two, or a word, with its unit; None for what is not there."""
+    """Return a number, a range of two, or a word, with its unit; None for a missing value."""
     if value is None or value == "":
         return None
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list | tuple):
         parts = list(cast("list[object] | tuple[object, ...]", value))
-        shown = [number(p, digits) if isinstance(p, int | float) else str(p) for p in parts]
+        with_prefix = unit in SI_UNITS
+        shown = [str(quantity(part, unit if with_prefix else "", digits)) for part in parts]
         text = (" to " if len(shown) == 2 else ", ").join(shown)
-    elif isinstance(value, int | float):
-        text = number(value, digits)
-    else:
-        text = str(value)
-    return f"{text} {unit}".rstrip()
+        return text if with_prefix else f"{text} {unit}".rstrip()
+    if isinstance(value, int | float):
+        return (
+            si(value, unit, digits)
+            if unit in SI_UNITS
+            else f"{number(value, digits)} {unit}".rstrip()
+        )
+    return f"{value} {unit}".rstrip()
 
 
 def length_m(value: object) -> str | None:

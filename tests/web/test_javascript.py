@@ -29,6 +29,7 @@ from planner.chain.path import Path as CellPath
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError
 from planner.motion.timeline import chain_from_attributes
+from server.pages.quantities import number, si
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
@@ -292,6 +293,25 @@ def colours() -> Vectors:
     }
 
 
+def quantities() -> list[Vectors]:
+    """Return values, and their texts with two and three digits as the server writes them."""
+    plain = (0.0, 1.0, 12.0, 99.96, 999.96, 1234.5678, 30000.0, 999_999.0, 1e7, 12345.5, 501.0)
+    ties = (0.125, 2.5, 0.375, 1.25e-3, 112.5, 1125.0)
+    small = (3.4e-5, 2.5e-5, 1.9e-6, 13e-6, 9.996e-7, 1.28e-12, 9.99e-13, 4e-13, 1e-30, 1e-4)
+    random = 10.0 ** np.random.default_rng(8).uniform(-13.0, 7.0, 200)
+    values = [*plain, *ties, *small, *random.tolist()]
+    return [
+        {
+            "value": value,
+            "digits": digits,
+            "si": si(value, "N·m", digits),
+            "number": number(value, digits),
+        }
+        for value in (*values, *(-value for value in values if value))
+        for digits in (2, 3)
+    ]
+
+
 def timeline(path: Path) -> Vectors:
     """A short fold, as its page gets it, and what Python says of three of its frames."""
     timeline = TimelineView(path)
@@ -372,6 +392,7 @@ def cases(
                 "columns": columns(),
                 "colours": colours(),
                 "shipped": shipped(),
+                "quantities": quantities(),
                 "timeline": timeline(timeline_path),
                 "peeled": timeline(peeled / "timeline.zarr"),
             },

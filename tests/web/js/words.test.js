@@ -1,13 +1,24 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { degrees, duration, newtonMetres, radians, refusal, remaining, whole } from "../../../web/static/js/lib/text.js";
+import { degrees, duration, newtonMetres, number, radians, refusal, remaining, si, whole } from "../../../web/static/js/lib/text.js";
+import { vectors } from "./vectors.js";
 
 test("numbers are told with two figures, and nothing as nothing", () => {
   assert.equal(whole(1234567.4), "1\u2009234\u2009567");
-  assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), ["no data in this phase", "0 rad", "7.1 µrad", "0.0012 rad"]);
+  assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), ["no data in this phase", "0 rad", "7.1 µrad", "1.2 mrad"]);
   assert.deepEqual([Math.PI / 2, -0.5, -1e-9].map((v) => degrees(v)), ["90.0°", "−28.6°", "0.0°"]);
-  assert.equal(newtonMetres(1.234), "1.2 N·m");
+  assert.deepEqual([1.234, 3.4e-5, 501].map(newtonMetres), ["1.2 N·m", "34 µN·m", "500 N·m"]);
   assert.deepEqual([0.2, 89, 90, 5399, 7200].map(duration), ["about 1 s", "about 89 s", "about 2 min", "about 90 min", "about 2 h"]);
+});
+
+test("a quantity has the same text in scripts and on the server", () => {
+  for (const { value, digits, si: withPrefix, number: plain } of vectors.quantities) {
+    assert.deepEqual([si(value, "N·m", digits), number(value, digits)], [withPrefix, plain], `${value} to ${digits} digits`);
+  }
+});
+
+test("a torque that is not 0 is never shown as 0", () => {
+  assert.deepEqual([0, 1e-7, 2.5e-10, 1e-15].map(newtonMetres), ["0 N·m", "100 nN·m", "250 pN·m", "< 1 pN·m"]);
 });
 
 test("what is left is told as nobody knows it better", () => {

@@ -16,18 +16,50 @@ export function whole(number) {
   return Math.round(number).toLocaleString("en").replaceAll(",", "\u2009");
 }
 
-/** @param {number | null | undefined} value */
-export function radians(value) {
-  if (value === null || value === undefined) return "no data in this phase";
-  if (value < 1e-9) return "0 rad";
-  const micro = value < 1e-3;
-  return `${Number((micro ? 1e6 * value : value).toPrecision(2))} ${micro ? "µrad" : "rad"}`;
+// `SI_PREFIXES` of server/pages/quantities.py, by their power of ten; `si` there gives the same texts.
+/** @type {Record<number, string>} */
+const SI_PREFIXES = { [-12]: "p", [-9]: "n", [-6]: "µ", [-3]: "m", 0: "", 3: "k" };
+const [MIN_POWER, MAX_POWER] = [-12, 3];
+const DIGITS = 2;
+const WHOLE_BELOW = 1e6;
+
+// A quantity with an SI prefix: 34 µN·m, 0 rad, < 1 pN·m.
+/**
+ * @param {number} value
+ * @param {string} unit
+ * @param {number} digits
+ */
+export function si(value, unit, digits = DIGITS) {
+  if (value === 0) return `0 ${unit}`;
+  const [mantissa, exponent] = Math.abs(value).toExponential(digits - 1).split("e").map(Number);
+  const power = Math.min(3 * Math.floor(exponent / 3), MAX_POWER);
+  if (power < MIN_POWER) return `< 1 ${SI_PREFIXES[MIN_POWER]}${unit}`;
+  return `${value < 0 ? "−" : ""}${Number(`${mantissa}e${exponent - power}`)} ${SI_PREFIXES[power]}${unit}`;
+}
+
+// A number with so many significant digits, as `number` of server/pages/quantities.py gives it: 0.0038, 30000, 1.3×10⁻¹².
+/**
+ * @param {number} value
+ * @param {number} digits
+ */
+export function number(value, digits = DIGITS) {
+  if (value < 0) return `−${number(-value, digits)}`;
+  const [mantissa, exponent] = value.toExponential(digits - 1).split("e").map(Number);
+  if (value === 0 || (exponent >= -4 && exponent < digits)) return String(Number(value.toPrecision(digits)));
+  if (value >= 1 && value < WHOLE_BELOW) return String(Math.round(value));
+  return `${mantissa}×10${String(exponent).replace(/./g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)])}`;
 }
 
 /** @param {number} value */
-export function newtonMetres(value) {
-  return `${Number(value.toPrecision(2))} N·m`;
+export const pitches = (value) => `${number(value)} pitch`;
+
+/** @param {number | null | undefined} value */
+export function radians(value) {
+  return value === null || value === undefined ? "no data in this phase" : si(value, "rad");
 }
+
+/** @param {number} value */
+export const newtonMetres = (value) => si(value, "N·m");
 
 /**
  * @param {number} value
