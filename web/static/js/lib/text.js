@@ -41,6 +41,7 @@ export function si(value, unit, digits = DIGITS) {
 /**
  * @param {number} value
  * @param {number} digits
+ * @returns {string}
  */
 export function number(value, digits = DIGITS) {
   if (value < 0) return `−${number(-value, digits)}`;
