@@ -158,6 +158,22 @@ export function distanceNeeded(points, view, { radius, aspect, field }) {
   return needed;
 }
 
+// The ray from the camera through a place of the picture, in shares of its width and height from the top left.
+/**
+ * @param {Eye} eye
+ * @param {[x: number, y: number]} place
+ * @param {number} aspect
+ * @param {number} field vertical angle of view, rad
+ * @returns {[origin: Vector, direction: Vector]}
+ */
+export function rayThrough({ position, target }, [x, y], aspect, field) {
+  const [right, up, out] = axesOf(...anglesOf(position, target));
+  const tall = Math.tan(field / 2);
+  const way = vector((k) => (2 * x - 1) * tall * aspect * right[k] + (1 - 2 * y) * tall * up[k] - out[k]);
+  const length = Math.hypot(...way);
+  return [position, vector((k) => way[k] / length)];
+}
+
 // A view between several, from as far as the one that must not be cut off needs.
 /**
  * @param {View[]} views

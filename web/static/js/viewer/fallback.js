@@ -34,6 +34,8 @@ export class StandIn {
     this.timer = undefined;
     this.painted = () => {};
     this.busy = () => false; // whether more is to come by itself
+    // Until the view has started, the drawing hears of taps itself: see `.sketch` in fold.css.
+    canvas.addEventListener("click", ({ offsetX, offsetY }) => stage.tap(offsetX / canvas.clientWidth, offsetY / canvas.clientHeight));
     sketch.onDrawn = () => {
       if (this.latest) { canvas.classList.remove("gone"); stage.frame.classList.add("behind"); }
       this.painted();
@@ -57,7 +59,7 @@ export class StandIn {
   open() {
     this.opened = true;
     this.onOpen();
-    if (!this.slow || !this.given || !this.sketch.worker) { this.canvas.classList.add("gone"); return; }
+    if (!this.slow || !this.given || !this.sketch.worker) { this.canvas.classList.add("gone"); this.stage.drawn = null; return; }
     this.latest = this.given;
     this.canvas.classList.add("standing-in");
     this.rest();
@@ -76,6 +78,7 @@ export class StandIn {
       // The view needs a picture to begin with; one that takes seconds for it gets no more of them.
       if (!this.slow || !this.begun) { stage.draw(shown, colours, follow ? view : null); this.begun = stage.open; }
       if (view) sketch.draw(shown, colours, view, stage.ground);
+      stage.drawn = view;
       this.takeOver();
       return;
     }
@@ -88,6 +91,7 @@ export class StandIn {
     }
     this.latest = [shown, colours, follow ? view : null];
     stage.rest();
+    stage.drawn = seen;
     sketch.draw(shown, colours, seen, stage.ground);
     this.canvas.classList.add("standing-in");
     clearTimeout(this.timer);
@@ -110,6 +114,7 @@ export class StandIn {
     this.stage.painted(() => {
       if (this.latest !== latest) return;
       this.latest = null;
+      this.stage.drawn = null;
       this.stage.frame.classList.remove("behind");
       this.canvas.classList.add("gone");
       this.canvas.classList.remove("standing-in");
