@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from server.pages.cards import (
+    CHAINS,
     KINDS,
     SELECTED,
     Card,
@@ -75,6 +76,7 @@ def test_every_selected_shape_is_there_and_every_kind_has_a_name() -> None:
     assert [card.name for card in selected(gallery)] == list(SELECTED)
     assert len(cards(gallery)) == len(gallery.shapes())
     assert {tag for tag, _ in kinds(gallery)} <= set(KINDS)
+    assert not {text for _, text in kinds(gallery)} & set(CHAINS.values())
 
 
 def test_the_best_of_several_folds_counts(store: Store) -> None:
@@ -98,9 +100,11 @@ def test_the_best_of_several_folds_counts(store: Store) -> None:
 
 
 def test_cards_say_within_what_a_shape_rests_on_a_table() -> None:
-    assert HEART.rests == "Rests on a table within 2.0 w·p"
+    assert HEART.rests == "Can be folded on a table: motors hold 2.0 times a module’s own torque"
     assert RING.rests is None
-    assert replace(HEART, rests_within=0.0).rests == "Rests on a table, without torque"
+    assert (
+        replace(HEART, rests_within=0.0).rests == "Can be folded on a table, without motor torque"
+    )
     known = [card for card in cards(Gallery()) if card.rests]
     assert known
     assert {card.module for card in known} == {"cube"}

@@ -32,16 +32,18 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {boolean} [over]
  * @property {Details | null} [details]
  * @property {boolean} [play]
+ * @property {() => void} [onScroll] called when the page around an embed scrolls in place of a zoom
  */
 
 // `load` begins to load viser's client into the frame; the drawer is shown when a module is selected.
 /** @param {Viewed} viewed */
-export function view({ source, figures, load, over = true, details = null, play = !calm }) {
+export function view({ source, figures, load, over = true, details = null, play = !calm, onScroll }) {
   const timeline = new Timeline(source, { over });
   const frame = get("view");
   const stage = new Stage(frame, {
     open: () => standIn.takeOver(),
     pick: (origin, direction) => player.pick(origin, direction),
+    scroll: onScroll,
     touch: () => { if (player.is.follow) player.send({ do: "set", follow: false }); },
   });
   // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
