@@ -73,6 +73,7 @@ def test_tap_on_a_module_selects_it(visit: Visit, wrench: str) -> None:
     page.locator("#drawer-close").click()
     page.evaluate(AT_REST)
     expect(page.locator("#sketch")).to_have_class("sketch gone")
+    page.evaluate("() => foldback.player.select(null)")
     module, x, y = nearest_module(page)  # in the 3D view
     page.touchscreen.tap(x, y)
     page.wait_for_function(f"() => foldback.player.selected === {module}")
