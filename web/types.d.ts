@@ -85,7 +85,7 @@ interface Bundle extends Message<BundleHeader, BundleArrays> {
   neighbours?: Int32Array; // of a long fold: see touching.js
 }
 // What a scene is built of, whatever else is told with it.
-interface Staged extends Message<{ messages: SceneMessage[] }, Record<string, Column>> {}
+interface Staged extends Message<{ messages: SceneMessage[]; camera: { field_of_view_rad: number } }, Record<string, Column>> {}
 // web/viser/preview_scene.py.
 interface PreviewBundle extends Message<{
   messages: SceneMessage[];
@@ -269,14 +269,18 @@ interface SceneHeard {
   open?: () => void;
   touch?: () => void;
   pointer?: (pointer: Pointer) => void;
+  scroll?: () => void; // of a page around an embed, in place of a zoom
   pick?: (origin: Vector, direction: Vector) => void;
 }
 // What the frame of a 3D view says, or says nonsense instead: see bridge.js.
 interface ViewTold {
   is?: unknown;
   pointer?: unknown;
-  origin?: unknown;
-  direction?: unknown;
+  position?: unknown;
+  target?: unknown;
+  x?: unknown;
+  y?: unknown;
+  on?: unknown;
   key?: unknown;
   shift?: unknown;
   id?: unknown;

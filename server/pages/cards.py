@@ -33,8 +33,9 @@ KINDS: Final = {
     "sign": "Signs",
     "plant": "Plants",
     "paper": "From the paper",
-    "tetrahedra": "Tetrahedra",
 }
+OF_TETRAHEDRA: Final = "tetrahedra"
+"""Tag of the shapes whose chains are of tetrahedra; `CHAINS` has the choice between chains."""
 CHAINS: Final = {"cube": "Cubes", "tetrahedron": "Tetrahedra"}
 PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
 NO_TORQUE: Final = 0.05
@@ -92,7 +93,7 @@ class Card:
 
     @property
     def rests(self) -> str | None:
-        """Within what it rests on a table, in words, rounded up."""
+        """Return what a fold on a table needs, in words; the torque is rounded up."""
         if self.rests_within is None:
             return None
         if self.rests_within < NO_TORQUE:
@@ -197,8 +198,11 @@ def selected(gallery: Gallery) -> list[Card]:
 
 @cache
 def kinds(gallery: Gallery) -> list[tuple[str, str]]:
-    """The kinds of shape there are and what they are called, the most common first."""
-    counts = Counter(tag for card in cards(gallery) for tag in card.tags)
+    """Return the kinds of shape and their names, the most common first.
+
+    What the chain is made of is a choice of its own.
+    """
+    counts = Counter(tag for card in cards(gallery) for tag in card.tags if tag != OF_TETRAHEDRA)
     return [(tag, KINDS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]
 
 

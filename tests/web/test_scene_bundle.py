@@ -38,8 +38,6 @@ def test_viser_still_has_the_messages_that_the_page_makes() -> None:
         "RemoveSceneNodeMessage": {"name", "owner"},
         "SetCameraPositionMessage": {"position", "initial"},
         "SetCameraLookAtMessage": {"look_at", "initial"},
-        "ScenePointerEnableMessage": {"event_type", "modifiers", "owner"},
-        "ScenePointerMessage": {"ray_origin", "ray_direction"},
         "ViewerCameraMessage": {"position", "look_at"},
     }.items():
         kind = getattr(messages, name)

@@ -45,13 +45,6 @@ if TYPE_CHECKING:
 
 RAMP_STEPS: Final = 256
 _BINARY: Final = "__binary_index"
-_POINTER: Final[dict[str, Any]] = {
-    # A click in the view comes back as a ray; serialised scenes leave this out.
-    "type": "ScenePointerEnableMessage",
-    "event_type": "click",
-    "modifiers": [None],
-    "owner": "",
-}
 
 
 def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None = None) -> bytes:
@@ -197,7 +190,7 @@ def taken_down(server: viser.ViserServer) -> tuple[list[dict[str, Any]], dict[st
             return [named(v) for v in cast("list[Any]", value)]
         return value
 
-    return [*(named(message) for _, message in messages), _POINTER], arrays
+    return [named(message) for _, message in messages], arrays
 
 
 def _table_told(table: TableTop) -> dict[str, Any]:

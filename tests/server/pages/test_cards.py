@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from server.pages.cards import (
+    CHAINS,
     KINDS,
     SELECTED,
     Card,
@@ -75,6 +76,7 @@ def test_every_selected_shape_is_there_and_every_kind_has_a_name() -> None:
     assert [card.name for card in selected(gallery)] == list(SELECTED)
     assert len(cards(gallery)) == len(gallery.shapes())
     assert {tag for tag, _ in kinds(gallery)} <= set(KINDS)
+    assert not {text for _, text in kinds(gallery)} & set(CHAINS.values())
 
 
 def test_the_best_of_several_folds_counts(store: Store) -> None:

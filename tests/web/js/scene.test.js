@@ -25,7 +25,7 @@ function listening() {
   frame.addEventListener("keydown", ({ key, shiftKey }) => keys.push([key, shiftKey]));
   const scene = new Scene(frame, { touch: () => heard.push("touch"), pointer: (pointer) => heard.push(pointer) }, { keys: ["End"] });
   scene.bundle = {};
-  scene.pick = (...ray) => heard.push(ray);
+  scene.tap = (x, y) => heard.push({ x, y });
   return { scene, heard, keys };
 }
 
@@ -35,11 +35,11 @@ test("nonsense from the view is not believed", () => {
   for (const vector of bad) {
     scene.hear({ is: "pointer", pointer: { ...POINTER, x: vector } });
     scene.hear({ is: "pointer", pointer: vector });
-    scene.hear({ is: "pick", origin: vector, direction: [0, 0, 1] });
-    scene.hear({ is: "pick", origin: [0, 0, 1], direction: vector });
+    scene.hear({ is: "camera", position: vector, target: [0, 0, 0] });
+    scene.hear({ is: "camera", position: [0, 0, 1], target: vector });
   }
   for (const told of [
-    null, 1, "open", [], {}, { is: "constructor" }, { is: "done", id: "x" }, { is: "key", key: "F5" }, { is: "key", key: ["End"] },
+    { is: "tap", x: 1.1, y: 0 }, { is: "tap", x: 0, y: NaN }, { is: "tap", x: "0", y: [] }, null, 1, "open", [], {}, { is: "constructor" }, { is: "done", id: "x" }, { is: "key", key: "F5" }, { is: "key", key: ["End"] },
   ]) scene.hear(told);
   assert.deepEqual([heard, keys], [[], []]);
 });
@@ -47,10 +47,12 @@ test("nonsense from the view is not believed", () => {
 test("what makes sense is", () => {
   const { scene, heard, keys } = listening();
   scene.hear({ is: "pointer", pointer: POINTER });
-  scene.hear({ is: "pick", origin: [1, 2, 3], direction: [0, 0, -1] });
+  scene.hear({ is: "camera", position: [1, 2, 3], target: [0, 0, 0] });
+  scene.hear({ is: "tap", x: 0.25, y: 1 });
   scene.hear({ is: "touch" });
   scene.hear({ is: "key", key: "End", shift: "yes" });
-  assert.deepEqual(heard, [POINTER, [[1, 2, 3], [0, 0, -1]], "touch"]);
+  assert.deepEqual(heard, [POINTER, { x: 0.25, y: 1 }, "touch"]);
+  assert.deepEqual(scene.camera, { position: [1, 2, 3], target: [0, 0, 0] });
   assert.deepEqual(keys, [["End", false]]);
 });
 
@@ -65,4 +67,20 @@ test("a view is as light as the page, from its beginning", () => {
   page.dispatchEvent(new Event("themechange"));
   scene.port.close();
   assert.deepEqual(said, ["dark", "dress", "light dark"]);
+});
+
+test("a tap is a ray through that place of the picture, from the camera that is seen", () => {
+  const scene = new Scene(Object.assign(new EventTarget(), { clientWidth: 200, clientHeight: 100 }), {});
+  const rays = [];
+  scene.pick = (...ray) => rays.push(ray);
+  scene.bundle = { header: { camera: { field_of_view_rad: Math.PI / 2 } } };
+  scene.tap(0.5, 0.5); // no camera is known yet
+  scene.hear({ is: "camera", position: [5, 0, 0], target: [0, 0, 0] });
+  scene.tap(0.5, 0.5);
+  scene.tap(1, 0); // seen from +x, +y is on the right and twice as far away as +z is up
+  const [middle, corner] = rays.map(([, direction]) => direction.map((v) => Math.round(1e6 * v) / 1e6));
+  assert.deepEqual(rays.map(([origin]) => origin), [[5, 0, 0], [5, 0, 0]]);
+  assert.deepEqual(middle.map(Math.abs), [1, 0, 0]);
+  const unit = Math.sqrt(6);
+  assert.deepEqual(corner, [-1 / unit, 2 / unit, 1 / unit].map((v) => Math.round(1e6 * v) / 1e6));
 });

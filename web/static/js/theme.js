@@ -44,7 +44,13 @@
 
   apply();
   document.addEventListener("DOMContentLoaded", apply);
-  document.addEventListener("click", ({ target }) => { if (target instanceof Element && target.closest("[data-theme-switch]")) change(); });
+  document.addEventListener("click", (event) => {
+    if (!(event.target instanceof Element)) return;
+    if (event.target.closest("[data-theme-switch]")) change();
+    if (!event.target.closest(".skip")) return;
+    event.preventDefault(); // the address of a fold is what one sees of it
+    document.getElementById("main")?.focus();
+  });
   dark.addEventListener("change", apply);
   addEventListener("hashchange", () => { const asked = addressed(); if (asked && asked !== chosen) { chosen = asked; apply(); } });
   addEventListener("storage", ({ key }) => { if (key === KEPT) { chosen = recall(); apply(); } }); // in another window

@@ -2,10 +2,19 @@
 import { Figures } from "../player/figures.js";
 import { Source } from "../player/timeline.js";
 import { view } from "../viewer/fold_view.js";
-import { get } from "../lib/text.js";
+import { get, later } from "../lib/text.js";
 
 /** @type {Facts} */
 const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
-view({ over: !facts.running, source: new Source(`/folds/${facts.id}`), figures, load: (frame) => { frame.src = "/embed/view"; } });
+const toast = later(() => import("../panels/toast.js"), () => {});
+const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
+const { stage } = view({
+  over: !facts.running, source: new Source(`/folds/${facts.id}`), figures, load: (frame) => { frame.src = "/embed/view"; },
+  onScroll: () => toast((part) => part.toast(`Click to zoom, or hold ${zoomKey}`)),
+});
+// Full screen leaves nothing around it to scroll.
+const yieldScrolling = () => stage.yieldScrolling(window.parent !== window && !document.fullscreenElement);
+document.addEventListener("fullscreenchange", yieldScrolling);
+yieldScrolling();
 if (!facts.running) figures.begin();

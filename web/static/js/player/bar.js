@@ -46,6 +46,7 @@ export class Bar {
       get("jump").value = "";
       if (where) this.jump(where);
     };
+    get("more").onclick = () => get("more").setAttribute("aria-expanded", String(document.body.classList.toggle("all-controls")));
     get("full").hidden = !document.fullscreenEnabled;
     get("full").onclick = () => this.fullScreen();
     document.addEventListener("fullscreenchange", () => get("full").setAttribute("aria-pressed", String(Boolean(document.fullscreenElement))));

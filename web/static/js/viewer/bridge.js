@@ -39,12 +39,12 @@
   }
   for (const name of NOTICED) addEventListener(name, notice, { capture: true, passive: true });
 
-  const MOVED_PX = 4;
+  const MAX_TAP_PX = { mouse: 4, touch: 10 }; // how far a press may move and still be a tap; chosen
   const PICTURES = 2; // it is told in the first, and there in the second
   const SHOWN = new Set([
     "BackgroundImageMessage", "BatchedMeshesMessage", "DirectionalLightMessage", "EnableLightsMessage", "EnvironmentMapMessage",
     "FrameMessage", "GridMessage", "HemisphereLightMessage", "LineSegmentsMessage", "MeshMessage",
-    "RemoveSceneNodeMessage", "SceneNodeUpdateMessage", "ScenePointerEnableMessage", "SetCameraFovMessage",
+    "RemoveSceneNodeMessage", "SceneNodeUpdateMessage", "SetCameraFovMessage",
     "SetCameraLookAtMessage", "SetCameraPositionMessage", "SetOrientationMessage", "SetPositionMessage",
     "SetSceneNodeVisibilityMessage", "ThemeConfigurationMessage",
   ]);
@@ -98,7 +98,7 @@
   const say = (/** @type {Record<string, unknown>} */ message) => port?.postMessage(message);
   const opened = () => { if (port && wire) say({ is: "open" }); };
 
-  /** @param {MessageEvent<{ do?: string, id?: number, messages?: SceneMessage[], scheme?: string } | null>} event */
+  /** @param {MessageEvent<{ do?: string, id?: number, messages?: SceneMessage[], scheme?: string, on?: boolean } | null>} event */
   function take({ data }) {
     notice();
     if (data?.do === "show" && Array.isArray(data.messages)) {
@@ -114,6 +114,8 @@
       paint(data.id, due);
     } else if (data?.do === "dress") {
       dress(data.scheme);
+    } else if (data?.do === "yield") {
+      yieldScrolling(data.on === true);
     }
   }
 
@@ -135,14 +137,42 @@
     if (scheme === "light" || scheme === "dark" || scheme === "light dark") document.documentElement.style.setProperty("color-scheme", scheme, "important");
   }
 
+  // In an embed the wheel and a finger that moves up or down scroll the page around it. A click hands
+  // the wheel to the view until the focus leaves; so do Ctrl and ⌘. client.py has the style.
+  let yields = false;
+  let clicked = false;
+  /** @param {boolean} on */
+  function yieldScrolling(on) {
+    yields = on;
+    document.documentElement.classList.toggle("yields", on);
+  }
+  addEventListener("blur", () => { clicked = false; });
+
+  // The client's own controls are hidden, so the keyboard stops at the picture alone. The page draws the
+  // ring around it, because its drawing may cover this frame.
+  function limitFocus() {
+    for (const one of document.querySelectorAll("a, button, input, select, textarea, summary, [tabindex]")) {
+      if (one instanceof HTMLElement && one.tabIndex >= 0 && one.tagName !== "CANVAS") one.tabIndex = -1;
+    }
+    const canvas = document.querySelector("canvas");
+    if (!canvas || canvas.tabIndex === 0) return;
+    canvas.tabIndex = 0;
+    canvas.setAttribute("role", "application");
+    canvas.setAttribute("aria-label", "3D view");
+  }
+  new MutationObserver(limitFocus).observe(document, { childList: true, subtree: true });
+  addEventListener("focusin", ({ target }) => say({ is: "focus", on: target instanceof Element && target.matches(":focus-visible") }));
+  addEventListener("focusout", () => say({ is: "focus", on: false }));
+
   // Only the page around the frame hands over a port, and only one is taken.
-  /** @param {MessageEvent<{ keys?: string[], holds?: boolean, scheme?: string } | null>} event */
+  /** @param {MessageEvent<{ keys?: string[], holds?: boolean, scheme?: string, yields?: boolean } | null>} event */
   function begin({ source, ports, data }) {
     if (source !== parent || parent === window || ports.length !== 1) return;
     removeEventListener("message", begin);
     if (Array.isArray(data?.keys)) keys = data.keys;
     if (data?.holds === true) hold();
     dress(data?.scheme);
+    yieldScrolling(data?.yields === true);
     [port] = ports;
     port.onmessage = take;
     opened();
@@ -150,13 +180,11 @@
   addEventListener("message", begin);
 
   // What the client would tell its server.
-  /** @param {{ type?: string, ray_origin?: number[], ray_direction: number[] }} message */
+  /** @param {{ type?: string, position: number[], look_at: number[] }} message */
   function told(message) {
-    if (message.type === "ViewerCameraMessage") {
-      notice(); // it glides to where it was sent
-    } else if (message.type === "ScenePointerMessage" && message.ray_origin) {
-      say({ is: "pick", origin: [...message.ray_origin], direction: [...message.ray_direction] });
-    }
+    if (message.type !== "ViewerCameraMessage") return;
+    notice(); // it glides to where it was sent
+    if (!holds) say({ is: "camera", position: [...message.position], target: [...message.look_at] });
   }
 
   class Wire extends EventTarget {
@@ -186,28 +214,48 @@
     event.stopImmediatePropagation();
     say({ is: "key", key, shift });
   }, { capture: true });
+  // A press that hardly moves is a tap. The page, which knows the camera, finds the module under it: the
+  // client's own clicks leave out touch, and its camera rests while the page's drawing covers it.
   /** @type {[x: number, y: number] | null} */
   let start = null;
+  let single = false; // whether the press is of one finger, or of the main button
   const forget = () => { start = null; };
-  addEventListener("pointerdown", (event) => { start = [event.clientX, event.clientY]; }, { capture: true });
-  addEventListener("pointerup", forget, { capture: true });
+  addEventListener("pointerdown", (event) => {
+    start = [event.clientX, event.clientY];
+    single = event.isPrimary && event.button === 0;
+    clicked = true;
+  }, { capture: true });
+  addEventListener("pointerup", (event) => {
+    if (start && single && event.isPrimary && event.target instanceof HTMLCanvasElement) {
+      say({ is: "tap", x: event.clientX / innerWidth, y: event.clientY / innerHeight });
+    }
+    forget();
+  }, { capture: true });
   addEventListener("pointercancel", forget, { capture: true });
   addEventListener("pointermove", (event) => {
     if (!start || !event.buttons) return;
-    if (Math.hypot(event.clientX - start[0], event.clientY - start[1]) > MOVED_PX) { forget(); say({ is: "touch" }); }
+    const most = event.pointerType === "touch" ? MAX_TAP_PX.touch : MAX_TAP_PX.mouse;
+    if (Math.hypot(event.clientX - start[0], event.clientY - start[1]) > most) { forget(); say({ is: "touch" }); }
   }, { capture: true });
-  addEventListener("wheel", () => say({ is: "touch" }), { capture: true, passive: true });
+  addEventListener("wheel", (event) => {
+    const scrolls = yields && !clicked && !event.ctrlKey && !event.metaKey;
+    if (scrolls) event.stopImmediatePropagation(); // the client would keep it
+    say({ is: scrolls ? "scroll" : "touch" });
+  }, { capture: true, passive: true });
 
   // Where the page moves the camera it hears of pointers and wheels, and the client, which would move
   // it too, does not: its camera listens to moves at the document, its clicks at elements below it.
   const LINE_PX = 33; // a wheel that counts in lines
+  let holds = false;
   function hold() {
+    holds = true;
     const relay = (/** @type {MouseEvent & { pointerId?: number, deltaY?: number, deltaMode?: number }} */ event) => {
       const { type, pointerId: id = 0, clientX: x, clientY: y, deltaY = 0, deltaMode, button } = event;
       say({ is: "pointer", pointer: { kind: type, id, x, y, by: deltaMode ? LINE_PX * deltaY : deltaY, button } });
     };
     for (const name of /** @type {const} */ (["pointerdown", "pointerup", "pointercancel", "pointermove"])) addEventListener(name, relay, { capture: true });
     document.documentElement.addEventListener("pointermove", (event) => event.stopPropagation());
+    // A wheel that scrolls the page around an embed has been stopped before it comes here.
     addEventListener("wheel", (event) => { event.preventDefault(); event.stopImmediatePropagation(); relay(event); }, { capture: true, passive: false });
     for (const name of /** @type {const} */ (["keydown", "keyup"])) addEventListener(name, (event) => { if (event.key !== "Tab") event.stopPropagation(); }, { capture: true });
     addEventListener("contextmenu", (event) => event.preventDefault()); // the right button moves the view

@@ -42,6 +42,18 @@ export function positionOf(view) {
   return vector((k) => view.target[k] + view.distance * out[k]);
 }
 
+// Azimuth and elevation from which `position` looks at `target`.
+/**
+ * @param {Vector} position
+ * @param {Vector} target
+ * @returns {[azimuth: number, elevation: number]}
+ */
+function anglesOf(position, target) {
+  const off = position.map((v, k) => v - target[k]);
+  const length = Math.max(Math.hypot(...off), 1e-9);
+  return [Math.atan2(off[1], off[0]), Math.asin(Math.min(1, Math.max(-1, off[2] / length)))];
+}
+
 /**
  * @param {number} azimuth
  * @param {number} elevation
@@ -144,6 +156,22 @@ export function distanceNeeded(points, view, { radius, aspect, field }) {
     needed = Math.max(needed, (Math.abs(dot(off, right)) + radius) / (tall * aspect) + depth, (Math.abs(dot(off, up)) + radius) / tall + depth);
   }
   return needed;
+}
+
+// The ray from the camera through a place of the picture, in shares of its width and height from the top left.
+/**
+ * @param {Eye} eye
+ * @param {[x: number, y: number]} place
+ * @param {number} aspect
+ * @param {number} field vertical angle of view, rad
+ * @returns {[origin: Vector, direction: Vector]}
+ */
+export function rayThrough({ position, target }, [x, y], aspect, field) {
+  const [right, up, out] = axesOf(...anglesOf(position, target));
+  const tall = Math.tan(field / 2);
+  const way = vector((k) => (2 * x - 1) * tall * aspect * right[k] + (1 - 2 * y) * tall * up[k] - out[k]);
+  const length = Math.hypot(...way);
+  return [position, vector((k) => way[k] / length)];
 }
 
 // A view between several, from as far as the one that must not be cut off needs.

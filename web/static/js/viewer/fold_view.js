@@ -53,11 +53,12 @@ export function pathButton(stages) {
  * @property {boolean} [over]
  * @property {Details | null} [details]
  * @property {boolean} [play]
+ * @property {() => void} [onScroll] called when the page around an embed scrolls in place of a zoom
  */
 
 // `load` begins to load viser's client into the frame; the drawer is shown when a module is selected.
 /** @param {Viewed} viewed */
-export function view({ source, figures, load, over = true, details = null, play = !calm }) {
+export function view({ source, figures, load, over = true, details = null, play = !calm, onScroll }) {
   // What embeds ask for: the picture alone.
   if (/[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
   const timeline = new Timeline(source, { over });
@@ -66,6 +67,7 @@ export function view({ source, figures, load, over = true, details = null, play 
     open: () => standIn.takeOver(),
     pick: (origin, direction) => player.pick(origin, direction),
     pointer: (pointer) => hand.hear(pointer),
+    scroll: onScroll,
   });
   // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
   const sketch = new Sketch(get("sketch"), () => {

@@ -1,5 +1,7 @@
 // A 3D scene: viser's client in a frame, shown what the page says; see bridge.js and web/viser/scene_bundle.py.
 // The frame is no part of the page, and what it says is looked at before it is believed.
+import { rayThrough } from "./camera.js";
+
 const FARTHEST = 1e9;
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
@@ -56,6 +58,12 @@ function staged(messages, arrays) {
 
 /**
  * @param {unknown} value
+ * @returns {value is number}
+ */
+const isShare = (value) => typeof value === "number" && value >= 0 && value <= 1;
+
+/**
+ * @param {unknown} value
  * @returns {value is Vector}
  */
 const isVector = (value) => Array.isArray(value) && value.length === 3
@@ -93,11 +101,21 @@ export class Scene {
     this.nodes = new Set();
     /** @type {MessagePort | null} */
     this.port = null;
+    /** @type {Eye | null} */
+    this.camera = null; // of the client, where the page does not move it
+    this.yields = false;
     this.asks = 0;
     /** @type {Map<unknown, { what: "pass" | "paint", then: () => void }>} */
     this.asked = new Map();
     frame.addEventListener("load", () => this.connect());
     addEventListener("themechange", () => this.port?.postMessage({ do: "dress", scheme: scheme() }));
+  }
+
+  // Let the wheel and a finger that moves up or down scroll the page around an embed.
+  /** @param {boolean} on */
+  yieldScrolling(on) {
+    this.yields = on;
+    this.port?.postMessage({ do: "yield", on });
   }
 
   // Another scene bundle in place of the one before.
@@ -145,8 +163,31 @@ export class Scene {
     const { port1, port2 } = new MessageChannel();
     this.port = port1;
     port1.onmessage = ({ data }) => this.hear(data);
-    this.frame.contentWindow?.postMessage({ keys: this.keys, holds: this.holds, scheme: scheme() }, "*", [port2]);
+    this.frame.contentWindow?.postMessage({ keys: this.keys, holds: this.holds, scheme: scheme(), yields: this.yields }, "*", [port2]);
     for (const [id, { what }] of this.asked) port1.postMessage({ do: what, id });
+  }
+
+  // The camera was moved; one that looks nowhere is not believed.
+  /**
+   * @param {unknown} position
+   * @param {unknown} target
+   */
+  moved(position, target) {
+    if (isVector(position) && isVector(target) && position.some((v, k) => v !== target[k])) this.camera = { position, target };
+  }
+
+  // The camera of the picture that is seen.
+  /** @returns {Eye | null} */
+  get eye() { return this.camera; }
+
+  // Pick what is at a place of the picture, in shares of its width and height from the top left.
+  /**
+   * @param {number} x
+   * @param {number} y
+   */
+  tap(x, y) {
+    const { bundle, eye, frame: { clientWidth: wide, clientHeight: high } } = this;
+    if (bundle && eye && wide && high) this.pick(...rayThrough(eye, [x, y], wide / high, bundle.header.camera.field_of_view_rad));
   }
 
   // A ray in the scene was clicked.
@@ -165,13 +206,16 @@ export class Scene {
         if (this.bundle) this.build();
         this.heard.open?.();
         return;
+      case "camera": this.moved(told.position, told.target); return;
       case "pointer":
         if (isPointer(told.pointer)) this.heard.pointer?.(told.pointer);
         return;
-      case "pick":
-        if (this.bundle && isVector(told.origin) && isVector(told.direction)) this.pick(told.origin, told.direction);
+      case "tap":
+        if (isShare(told.x) && isShare(told.y)) this.tap(told.x, told.y);
         return;
       case "touch": this.heard.touch?.(); return;
+      case "scroll": this.heard.scroll?.(); return;
+      case "focus": this.frame.classList.toggle("focused", told.on === true); return;
       case "key":
         if (typeof told.key !== "string" || !this.keys.includes(told.key)) return;
         this.frame.dispatchEvent(new KeyboardEvent("keydown", { key: told.key, shiftKey: told.shift === true, bubbles: true, cancelable: true }));

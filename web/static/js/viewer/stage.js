@@ -30,10 +30,14 @@ export class Stage extends Scene {
     /** @type {Int32Array | null} */
     this.buried = null;
     this.away = false;
+    /** @type {Eye | null} */
+    this.drawn = null; // the camera of the picture that is seen, also of the page's own drawing
     /** @type {((shown: Snapshot) => Floats | null) | null} */
     this.pressed = null; // how hard modules press on the table, where that is to be seen
     addEventListener("themechange", () => this.dress());
   }
+
+  get eye() { return this.drawn; }
 
   /** @returns {TableTold | null} */
   get table() { return this.bundle?.header.table ?? null; }
