@@ -105,4 +105,6 @@ def _why_none(shape: Shape, reasons: tuple[NoPath, ...]) -> Feasibility:
     side = next(side for side in sides_of(shape.cells, turned=True) if side.down == told.down)
     lying = np.array(told.cells, dtype=np.int64).reshape(-1, 3)
     cells = tuple((int(x), int(y), int(z)) for x, y, z in (lying - side.shift) @ side.turn)
-    return Feasibility(feasible=None, problems=(Problem(code=code, detail=detail, cells=cells),))
+    return Feasibility(
+        feasible=None, problems=(Problem(code=told.cause or code, detail=detail, cells=cells),)
+    )

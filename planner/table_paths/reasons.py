@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -38,6 +38,7 @@ class NoPath:
         detail: Got, expected, remedy.
         cells: The cells that it is about, as the shape lies on that side.
         may_fall: Whether a path that goes down could still be one.
+        cause: Code of the ``Problem`` behind ``no-path``, empty where there is none.
     """
 
     down: str
@@ -45,6 +46,7 @@ class NoPath:
     detail: str
     cells: tuple[Cell, ...] = ()
     may_fall: bool = False
+    cause: str = ""
 
 
 def ruled_out(side: Side) -> NoPath | None:
@@ -53,7 +55,8 @@ def ruled_out(side: Side) -> NoPath | None:
     problems = obstacles(cells)
     if problems:
         problem = problems[0]
-        return _no_path(side, "no-path", f"{problem.detail} {REMEDY}", problem.cells)
+        reason = _no_path(side, "no-path", f"{problem.detail} {REMEDY}", problem.cells)
+        return replace(reason, cause=problem.code)
     floor = cells[cells[:, 2] == 0]
     if len(floor) == 1:
         detail = (
@@ -140,7 +143,8 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
         if not problems:
             return None
         detail = f"layer {height}: {problems[0].detail} {REMEDY}"
-        return _no_path(side, "no-path", detail, problems[0].cells, may_fall=True)
+        reason = _no_path(side, "no-path", detail, problems[0].cells, may_fall=True)
+        return replace(reason, cause=problems[0].code)
     cells = side.cells
     joined, _ = parts(cells[cells[:, 2] <= height])
     if joined > 1:
