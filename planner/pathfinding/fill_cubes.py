@@ -55,7 +55,7 @@ class Cubes:
         elif method == "blocks" and halved(shape) is None:
             shape, was_doubled = doubled(shape), True
         elif options.modules not in (None, given) and not options.repair and not of_solid:
-            notes = (f"Voxels are taken as they are: {given} modules.",)
+            notes = (f"Voxels are used unchanged: {given} modules.",)
         scale = round((len(shape) / given) ** (1 / 3))
         state = feasibility(shape)
         if was_doubled:

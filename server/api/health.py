@@ -67,7 +67,7 @@ def get_preparing(context: Here, response: Response) -> PreparingState:
     responses=problems(403),
 )
 async def get_metrics(request: Request, context: Here, credentials: Bearer) -> Response:
-    """Figures in Prometheus' text format, for who sends the operator's token."""
+    """Figures in Prometheus' text format, for clients that send the operator's token."""
     if not _may_read(context, credentials):
         raise Forbidden(
             "not-public",

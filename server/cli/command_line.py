@@ -34,7 +34,7 @@ COMMANDS: Final = {
     "servos": "List servos that are strong enough for a torque.",
     "table": "Check if a plan works on a table, and compute the joint torques.",
     "doctor": "Check the requirements of the service.",
-    "admin": "See, forget, repeat and keep folds of a service.",
+    "admin": "List, delete, repeat and pin folds of a service.",
 }
 """What each command is for, as its own help begins: told of all without importing any."""
 

@@ -182,7 +182,7 @@ class Quota:
                         "gone", ("Cancelled, because no client waits for this any more.")
                     )
                 if time.monotonic() >= deadline:
-                    raise _busy(Unavailable, f"Others are having {self._what} made")
+                    raise _busy(Unavailable, f"Other {self._what} are being made")
             if permit.displaced:
                 raise self._refuse(self._count, Holder.ALL)
             yield

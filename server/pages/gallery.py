@@ -34,7 +34,7 @@ router = APIRouter(include_in_schema=False)
 
 @router.get("/gallery", response_class=HTMLResponse, dependencies=[Depends(in_list_rate)])
 async def gallery_page(request: Request) -> Response:
-    """All example shapes; the address says which of them are wanted."""
+    """All example shapes; the query selects which ones are shown."""
     context = context_of(request)
     found = await asyncio.to_thread(standings, context.store)
     sieve = Sieve.of(request.query_params)

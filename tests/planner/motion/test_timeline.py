@@ -206,7 +206,7 @@ def test_a_shorter_continuation_is_another_timeline(place: FilePath, hook_chain:
     with TimelineWriter.reopen(place, frames=2):
         pass
     assert reader.replaced
-    with pytest.raises(TimelineError, match="begun anew"):
+    with pytest.raises(TimelineError, match="started again"):
         reader.refresh()
     assert_same(Timeline.open(place).frames(), some_frames(2))
 

@@ -63,7 +63,7 @@ test("what can be no path is told while it is drawn", () => {
   assert.deepEqual(left.lost, []);
   const apart = checked(painted([...row(3), key(5, 6)], row(3)));
   assert.deepEqual(apart.lost, [key(5, 6)]);
-  assert.match(told(apart).text, /lead no more to 1 of them/);
+  assert.match(told(apart).text, /can no longer reach 1 of them/);
 });
 
 test("a path grows at its ends, takes back its last cell, and mends a gap", () => {
