@@ -10,8 +10,6 @@ import numpy as np
 
 from planner.errors import UNREADABLE, PlannerError
 from planner.motion.timeline import chain_from_attributes
-from planner.table_paths.reasons import ruled_out
-from planner.table_paths.resting import sides_of
 
 
 @lru_cache(maxsize=256)
@@ -21,6 +19,10 @@ def ruled_out_on_table(chain: Path) -> bool:
     Args:
         chain: Chain file of the fold. One that cannot be read counts as ruled out.
     """
+    # SciPy, which this needs, is not loaded before a page asks.
+    from planner.table_paths.reasons import ruled_out
+    from planner.table_paths.resting import sides_of
+
     try:
         positions = chain_from_attributes(json.loads(chain.read_bytes())).folded_poses.positions
     except (PlannerError, *UNREADABLE):

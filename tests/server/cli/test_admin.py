@@ -101,7 +101,7 @@ def test_what_is_old_is_forgotten_and_what_shall_stay_stays(place: Path) -> None
 def test_one_that_is_refused_does_not_keep_the_others(place: Path) -> None:
     done = run(place, "expire", "--yes", "pinned", "nowhere", "shown", "young")
     assert done.exit_code == 1
-    assert "pinned is pinned and stays" in done.stderr
+    assert "pinned is pinned and is not deleted" in done.stderr
     assert "belongs to the gallery" in done.stderr
     assert "no fold 'nowhere'" in done.stderr
     assert "young is forgotten" in done.stdout

@@ -28,6 +28,7 @@ def test_an_answer_says_what_the_error_says() -> None:
         "status": 429,
         "code": "queue-full",
         "detail": "Three are waiting.",
+        "message": "Three are waiting.",
         "where": "body.file",
     }
 

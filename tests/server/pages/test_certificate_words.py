@@ -92,8 +92,8 @@ def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
 
 
 def test_a_torque_is_a_peak_only_where_every_step_was_looked_at() -> None:
-    assert torque(SIMULATED) == ("Peak torque", "0.0004 N·m")
-    assert torque(FOLLOWED) == ("Largest torque seen", "0.0004 N·m, checked at 1210 of 4036 frames")
+    assert torque(SIMULATED) == ("Peak torque", "400 µN·m")
+    assert torque(FOLLOWED) == ("Largest torque seen", "400 µN·m, checked at 1210 of 4036 frames")
 
 
 def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:

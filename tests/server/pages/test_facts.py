@@ -49,7 +49,7 @@ from tests.web.conftest import unfolding
         (30000, "30000"),
         (1e7, "1×10⁷"),
         (1.2804542754824243e-12, "1.28×10⁻¹²"),
-        (-0.02, "-0.02"),
+        (-0.02, "−0.02"),
         (0.0, "0"),
     ],
 )
@@ -79,7 +79,7 @@ def test_every_parameter_has_words_of_its_own() -> None:
 
 
 def test_a_parameter_without_words_shows_its_unit() -> None:
-    assert parameters({"new_cap_rad": 0.25}) == [("New cap", "0.25 rad")]
+    assert parameters({"new_cap_rad": 0.25}) == [("New cap", "250 mrad")]
     assert parameters({"other_speed_rad_s": 2}) == [("Other speed", "2 rad/s")]
 
 
@@ -188,7 +188,7 @@ def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Pat
         "Largest joint error",
     ):
         assert values[label] == "not simulated"
-    assert values["Largest torque seen"] == "0.009 N·m, number of frames checked is unknown"
+    assert values["Largest torque seen"] == "9 mN·m, number of frames checked is unknown"
     assert "Peak torque" not in values
 
 
@@ -247,7 +247,7 @@ def test_how_long_the_published_method_takes_is_told(
 def test_what_went_wrong_is_a_sentence(tmp_path: Path) -> None:
     error = {"code": "not-adjacent", "detail": "got a gap.", "where": "cells 1 and 2"}
     assert fold_facts(found(tmp_path, 0, error=error))["problem"]["text"] == (
-        "Cells 1 and 2: found a gap."
+        "Cells 1 and 2: Found a gap."
     )
 
 
@@ -266,7 +266,7 @@ def test_properties_of_a_real_fold_are_fit_to_read(
     assert values["Playback parameters: Controller"] == "Servos with feed-forward"
     assert values["Simulated robots (torques relative to the largest planned): Robots"] == "3"
     assert values["Certificate: Robots"].startswith("3 imperfect robots")
-    assert re.fullmatch(r"[\d.]+(×10\S+)? N·m", values["Certificate: Peak torque"])
+    assert re.fullmatch(r"[\d.]+ [mµn]?N·m", values["Certificate: Peak torque"])
     for row in rows:
         assert "_" not in row["label"]
         assert row["label"][0].isupper()

@@ -45,7 +45,7 @@ test("every colouring has a scale in numbers", async () => {
   });
   assert.match(speed, /^[\d.]+ rad\/s$/);
   const scale = timeline.errorScale;
-  assert.equal(error, `${scale} rad`);
+  assert.equal(error, `${1e3 * scale} mrad`);
   // Red alone means error, or worse: two that overlap.
   const redness = (colours) => Array.from({ length: colours.length / 3 }, (_, i) => colours[3 * i] - Math.max(colours[3 * i + 1], colours[3 * i + 2]));
   assert.ok(Math.max(...redness(seen.error)) > 60);
