@@ -38,6 +38,11 @@ for (const given of vectors.shipped) {
     const at = (frame) => timeline.folded(timeline.snapshot(frame));
     const { from } = timeline.outline.phases.findLast(({ name }) => name === "playback");
     close([at(0), at(from), at(timeline.last)], [timeline.outline.phases.length > 1 ? 1 : 0, 0, 1], { atol: 0.01 });
+    let most = 0;
+    for (let frame = from; frame <= timeline.last; frame++) {
+      assert.ok(at(frame) > most - 0.02, `frame ${frame} is folded less than one before`);
+      most = Math.max(most, at(frame));
+    }
     for (const wanted of [0.25, 0.5, 0.9]) close([at(frameFolded(timeline, wanted))], [wanted], { atol: 0.005 });
     close([frameFolded(timeline, 0), frameFolded(timeline, 1)], [from, timeline.last], {});
   });
@@ -46,6 +51,7 @@ for (const given of vectors.shipped) {
 test("foldedness_of_a_tangle_is_not_1", () => {
   const goal = Float64Array.from([1, -1, 0, 1]);
   close([foldedness((j) => [1, -1, 0, 0][j], goal)], [2 / 3]);
+  close([foldedness((j) => [3, 1, 1, 0.5][j], goal)], [1.5 / 3]); // too far counts as there, the other way not at all
   assert.equal(foldedness((j) => -goal[j], goal), 0);
   assert.equal(foldedness((j) => goal[j], goal), 1);
 });

@@ -138,3 +138,19 @@ test("a refused wait is asked again when the service says", async ({ mock }) => 
   timeline.stop();
   assert.ok(timeline.chain && timeline.growing); // what is here stays
 });
+
+test("timeline_of_a_running_fold_looks_often_at_first_for_its_frames", async ({ mock: { timers } }) => {
+  timers.enable({ apis: ["setTimeout"] });
+  const source = begunAnew([], "complete");
+  const { batch } = source;
+  const asked = [];
+  source.batch = function first(how) { asked.push(how); return asked.length < 30 ? null : batch.call(this, how); };
+  const timeline = new Timeline(source, { over: false });
+  await pass(timers, 990);
+  const often = asked.length;
+  await pass(timers, 2000);
+  assert.ok(often >= 8 && asked.length < 30, `${often}, then ${asked.length} requests`);
+  await pass(timers, 2500);
+  assert.ok(timeline.row(0));
+  timeline.stop(); // before the test's clock is gone
+});

@@ -81,7 +81,7 @@ export class Story {
    * @param {number} frame
    */
   play(part, frame) {
-    Object.assign(this, { part, waited: false, rest: 0, pace: 0, phase: undefined });
+    Object.assign(this, { part, waited: false, rest: 0, pace: MIN_FPS, phase: undefined });
     this.playhead.frame = frame;
     this.playhead.is.playing = !this.calm;
   }

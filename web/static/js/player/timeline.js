@@ -18,6 +18,10 @@ const MOST_WINDOW_BYTES = 64 * 2 ** 20;
 const AHEAD = 6; // chunks of a long timeline that are fetched before they are asked for
 const BEHIND = 1;
 const RETRY_MS = 300;
+/** Pause before the next look for the first frames of a fold that has just begun. A larger value delays the first motion. Chosen. */
+const QUICK_RETRY_MS = 100;
+/** Number of those looks, after which the fold is taken to wait in the queue. A larger value costs requests. Chosen. */
+const MAX_QUICK_TRIES = 20;
 const LOOK_MS = 1000;
 const MOST_LOOKS = 1800; // half an hour
 const WAIT_S = 1;
@@ -143,6 +147,7 @@ export class Timeline extends Emitter {
     this.over = over;
     this.unsure = !over;
     this.looks = 0;
+    this.tries = 0;
     this.grown = false; // on this page
     this.ended = false;
     this.running = false;
@@ -230,7 +235,7 @@ export class Timeline extends Emitter {
     const [bundle, first] = await Promise.all([this.source.bundle(), this.source.batch({ to: 1 })]);
     if (!bundle || !first || !first.header.total) {
       this.tell("waiting");
-      await pause(RETRY_MS);
+      await pause(this.tries++ < MAX_QUICK_TRIES ? QUICK_RETRY_MS : RETRY_MS);
       return;
     }
     // Frames spread over the whole timeline up to its last, so that it can be scrubbed everywhere at once.
