@@ -177,6 +177,7 @@ def exploding_bytes(data: Path, cells: object) -> tuple[int, int]:
         assert service.stop() == 0
 
 
+@pytest.mark.long
 def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
     accepted = service.fold(shape="wrench-24", preset="paper", seed="11")
     service.wait_exploding(accepted["id"])

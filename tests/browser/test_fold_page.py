@@ -264,7 +264,8 @@ WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= 
 """Whether nothing of a text is cut off."""
 
 
-@pytest.mark.parametrize("scheme", [pytest.param("light", marks=pytest.mark.long), "dark"])
+@pytest.mark.long
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_on_a_phone(visit: Visit, wrench: str, scheme: str) -> None:
     page = visit("/", width=390, height=844, color_scheme=scheme, has_touch=True, view=False)
     for path, name in (("/", "landing"), (f"/folds/{wrench}", "fold")):
@@ -303,6 +304,7 @@ PASSED = """async () => {
 }"""
 
 
+@pytest.mark.long
 def test_the_drawing_stays_until_the_view_shows_something(visit: Visit, wrench: str) -> None:
     page = visit("about:blank", width=390, height=520, has_touch=True)
     page.add_init_script(HELD)

@@ -22,6 +22,7 @@ DRAWN = "() => !window.foldback.player.sketch.waiting"
 """Whether the page's own drawing, which comes before the 3D view, has come."""
 
 
+@pytest.mark.long
 def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     expect(page.locator("#scrub")).to_be_enabled()
@@ -115,6 +116,7 @@ def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_pa
     context.close()
 
 
+@pytest.mark.long
 def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", width=960, height=360, view=False)
     page.locator("#compare").click()
@@ -153,6 +155,7 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
     assert page.evaluate(frames) != before
 
 
+@pytest.mark.long
 def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.locator("#refold").click()

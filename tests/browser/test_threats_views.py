@@ -189,6 +189,7 @@ def test_pages_of_folds(visit: Visit, wrench: str, address: str) -> None:
     harmless(frames, said)
 
 
+@pytest.mark.long
 def test_the_page_of_a_preview(visit: Visit, service: Service) -> None:
     told = service.http.post("/api/shapes/preview", files={"file": ("brick.stl", stl())}).json()
     page = keeping(visit)

@@ -103,6 +103,7 @@ def test_a_simulated_plan_of_windows_is_verified_with_its_robots(simulated: File
     np.testing.assert_allclose(dense.joint_error_rad, off, atol=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_windows_without_errors_of_their_own_do_not_pass_for_simulated(
     simulated: FilePath, tmp_path: FilePath

@@ -12,7 +12,7 @@ from planner.pipeline.request import Request
 from planner.plan.plan import Plan
 from tests.server.service import STAIRS, Service
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.long]  # whole searches for the best of several plans
 
 
 @pytest.fixture(scope="module")

@@ -62,6 +62,7 @@ def alone(check: str, *prefix: str, **values: Any) -> Finding:
     return Finding(**json.loads(done.stdout))
 
 
+@pytest.mark.long
 @pytest.mark.processes
 def test_all_is_well_and_nothing_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in os.environ:

@@ -219,6 +219,7 @@ def test_cancelling_frees_the_core(hosts_with: Any) -> None:
         check_whole(first, second.fold(SNAKE)["id"])
 
 
+@pytest.mark.long
 def test_two_that_ask_for_the_same_get_the_same(
     hosts_with: Any, bucket: Bucket, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -93,6 +93,7 @@ def test_a_movie_from_the_wish_to_the_file(service: Service, finished: dict[str,
     assert service.http.get(movie["links"]["file"]).status_code == 404
 
 
+@pytest.mark.long
 def test_a_gif_moves_and_its_address_alone_deletes_it_not(
     service: Service, finished: dict[str, Any]
 ) -> None:
