@@ -22,7 +22,7 @@ class HeadAsGet:
         if scope["type"] != "http" or scope["method"] != "HEAD":
             await self._app(scope, receive, send)
             return
-        answered = asyncio.Event()
+        answered = asyncio.get_running_loop().create_future()
         asked = {**scope, "method": "GET"}
 
         async def send_head(message: Message) -> None:
@@ -31,19 +31,15 @@ class HeadAsGet:
                     scope["route"] = asked["route"]
                 await send(message)
                 return
-            if not answered.is_set():
+            if not answered.done():
                 await send({"type": "http.response.body", "body": b"", "more_body": False})
-                answered.set()
+                answered.set_result(None)
             await asyncio.Event().wait()  # until it is cancelled
 
         making = asyncio.ensure_future(self._app(asked, receive, send_head))
-        waiting = asyncio.ensure_future(answered.wait())
         try:
-            await asyncio.wait({making, waiting}, return_when=asyncio.FIRST_COMPLETED)
-            if making.done():
-                await making  # raises what it raised
+            await asyncio.wait({making, answered}, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            for task in (making, waiting):
-                task.cancel()
-                with suppress(asyncio.CancelledError):
-                    await task
+            making.cancel()
+            with suppress(asyncio.CancelledError):
+                await making  # raises what it raised

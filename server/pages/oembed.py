@@ -15,16 +15,18 @@ from server.pages.page import origin_of
 
 router = APIRouter(include_in_schema=False)
 
-FOLD_PATH: Final = re.compile(r"/(?:folds|embed)/([A-Za-z0-9_-]{1,64})")
+FOLD_PATH: Final = re.compile(r"/(?:folds|embed)/([^/]+)")
+"""Path of a fold's page; ``find_fold`` checks the id in it."""
 WIDTH_PX: Final = 720
 HEIGHT_PX: Final = 480
 """Size of a frame for which the asking site names no bounds, as in *Share*."""
 MIN_PX: Final = 200
 """Smallest side of a frame in which the controls still leave room for the picture."""
 MAX_ADDRESS: Final = 2000
-"""Characters of an address that is looked up; browsers send no longer ones."""
+"""Characters of an address that is looked up; a longer one is refused. Chosen."""
 PICTURE: Final = (1200, 630)
-"""Width and height of the picture of a fold, in pixels."""
+"""Width and height of a fold's picture in pixels: ``SIZE`` of ``web.pictures.social_picture``,
+whose import would load Pillow and numba into the web process."""
 
 
 @router.get("/oembed")
