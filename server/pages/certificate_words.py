@@ -46,23 +46,49 @@ def clearance(certificate: CertificateFigures) -> str | None:
 
 
 def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
-    """What a certificate says of the motion, as labels and values."""
+    """Return the figures of a motion as labels and values."""
+    return [*main_rows(certificate), *further_rows(certificate)]
+
+
+def main_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+    """Return the figures that say most of a motion."""
     return [
-        ("Module size", quantity(certificate.get("module_size"), "pitch")),
         ("Clearance, proved", _at_least(certificate.get("clearance_bound"))),
-        ("Least clearance seen, plan", _pitches(certificate.get("min_clearance"))),
-        ("Same, simulated playback", _of_simulation(certificate, "min_clearance_playback")),
-        ("Same, record", _pitches(certificate.get("min_clearance_record"))),
-        ("Robots", robots(certificate)),
-        ("Final position error, RMS", _of_simulation(certificate, "rms_position_error", DIGITS)),
-        ("Largest joint error", _of_simulation(certificate, "max_angle_error_rad", DIGITS, "rad")),
-        ("Largest joint step", quantity(certificate.get("max_joint_step_rad"), "rad")),
-        ("Hinges moving, most", quantity(certificate.get("hinges_moving_most"))),
+        ("Time to fold", _time_to_fold(certificate)),
         torque(certificate),
         ("On a table, statics", _torque_of(certificate.get("table"))),
-        ("Time to fold", quantity(certificate.get("fold_time_s"), "s")),
-        ("at a joint speed of", quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")),
+        ("Largest joint error", _of_simulation(certificate, "max_angle_error_rad", DIGITS, "rad")),
     ]
+
+
+def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+    """Return all figures besides ``main_rows``."""
+    return [
+        ("Checked at module size", quantity(certificate.get("module_size"), "pitch")),
+        ("Least clearance seen, plan", _pitches(certificate.get("min_clearance"))),
+        (
+            "Least clearance, simulated robots",
+            _of_simulation(certificate, "min_clearance_playback"),
+        ),
+        (
+            "Least clearance, recorded explosion",
+            _pitches(certificate.get("min_clearance_record")),
+        ),
+        ("Robots", robots(certificate)),
+        ("Final position error, RMS", _of_simulation(certificate, "rms_position_error", DIGITS)),
+        (
+            "Largest joint move per frame",
+            quantity(certificate.get("max_joint_step_rad"), "rad"),
+        ),
+        ("Most hinges moving at once", quantity(certificate.get("hinges_moving_most"))),
+    ]
+
+
+def _time_to_fold(certificate: CertificateFigures) -> str | None:
+    """Return the time to fold, with the joint speed that it is reckoned for."""
+    time = quantity(certificate.get("fold_time_s"), "s")
+    speed = quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")
+    return f"{time} at {speed}" if time and speed else time
 
 
 class TableTold(TypedDict):
@@ -188,8 +214,8 @@ def robots(certificate: CertificateFigures) -> str | None:
         return None
     least = min(one["min_clearance"] for one in found)
     return (
-        f"{len(found)} with faults of their own, the one that is off most is shown; clear by "
-        f"{rounded_down(least)} of a pitch or more"
+        f"{len(found)} imperfect robots were simulated; you see the worst one. Clearance "
+        f"≥ {rounded_down(least)} pitch"
     )
 
 

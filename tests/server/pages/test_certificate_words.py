@@ -71,7 +71,7 @@ def test_what_is_less_than_nothing_is_not_said_to_be_nothing(value: float, said:
 def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
     said, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
     for label in (
-        "Same, simulated playback",
+        "Least clearance, simulated robots",
         "Final position error, RMS",
         "Largest joint error",
     ):
@@ -86,8 +86,8 @@ def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
 
 
 def test_a_torque_is_a_peak_only_where_every_step_was_looked_at() -> None:
-    assert torque(SIMULATED) == ("Peak torque", "0.0004 N·m")
-    assert torque(FOLLOWED) == ("Largest torque seen", "0.0004 N·m, at 1210 of 4036 frames")
+    assert torque(SIMULATED) == ("Peak torque", "400 µN·m")
+    assert torque(FOLLOWED) == ("Largest torque seen", "400 µN·m, at 1210 of 4036 frames")
 
 
 def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:

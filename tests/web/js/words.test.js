@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { degrees, duration, newtonMetres, number, radians, refusal, remaining, si, whole } from "../../../web/static/js/lib/text.js";
+import { degrees, duration, modulesFromOne, newtonMetres, number, radians, refusal, remaining, si, whole } from "../../../web/static/js/lib/text.js";
 import { vectors } from "./vectors.js";
 
 test("numbers are told with two figures, and nothing as nothing", () => {
@@ -15,6 +15,11 @@ test("a quantity has the same text in scripts and on the server", () => {
   for (const { value, digits, si: withPrefix, number: plain } of vectors.quantities) {
     assert.deepEqual([si(value, "N·m", digits), number(value, digits)], [withPrefix, plain], `${value} to ${digits} digits`);
   }
+});
+
+test("modules in a text count from 1 in scripts as on the server", () => {
+  for (const [text, fromOne] of vectors.module_texts) assert.equal(modulesFromOne(text), fromOne);
+  assert.equal(refusal({ detail: "modules 0 and 9 overlap", where: "modules 0 and 9" }, 422), "Modules 1 and 10 overlap");
 });
 
 test("a torque that is not 0 is never shown as 0", () => {

@@ -1,6 +1,5 @@
 // Figures along the whole fold, with the playhead in them; a click goes there, and keys move it.
-import { round } from "../player/colours.js";
-import { element, newtonMetres, radians, whole } from "../lib/text.js";
+import { element, newtonMetres, number, pitches, radians, whole } from "../lib/text.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const COLUMNS = 360;
@@ -21,7 +20,7 @@ const KEPT_MS = 60_000; // what is being downloaded
 /** @type {Plot[]} */
 const PLOTS = [
   { name: "max_error_rad", label: "Largest joint error", text: radians, worst: Math.max },
-  { name: "min_clearance", label: "Least clearance", text: (v) => `${Number(v.toPrecision(2))} pitch`, worst: Math.min },
+  { name: "min_clearance", label: "Least clearance", text: pitches, worst: Math.min },
   { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
   { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
 ];
@@ -34,7 +33,7 @@ const TORQUES = ["table_torque", "peak_torque_nm"]; // whichever there is
  */
 function onTable(table) {
   if (!table) return [];
-  const wp = (/** @type {number} */ v) => `${round(v)} w·p`;
+  const wp = (/** @type {number} */ v) => `${number(v)} w·p`;
   const bounds = [{ at: table.kept, what: "kept to while unfolding" }, { at: table.bound, what: "allowed" }];
   return [{
     name: "table_torque", label: "Largest torque on the table", text: (v) => `${wp(v)} (${newtonMetres(v * table.unit_nm)})`, worst: Math.max,
