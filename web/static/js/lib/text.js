@@ -11,9 +11,9 @@ export const STAGES = {
   export: "Writing the plan",
 };
 
-/** @param {number} number */
-export function whole(number) {
-  return Math.round(number).toLocaleString("en").replaceAll(",", "\u2009");
+/** @param {number} value */
+export function whole(value) {
+  return Math.round(value).toLocaleString("en").replaceAll(",", "\u2009");
 }
 
 // `SI_PREFIXES` of server/pages/quantities.py, by their power of ten; `si` there gives the same texts.

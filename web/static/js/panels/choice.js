@@ -1,13 +1,12 @@
 // The plans that a fold with a wish had to choose from: a scatter plot, and the same as a table.
 import { element, get } from "../lib/text.js";
+import { round, ticks } from "../lib/ticks.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const WIDE = 336;
 const HIGH = 220;
 const INSET = { left: 46, right: 14, top: 18, bottom: 34 };
 const SPARE = 0.08; // of the span, so that no dot lies on the edge
-const MOST_TICKS = 5;
-const DIGITS = 3;
 const NEAR = { x: 26, y: 12 }; // dots nearer than this share one label, which would be on another
 /**
  * @typedef {"torque_mnm" | "room"} Axis
@@ -20,31 +19,6 @@ const AXES = {
   torque_mnm: { name: "Torque", label: (seconds) => `Torque, mN·m, all folding in ${round(seconds)} s`, log: true },
   room: { name: "Room", label: () => "Room, pitch", log: false },
 };
-
-const round = (/** @type {number} */ value) => Number(value.toPrecision(DIGITS));
-
-// Round numbers from low to high, a few of them; powers of ten and their halves on a log scale.
-/**
- * @param {number} low
- * @param {number} high
- * @param {boolean} log
- */
-export function ticks(low, high, log) {
-  if (log) {
-    const found = [];
-    for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power += 1) {
-      for (const digit of [1, 2, 5]) found.push(round(digit * 10 ** power));
-    }
-    const inside = found.filter((value) => value >= low && value <= high);
-    const tens = inside.filter((value) => Number.isInteger(round(Math.log10(value))));
-    return inside.length > MOST_TICKS && tens.length > 1 ? tens : inside;
-  }
-  const rough = (high - low) / MOST_TICKS;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((digit) => digit * power).find((wide) => wide >= rough) ?? rough;
-  const first = Math.ceil(low / step);
-  return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, k) => round((first + k) * step));
-}
 
 // Where a value lies between two places, and round values on the way.
 /**
