@@ -6,7 +6,7 @@ from typing import Final, TypedDict
 
 from planner.certificate.figures import SmoothingFigures
 from planner.robot import RECORDED, SOFTENED
-from server.pages.quantities import number
+from server.pages.quantities import number, quantity
 
 
 class Row(TypedDict):
@@ -18,19 +18,19 @@ class Row(TypedDict):
     ratio: str
 
 
-LABELS: Final[dict[str, tuple[str, float, int]]] = {
-    "frames": ("Frames", 1.0, 3),
-    "fold_time_s": ("Time to fold, s", 1.0, 3),
-    "length_rad": ("Path length, rad", 1.0, 3),
-    "hinges_moving_mean": ("Hinges moving, mean", 1.0, 3),
-    "hinges_moving_most": ("Hinges moving, most", 1.0, 3),
-    "peak_speed_rad_s": ("Fastest hinge, rad/s", 1.0, 2),
-    "peak_torque_nm": ("Largest torque, mN·m", 1e3, 2),
-    "tail_way": ("Way of an end, pitches", 1.0, 3),
-    "tail_speed": ("Fastest end, pitches/s", 1.0, 2),
-    "clearance": ("Clearance, pitch", 1.0, 2),
+LABELS: Final[dict[str, tuple[str, str, int]]] = {
+    "frames": ("Frames", "", 3),
+    "fold_time_s": ("Time to fold", "s", 3),
+    "length_rad": ("Path length", "rad", 3),
+    "hinges_moving_mean": ("Mean hinges moving at once", "", 3),
+    "hinges_moving_most": ("Most hinges moving at once", "", 3),
+    "peak_speed_rad_s": ("Fastest hinge", "rad/s", 2),
+    "peak_torque_nm": ("Largest torque", "N·m", 2),
+    "tail_way": ("Way of an end", "pitch", 3),
+    "tail_speed": ("Fastest end", "pitch/s", 2),
+    "clearance": ("Clearance", "pitch", 2),
 }
-"""What each figure is called with its unit, what it is multiplied by for that, and its digits."""
+"""Label, unit and digits of each figure."""
 NOTES: Final = {
     SOFTENED: "More of it was not as clear as the certificate asks.",
     RECORDED: "Nothing shorter was as clear as the certificate asks: only the times are new.",
@@ -43,11 +43,11 @@ def rows_of(smoothing: SmoothingFigures) -> list[Row]:
     return [
         {
             "label": label,
-            "before": number(factor * before[key], digits),
-            "after": number(factor * after[key], digits),
+            "before": str(quantity(before[key], unit, digits)),
+            "after": str(quantity(after[key], unit, digits)),
             "ratio": f"× {after[key] / before[key]:.2f}" if before[key] else "",
         }
-        for key, (label, factor, digits) in LABELS.items()
+        for key, (label, unit, digits) in LABELS.items()
         if key in after
     ]
 

@@ -44,7 +44,11 @@ def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
     ("prefer", "chosen", "text"),
     [
         ("time", 3, "10 instead of 100 s to fold, for 11 s more computing."),
-        ("torque", 2, "0.04 instead of 0.1 mN·m, both folding in 100 s, for 11 s more computing."),
+        (
+            "torque",
+            2,
+            "40 µN·m instead of 100 µN·m of torque, both folding in 100 s, for 11 s more computing.",
+        ),
         (
             "clearance",
             2,
@@ -69,7 +73,7 @@ def test_each_plan_has_a_name_and_a_row(tmp_path: Path) -> None:
         *("1. Unit by unit", "3. All at once, path 2", "4. Smoothed 3, seed 1", "5. All at once"),
     ]
     assert [plan["verified"] for plan in choice["plans"]] == [True, True, True, False]
-    assert choice["plans"][1]["cells"] == ["20", "1", "0.04", "0.0312", "3"]
+    assert choice["plans"][1]["cells"] == ["20", "1 mN·m", "40 µN·m", "0.0312", "3"]
     assert choice["plans"][1]["torque_mnm"] == pytest.approx(0.04)
     assert all(len(plan["cells"]) == len(COLUMNS) - 1 for plan in choice["plans"])
 
