@@ -47,7 +47,8 @@ def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
         (
             "torque",
             2,
-            "40 µN·m instead of 100 µN·m of torque, both folding in 100 s, for 11 s more computing.",
+            "40 µN·m instead of 100 µN·m of torque, both folding in 100 s, "
+            "for 11 s more computing.",
         ),
         (
             "clearance",
