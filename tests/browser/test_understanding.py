@@ -92,7 +92,21 @@ def test_plots_show_the_figures_and_lead_into_the_fold(beside: Page, figures: Fi
     assert box
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 20)
     assert shown_frame(page) == pytest.approx(0.75 * (len(figures) - 1), abs=3)
+    page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 20)
+    where = plots.nth(0).locator(".plot-where")
+    expect(where).to_contain_text(re.compile(r"^frame \d+, [\d.]+ s$"))
+    assert shown_frame(page) > 0.5 * len(figures), "a reading moves nothing"
     keep(page, "plots")
+    larger = page.get_by_role("button", name="Larger view of least clearance")
+    larger.click()
+    large = page.locator("dialog.plot-dialog .plot svg[role=slider]")
+    before = shown_frame(page)
+    large.press("ArrowLeft")
+    expect(large).to_have_attribute("aria-valuenow", str(before))
+    page.keyboard.press("Escape")
+    expect(large).to_have_count(0)
+    expect(plots).to_have_count(4)
+    expect(larger).to_be_focused()
 
 
 @pytest.mark.long
