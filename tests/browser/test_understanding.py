@@ -154,10 +154,11 @@ def test_a_module_tells_what_is_near_it(beside: Page, figures: Figures) -> None:
     seek(page, frame)
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 5 })")
     nearest = page.locator("#panel-module [data-of=nearest]")
-    expect(nearest).to_contain_text(f"Module {figures.nearest[frame, 5]}, ")
-    expect(nearest).to_contain_text(f"{figures.clearance[frame, 5]:.3f}".rstrip("0"))
+    expect(nearest).to_contain_text(f"Module {figures.nearest[frame, 5] + 1}, ")
+    expect(nearest).to_contain_text(f"{figures.clearance[frame, 5]:.2g} pitch")
     nearest.locator("button").click()
-    expect(page.locator("#panel-module h2")).to_contain_text(f"Module {figures.nearest[frame, 5]}")
+    number = figures.nearest[frame, 5] + 1
+    expect(page.locator("#panel-module h2")).to_contain_text(f"Module {number} of ")
 
 
 @pytest.mark.long

@@ -28,7 +28,7 @@ test("of a fold on a table there are other torques than of one that floats", asy
   const keys = (table) => colouringsOf(table).map(([key]) => key);
   assert.deepEqual(keys(true).filter((key) => !keys(false).includes(key)), ["joint_torque", "pressed"]);
   assert.deepEqual(keys(false).filter((key) => !keys(true).includes(key)), ["torque"]);
-  assert.equal(withUnit(4, 2.6487e-4), "4 w·p, 0.0011 N·m");
+  assert.equal(withUnit(4, 2.6487e-4), "4 w·p, 1.1 mN·m");
   const { timeline } = await recorded();
   const figures = {
     plots: { table: { unit_nm: 0.001, bound: 8, kept: 2, words: "frictionless" } },
@@ -36,7 +36,7 @@ test("of a fold on a table there are other torques than of one that floats", asy
     row: () => ({ joint_torque: new Float32Array(timeline.joints).fill(2), pressed: new Float32Array(timeline.chain.modules).fill(1) }),
   };
   const shown = timeline.snapshot(0);
-  assert.equal(colouring("joint_torque", timeline, figures).legend().high, "5 w·p, 0.005 N·m");
+  assert.equal(colouring("joint_torque", timeline, figures).legend().high, "5 w·p, 5 mN·m");
   assert.equal(colouring("pressed", timeline, figures).legend().high, "5 × its weight");
   const { unknown } = timeline.bundle.header.colours;
   for (const key of ["joint_torque", "pressed"]) {
