@@ -189,7 +189,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     page.locator("main.stage").click(position={"x": x, "y": y})
     heading = page.locator("#panel-module h2")
     expect(heading).to_contain_text("Module")
-    index = int(re.findall(r"\d+", heading.inner_text())[0])
+    index = int(re.findall(r"\d+", heading.inner_text())[0]) - 1
     keep(page, "fold-module")
     cell = np.rint(chain.folded_poses.positions[index]).astype(int)
     said = page.locator("#panel-module dd").nth(1).inner_text().replace("−", "-")
