@@ -257,7 +257,7 @@ def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, wrench: str) -> No
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
     other = visit(f"/folds/{wrench}#frame=12&module=4", view=False, reduced_motion="no-preference")
     expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
-    expect(other.locator("#panel-module h2")).to_contain_text("Module 3")
+    expect(other.locator("#panel-module h2")).to_contain_text("Module 4")
 
 
 WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= text.clientHeight
