@@ -21,6 +21,7 @@ from tests.benchmarks.scaling import scaling
 from tests.benchmarks.service.compiling import compiling
 from tests.benchmarks.service.movies import movies
 from tests.benchmarks.service.remaining import remaining
+from tests.benchmarks.service.views import views
 from tests.benchmarks.service.weights import weights
 from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.speed import speed
@@ -62,6 +63,7 @@ SECTIONS = {
     "movies": movies,
     "remaining": remaining,
     "weights": weights,
+    "views": views,
     "direct": direct,
     "paper": paper,
 }
