@@ -304,7 +304,7 @@ interface FileTold { label: string; hint: string; href: string }
 interface Failing { kind: string; heading: string; text: string; frame: number | null; modules: number[]; blocks: string[]; knot: KnotDrawing | null }
 interface KnotDrawing { side: number; strokes: string[]; label: string }
 interface Attempt { strategy: string; how: string; end: string; tone: string }
-interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; cells: string[]; verified: boolean; chosen: boolean }
+interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; cells: string[]; verified: boolean; chosen: boolean; stored: number | null }
 interface Choice { prefer: string; wish: string; seconds: number; columns: string[]; plans: PlanDot[]; text: string }
 interface TableWords { good: boolean; text: string; rows: [label: string, value: string][]; assumptions: string[]; servos: string; named: { name: string; href: string }[] }
 interface Again { text: string; form: Form }
@@ -330,6 +330,7 @@ interface Facts {
   smoothing: Smoothing | null;
   comparable: boolean;
   compare: Way[];
+  alternative_to: string | null;
   embed: string | null;
   kept: string | null;
   made: string | null; // by which version, of a fold that came with the package

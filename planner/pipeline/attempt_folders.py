@@ -4,6 +4,8 @@
 the explosion that is entry 2 of ``attempts.json``. Of attempts that are over the one that came
 farthest stays, of verified plans the one that serves the fold's wish best. When the fold is over,
 its files go to the fold's directory itself.
+
+``plans/2`` holds what a page needs to play the verified plan of entry 2, which was not chosen.
 """
 
 from __future__ import annotations
@@ -32,6 +34,11 @@ TIMELINE: Final = "timeline.zarr"
 CHAIN: Final = "chain.json"
 CLEARANCES: Final = "clearances.npy"
 """What the certificate of a peeled chain found at each frame, until its curves are written."""
+PLANS: Final = "plans"
+PLAYABLE: Final = (CHAIN, TIMELINE, CERTIFICATE)
+"""Files of a plan that was not chosen, in its folder in ``PLANS``."""
+MAX_PLANS_BYTES: Final = 64 * 2**20
+"""Maximum size of a fold's ``PLANS``; plans beyond it are removed and cannot be played. Chosen."""
 RESULTS: Final = (
     CHAIN,
     TIMELINE,
@@ -84,6 +91,7 @@ def begin(directory: FilePath, number: int) -> FilePath:
 def clear(directory: FilePath) -> None:
     """Removes what earlier attempts have made: a fold begins anew."""
     rmtree(directory / FOLDER, ignore_errors=True)
+    rmtree(directory / PLANS, ignore_errors=True)
     (directory / ATTEMPTS).unlink(missing_ok=True)
     for name in RESULTS[1:]:  # the chain is the first candidate's
         path = directory / name
@@ -159,7 +167,27 @@ def judgement(certificate: FilePath) -> tuple[bool, float]:
 def _keep_best(directory: FilePath, among: Sequence[int], prefer: Preference = COMPUTING) -> None:
     if len(among) > 1:
         best = max(among, key=lambda number: _progress(directory, number, prefer))
-        _remove(directory, [number for number in among if number != best])
+        unwanted = [number for number in among if number != best]
+        if prefer != COMPUTING:
+            unwanted = [number for number in unwanted if not _moved_to_plans(directory, number)]
+        _remove(directory, unwanted)
+
+
+def _moved_to_plans(directory: FilePath, number: int) -> bool:
+    """Move a verified plan to ``PLANS`` if there is room; return True if it was moved."""
+    place = directory / FOLDER / str(number)
+    if not judgement(place / CERTIFICATE)[0]:
+        return False
+    for path in place.iterdir():
+        if path.name not in PLAYABLE:
+            path.unlink()
+    plans = directory / PLANS
+    files = [path for root in (plans, place) for path in root.rglob("*") if path.is_file()]
+    if sum(path.stat().st_size for path in files) > MAX_PLANS_BYTES:
+        return False
+    plans.mkdir(exist_ok=True)
+    place.rename(plans / str(number))
+    return True
 
 
 def _progress(

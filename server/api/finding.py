@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from fastapi import Request
 
+from server.api.alternatives import alternative
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.jobs.queue import Jobs
 from server.settings import Settings
-from server.store.shown import FoldSource, Found
+from server.store.shown import FoldSource, Found, id_of_fold
 
 if TYPE_CHECKING:
     from web.timeline.views import TimelineViews
@@ -47,8 +48,16 @@ def viewing_of(request: Request) -> Viewing:
 
 
 def find_now(request: Request, fold_id: str) -> Found | None:
-    """The fold of that id, or None; asks the database, so not for the event loop's own thread."""
-    return viewing_of(request).store.find(fold_id) if FOLD_ID.fullmatch(fold_id) else None
+    """Return the fold of that id, or an alternative to its plan, or None.
+
+    It asks the database, so it must not run in the event loop's own thread.
+    """
+    if not FOLD_ID.fullmatch(fold_id):
+        return None
+    found = viewing_of(request).store.find(id_of_fold(fold_id))
+    if found is None or fold_id == found.row.id:
+        return found
+    return alternative(found, fold_id.removeprefix(f"{found.row.id}-"))
 
 
 async def find_fold(request: Request, fold_id: str) -> Found | None:

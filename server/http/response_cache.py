@@ -20,6 +20,7 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.http.security import SAFE_METHODS
+from server.store.shown import id_of_fold
 
 KEPT_S: Final = 1.0
 MOST_BYTES: Final = 16 * 2**20
@@ -40,7 +41,7 @@ class _Answer:
 def mark(request: HTTPConnection, row: Any) -> None:
     """Says that the answer to a request shows a fold and nothing else; of verified ones alone."""
     if row.status == "verified":
-        setattr(request.state, MARK, row.id)
+        setattr(request.state, MARK, id_of_fold(row.id))
 
 
 class ResponseCache:

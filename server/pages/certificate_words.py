@@ -226,11 +226,17 @@ def robots(certificate: CertificateFigures) -> str | None:
 
 
 def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
-    """The largest torque: a peak only where every step of a simulation was looked at."""
+    """Return the largest torque and its source, which differs from that of the plot.
+
+    It is a peak only if it is that of the motors at every step of a simulation. Plots show torques
+    that inverse dynamics computes from the recorded frames.
+    """
     value = quantity(certificate.get("peak_torque_nm"), "N·m", DIGITS)
     source = str(certificate.get("torque_source") or "")
-    if value is None or source.startswith("simulation"):
-        return "Peak torque", value
+    if value is None:
+        return "Peak torque", None
+    if source.startswith("simulation"):
+        return "Peak torque", f"{value}, simulated motors"
     of = certificate.get("torque_frames"), certificate.get("frames")
     where = "number of frames checked is unknown"
     if None not in of:

@@ -9,6 +9,7 @@ from typing import Final, TypedDict, cast
 
 from planner.certificate.figures import AttemptFigures
 from planner.errors import DamagedError
+from planner.pipeline.attempt_folders import CHAIN, PLANS
 from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
 from planner.verification.integrity import check
 from server.pages.certificate_words import rounded_down
@@ -45,7 +46,8 @@ class PlanDot(TypedDict):
     """One plan: its name, what it is drawn at, its cells under ``COLUMNS``, and how it ended.
 
     ``torque_mnm`` is that of all plans taking as long as the slowest one, in mN·m; ``room`` is the
-    clearance that is proved, in pitches. What is not known is None.
+    clearance that is proved, in pitches. What is not known is None. ``stored`` is the number of the
+    attempt, counted from 0, under which the plan can be played although it was not chosen.
     """
 
     label: str
@@ -55,6 +57,7 @@ class PlanDot(TypedDict):
     cells: list[str]
     verified: bool
     chosen: bool
+    stored: int | None
 
 
 class Choice(TypedDict):
@@ -68,12 +71,13 @@ class Choice(TypedDict):
     text: str
 
 
-def choice_of(directory: Path, prefer: Preference) -> Choice | None:
+def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) -> Choice | None:
     """What a fold's wish had to choose from; None without a wish, or where nothing is verified.
 
     Args:
         directory: Of the fold.
         prefer: What it was asked for.
+        playable: True if stored plans that were not chosen can be played where this is shown.
     """
     if prefer == COMPUTING:
         return None
@@ -84,7 +88,12 @@ def choice_of(directory: Path, prefer: Preference) -> Choice | None:
         return None
     tried = cast("list[AttemptFigures]", values)
     plans = [
-        _Plan(place=place, attempt=attempt, figures=PlanFigures(**figures))
+        _Plan(
+            place=place,
+            attempt=attempt,
+            figures=PlanFigures(**figures),
+            stored=_stored(directory, tried, place) if playable else None,
+        )
         for place, attempt in enumerate(tried)
         if (figures := attempt.get("figures")) is not None
     ]
@@ -109,6 +118,7 @@ class _Plan:
     place: int
     attempt: AttemptFigures
     figures: PlanFigures
+    stored: int | None
 
     @property
     def verified(self) -> bool:
@@ -137,6 +147,7 @@ class _Plan:
             "cells": list(cells),
             "verified": self.verified,
             "chosen": self.chosen,
+            "stored": self.stored,
         }
 
     def _label(self) -> str:
@@ -150,6 +161,13 @@ class _Plan:
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
         parts += ["finer frames"] if "finer" in attempt else []
         return ", ".join(parts)
+
+
+def _stored(directory: Path, tried: list[AttemptFigures], place: int) -> int | None:
+    """Return the number under which an attempt's plan is stored beside the chosen one, or None."""
+    while "finer" in tried[place]:  # played back again: its files are with those of the explosion
+        place -= 1
+    return place if (directory / PLANS / str(place) / CHAIN).is_file() else None
 
 
 def superlative(prefer: Preference, plans: int) -> str | None:

@@ -128,6 +128,7 @@ class FoldFacts(TypedDict):
     smoothing: Smoothing | None
     comparable: bool
     compare: list[Suggestion]
+    alternative_to: str | None
     embed: str | None
     kept: str | None
     made: str | None
@@ -151,6 +152,7 @@ def fold_facts(
         kept: Who sees it and for how long, in words.
     """
     row, directory = found.row, found.directory
+    api = api and found.alternative_to is None
     summary = summary_told_honestly(row.summary)
     running = row.status in RUNNING
     damaged = [] if running else damaged_among(directory, SHOWN_FILES)
@@ -164,7 +166,7 @@ def fold_facts(
     )
     where = "" if row.world == FLOATING else ", on a table"
     problem = _problem(row, summary)
-    choice = choice_of(directory, preference_named(row.prefer)) if done else None
+    choice = choice_of(directory, preference_named(row.prefer), playable=api) if done else None
     there = api and done and (directory / "plan.npz").is_file()
     downloads: list[Download] = [
         {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
@@ -191,6 +193,7 @@ def fold_facts(
         "smoothing": _smoothing(found if api else None, summary),
         "comparable": api and not running,
         "compare": _compare(found) if api and not running else [],
+        "alternative_to": found.alternative_to,
         "embed": f"/embed/{row.id}" if embed else None,
         "kept": kept,
         "made": _made(summary),
@@ -199,7 +202,7 @@ def fold_facts(
         "files": [
             {"href": f"/folds/{row.id}/{name}", "label": label, "hint": hint}
             for name, label, hint in FILES
-            if not running and frames_promised(directory)
+            if not running and frames_promised(directory) and found.alternative_to is None
         ],
         "properties": properties(row, summary, certificate, directory),
         "downloads": downloads,

@@ -72,11 +72,13 @@ class Found:
         row: What is known of it.
         directory: Where its files are.
         recorded: Of a smoothed fold, the id of the one that was smoothed, while that is there.
+        alternative_to: Id of the fold of which this is another plan; None for a fold.
     """
 
     row: ShownFold
     directory: Path
     recorded: str | None = None
+    alternative_to: str | None = None
 
 
 class FoldSource(Protocol):
@@ -94,6 +96,11 @@ def shown_name(name: str) -> str:
     if (box := re.fullmatch(r"([a-z]+)-(\d+)x(\d+)x(\d+)", name)) is not None:
         return f"{box[1].capitalize()} {box[2]}×{box[3]}×{box[4]}"
     return name
+
+
+def id_of_fold(shown_id: str) -> str:
+    """Return the id of the fold to which the id of a page belongs: ``abc`` for ``abc-3``."""
+    return shown_id.partition("-")[0]
 
 
 def has_motion(summary: Mapping[str, object] | None) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import pytest
@@ -27,9 +28,14 @@ def test_all_plans_are_dots_and_rows(visit: Callable[..., Page], service: Servic
     expect(page.locator(".choice-table tbody tr")).to_have_count(len(plans))
     axis = page.locator(".choice-axis")
     expect(axis).to_contain_text("Torque at a folding time of")
-    expect(page.get_by_role("button", name="Play this plan")).to_have_count(1)
-    expect(page.locator("#choice")).to_contain_text("Only the chosen plan is stored")
+    expect(page.locator(".choice-play button")).to_have_count(1)
     page.get_by_role("button", name="Clearance").click()
     expect(axis).to_have_text("Clearance, pitch")
     assert page.evaluate(FITS)
     keep(page, "choice")
+    other = page.locator(".choice-play a", has_text="Play").first
+    other.click()
+    page.wait_for_url(re.compile(f"/folds/{fold}-[0-9]+"))
+    expect(page.locator(".made")).to_contain_text("This plan was not chosen.")
+    page.wait_for_function("() => window.foldback.timeline.complete")
+    keep(page, "choice-other-plan")

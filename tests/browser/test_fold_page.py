@@ -124,7 +124,7 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
         re.compile(r" 40 % · 1.?200 steps · 12 s simulated$")
     )
     told.pop(0)
-    expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
     expect(page.locator("#progress")).to_be_hidden()
 
 

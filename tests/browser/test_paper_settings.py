@@ -49,7 +49,7 @@ def test_settings_are_offered_refused_at_their_field_and_shown(
     page.locator("[name=step_s]").fill("0.01")  # as it is anyway: nothing is sent
     page.locator("#fold").click()
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
-    expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
     fold = page.url.rpartition("/")[2]
     assert service.state(fold)["settings"] == "damping=0.12,radial_gain=5"
     page.locator("#details").click()

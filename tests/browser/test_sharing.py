@@ -162,7 +162,7 @@ def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrenc
     page.locator("#refold").click()
     page.locator("#refold-shapes").get_by_role("button", name="Mallet").click()
     page.wait_for_url(lambda url: "/folds/" in url and wrench not in url)
-    expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
     names = page.locator("#phases span")
     expect(names).to_have_text(["Unfolding", "Playback"])
     refold = page.url.rsplit("/", 1)[1].partition("#")[0]
@@ -185,7 +185,7 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     page = visit(f"/folds/{wrench}", view=False)
     page.locator("#smooth").click()
     page.wait_for_url(lambda url: "/folds/" in url and wrench not in url)
-    expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
     expect(page.locator("#name")).to_have_text(re.compile(", smoothed$"))
     expect(page.locator("#smooth")).to_be_hidden()
     expect(page.locator("#phases span")).to_have_text(["Playback"])

@@ -51,7 +51,7 @@ def test_messages_are_sentences(visit: Visit) -> None:
     page.locator("#seed").evaluate("seed => { seed.value = 99999999999; }")
     page.locator("[data-shape=wrench-24]").click()
     expect(message).to_have_text(
-        "Got the seed 99999999999, expected a whole number from 0 to 4294967295."
+        "Expected a whole number from 0 to 4294967295, but found the seed 99999999999."
     )
     expect(message).to_be_in_viewport()
     keep(page, "landing-bad-seed")
@@ -128,8 +128,8 @@ def test_cancelling_is_said_until_it_is_done(visit: Visit, service: Service) -> 
           "click", () => { window.said = []; }, { capture: true });"""
     )
     page.locator("#cancel").click()
-    expect(page.locator("#verdict")).to_have_text("cancelled")
-    assert set(page.evaluate("window.said")) == {"Cancelling…", "cancelled"}
+    expect(page.locator("#verdict")).to_have_text("Cancelled before it finished")
+    assert set(page.evaluate("window.said")) == {"Cancelling…", "Cancelled before it finished"}
     expect(page.get_by_role("button", name="Fold again")).to_be_visible()
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     keep(page, "fold-cancelled-390x844")

@@ -22,9 +22,12 @@ from planner.pipeline import attempts
 from planner.pipeline.attempt import Attempt, Try
 from planner.pipeline.attempt_folders import (
     CERTIFICATE,
+    PLANS,
+    PLAYABLE,
     RESULTS,
     TIMELINE,
     begin,
+    clear,
     folder,
     keep_best,
     keep_best_explosion,
@@ -213,6 +216,25 @@ def test_the_attempt_that_came_farthest_is_kept(
     keep_best(tmp_path)
     assert numbers(tmp_path) == [best]
     assert folder(tmp_path) == tmp_path / "attempts" / str(best)
+
+
+def test_keep_best_with_a_preference_stores_the_other_verified_plans(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    verdicts = ("verified", "verified", "failed: modules overlap", "verified")
+    attempted(tmp_path, (0.1, 0.2, -0.1, 0.3), *verdicts)
+    keep_best(tmp_path, "time")
+    assert numbers(tmp_path) == [0]
+    stored = {path.name: path for path in (tmp_path / PLANS).iterdir()}
+    assert set(stored) == {"1", "3"}
+    assert {path.name for path in stored["3"].iterdir()} == set(PLAYABLE)
+    clear(tmp_path)
+    assert not (tmp_path / PLANS).exists()
+
+    monkeypatch.setattr("planner.pipeline.attempt_folders.MAX_PLANS_BYTES", 0)
+    attempted(tmp_path, (0.1, 0.2), "verified", "verified")
+    keep_best(tmp_path, "time")
+    assert (numbers(tmp_path), (tmp_path / PLANS).exists()) == ([0], False)
 
 
 def test_of_explosions_alone_those_that_were_judged_stay(tmp_path: FilePath) -> None:

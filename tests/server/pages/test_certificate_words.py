@@ -92,7 +92,7 @@ def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
 
 
 def test_a_torque_is_a_peak_only_where_every_step_was_looked_at() -> None:
-    assert torque(SIMULATED) == ("Peak torque", "400 µN·m")
+    assert torque(SIMULATED) == ("Peak torque", "400 µN·m, simulated motors")
     assert torque(FOLLOWED) == ("Largest torque seen", "400 µN·m, checked at 1210 of 4036 frames")
 
 

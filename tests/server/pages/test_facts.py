@@ -294,7 +294,7 @@ def test_properties_of_a_real_fold_are_fit_to_read(
     assert values["Playback parameters: Controller"] == "Servos with feed-forward"
     assert values["Simulated robots (torques relative to the largest planned): Robots"] == "3"
     assert values["Certificate: Robots"].startswith("3 imperfect robots")
-    assert re.fullmatch(r"[\d.]+ [nµm]?N·m", values["In short: Peak torque"])
+    assert re.fullmatch(r"[\d.]+ [nµm]?N·m, simulated motors", values["In short: Peak torque"])
     assert 8 <= len(facts["properties"][0]["rows"]) <= 12
     assert not [key for key in values if re.match("(Peeling|Table) parameters", key)]
     assert "Playback parameters: Servo stiffness" not in values

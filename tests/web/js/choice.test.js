@@ -8,7 +8,7 @@ import { labels, layout } from "../../../web/static/js/panels/choice.js";
  * @param {number | null} torque
  * @param {number | null} room
  */
-const plan = (time, torque, room) => ({ label: "1. All at once", time_s: time, torque_mnm: torque, room, cells: [], verified: true, chosen: false });
+const plan = (time, torque, room) => ({ label: "1. All at once", time_s: time, torque_mnm: torque, room, cells: [], verified: true, chosen: false, stored: null });
 
 test("ticks are round and between the ends, few of them", () => {
   assert.deepEqual(ticks(3, 22, false), [5, 10, 15, 20]);

@@ -114,31 +114,44 @@ function picture({ plans, seconds }, axis) {
   return [element("p", { class: "choice-axis" }, said), drawn];
 }
 
+// How a plan can be watched: the chosen one here, one that is stored on a page of its own or beside the chosen one.
+/**
+ * @param {PlanDot} plan
+ * @param {{ id: string, play: () => void }} fold
+ */
+function watching({ label, chosen, stored }, { id, play }) {
+  if (chosen) {
+    const button = element("button", { class: "inline", type: "button", "aria-label": `Play ${label}` }, "Play");
+    button.onclick = play;
+    return [button];
+  }
+  if (stored === null) return [];
+  return [
+    element("a", { href: `/folds/${id}-${stored}`, "aria-label": `Play ${label}` }, "Play"),
+    element("a", { href: `/compare?a=${id}&b=${id}-${stored}`, "aria-label": `Compare ${label} with the chosen plan` }, "Compare"),
+  ];
+}
+
 /**
  * @param {Choice} choice
- * @param {() => void} play
+ * @param {{ id: string, play: () => void }} fold
  */
-function table({ plans, columns }, play) {
-  const playing = () => {
-    const button = element("button", { class: "inline", type: "button" }, "Play this plan");
-    button.onclick = play;
-    return button;
-  };
+function table({ plans, columns }, fold) {
   const ends = (/** @type {PlanDot} */ { chosen, verified }) => (chosen ? "chosen" : verified ? "verified" : "refused");
   return element("div", { class: "choice-table" }, element("table", { class: "joints" },
     element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text)))),
     element("tbody", {}, ...plans.map((plan) => element("tr", { "data-end": ends(plan) },
-      element("th", { scope: "row" }, plan.label, element("small", {}, ends(plan)), plan.chosen ? playing() : null),
+      element("th", { scope: "row" }, plan.label, element("small", {}, ends(plan)), element("div", { class: "choice-play" }, ...watching(plan, fold))),
       ...plan.cells.map((text) => element("td", {}, text)))))));
 }
 
 // Shows it in its tab, which is then the first to be seen.
 /**
- * @param {Choice} choice
+ * @param {{ id: string, choice: Choice }} fold
  * @param {import("./drawer.js").Drawer} drawer
  * @param {Pick<Playing, "send">} player
  */
-export function showChoice(choice, drawer, player) {
+export function showChoice({ id, choice }, drawer, player) {
   const plot = element("figure", { class: "choice-plot" });
   const buttons = /** @type {Axis[]} */ (Object.keys(AXES)).map((axis) => {
     const button = element("button", { class: "chip", type: "button" }, AXES[axis].name);
@@ -153,7 +166,8 @@ export function showChoice(choice, drawer, player) {
   get("choice").replaceChildren(element("h2", {}, `${choice.wish}: ${choice.plans.length} plans`),
     element("p", {}, choice.text),
     element("div", { class: "choice-axes", role: "group", "aria-label": "Vertical axis" }, ...buttons.map(({ button }) => button)),
-    plot, table(choice, () => { player.send({ do: "seek", frame: 0 }); player.send({ do: "play" }); }),
-    ...(choice.plans.length > 1 ? [element("p", { class: "hint" }, "Only the chosen plan is stored and can be played. The others have only these figures.")] : []));
+    plot, table(choice, { id, play: () => { player.send({ do: "seek", frame: 0 }); player.send({ do: "play" }); } }),
+    ...(choice.plans.some(({ verified, chosen, stored }) => verified && !chosen && stored === null)
+      ? [element("p", { class: "hint" }, "Verified plans without a link were not stored and cannot be played.")] : []));
   drawer.choose("attempts");
 }

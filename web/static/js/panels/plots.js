@@ -43,7 +43,9 @@ function onTable(table) {
   }];
 }
 
-const SOME_FRAMES = "measured in some frames; the lines connect them";
+const SOME_FRAMES = "computed from the motion in some frames; the lines connect them";
+// The certificate has the peak of the motors at every step, which inverse dynamics of frames does not give.
+const ALL_FRAMES = "computed from the motion between frames; Properties shows the peak of the simulated motors";
 
 /**
  * @param {string} name
@@ -122,6 +124,7 @@ export class Plots {
     hint.textContent = "Plots appear when the fold is finished.";
     panel.replaceChildren(hint);
     figures.on("begun", () => this.build());
+    figures.on("missing", () => { if (!figures.plots) hint.textContent = "There are no plots for this plan."; });
     player.on("state", (/** @type {State} */ state) => this.show(state));
   }
 
@@ -171,7 +174,7 @@ export class Plots {
     for (const { at } of bounds) picture.append(svg("line", { class: "plot-bound", x1: 0, x2: 1000, y1: y(at), y2: y(at) }));
     const scale = document.createElement("small");
     scale.textContent = [`${text(Math.min(...known, 0))} to ${text(Math.max(...known, 0))}`, said].filter(Boolean).join(", ");
-    if (name === "peak_torque_nm" && this.figures.plots?.torque_at_some_frames) scale.textContent += `, ${SOME_FRAMES}`;
+    if (name === "peak_torque_nm") scale.textContent += `, ${this.figures.plots?.torque_at_some_frames ? SOME_FRAMES : ALL_FRAMES}`;
     const hair = svg("line", { class: "plot-hair", y1: 0, y2: HIGH, visibility: "hidden" });
     picture.append(hair);
     const larger = element("button", { class: "inline", type: "button", "aria-label": `Larger view of ${label.toLowerCase()}` }, "Larger");

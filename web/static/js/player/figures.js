@@ -35,7 +35,7 @@ export class Figures extends Emitter {
   async begin() {
     if (this.plots) return true;
     const found = await this.get("").catch(() => null);
-    if (!found) return false;
+    if (!found) { this.tell("missing"); return false; }
     this.plots = { ...found.header, ...found.arrays };
     this.tell("begun");
     return true;

@@ -1,0 +1,59 @@
+"""Alternatives: verified plans that a fold's preference has not chosen, shown like folds.
+
+The id of an alternative is that of its fold with the number of the attempt, counted from 0:
+``abc-3``. It can be looked at and compared; it has no files to download and no jobs.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Final, cast
+
+from planner.certificate.figures import AttemptFigures, CertificateFigures, FoldSummary
+from planner.errors import UNREADABLE
+from planner.files import json_of
+from planner.pipeline.attempt_folders import ATTEMPTS, CERTIFICATE, CHAIN, PLANS
+from planner.pipeline.preference import COMPUTING
+from server.store.shown import RUNNING, Found
+
+MAX_DIGITS: Final = 3
+"""Maximum digits of an attempt's number; folds have at most a few dozen attempts."""
+
+
+def alternative(found: Found, number: str) -> Found | None:
+    """Return another plan of a fold as something to show; None if it is not stored.
+
+    Args:
+        found: The fold.
+        number: Number of the attempt as a text, counted from 0.
+    """
+    if found.row.status in RUNNING or not number.isdecimal() or len(number) > MAX_DIGITS:
+        return None
+    directory = found.directory / PLANS / str(int(number))
+    if not (directory / CHAIN).is_file():
+        return None
+    try:
+        attempts = json.loads((found.directory / ATTEMPTS).read_bytes())
+        attempt = cast("AttemptFigures", attempts[int(number)])
+    except (IndexError, *UNREADABLE):
+        return None
+    certificate = cast("CertificateFigures", json_of(directory / CERTIFICATE))
+    summary: FoldSummary = {
+        "seed": attempt["seed"],
+        "explosion": {"strategy": attempt["strategy"]},
+        "playback": {"kind": "dynamic" if certificate.get("simulated") else "kinematic"},
+        "certificate": certificate,
+    }
+    row = replace(
+        found.row,
+        id=f"{found.row.id}-{int(number)}",
+        name=f"{found.row.title}, plan {int(number) + 1}",
+        renamed=True,
+        status="verified",
+        prefer=COMPUTING,
+        refold=None,
+        smooths=None,
+        summary=summary,
+    )
+    return Found(row, directory, alternative_to=found.row.id)

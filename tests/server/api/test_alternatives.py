@@ -1,0 +1,59 @@
+"""Plans that a preference has not chosen are shown like folds, and nothing else is."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from planner.pipeline.attempt_folders import ATTEMPTS, PLANS, PLAYABLE
+from server.pages.choice_words import choice_of
+from tests.server.service import Service
+
+
+@pytest.fixture
+def stored(service: Service, finished: dict[str, Any]) -> Iterator[str]:
+    """A fold with one more plan, that of its first attempt."""
+    directory = service.directory(finished["id"])
+    plan = directory / PLANS / "0"
+    plan.mkdir(parents=True)
+    for name in PLAYABLE:
+        copy = shutil.copytree if (directory / name).is_dir() else shutil.copyfile
+        copy(directory / name, plan / name)
+    yield finished["id"]
+    shutil.rmtree(directory / PLANS)
+
+
+def test_alternative_that_is_stored_can_be_watched_and_compared(
+    service: Service, stored: str
+) -> None:
+    shown = f"{stored}-0"
+    facts = service.http.get(f"/folds/{shown}/facts").json()
+    assert facts["name"].endswith(", plan 1")
+    assert facts["verdict"]["tone"] == "good"
+    assert (facts["alternative_to"], facts["files"], facts["movies"]) == (stored, [], False)
+    assert f'href="/folds/{stored}"' in service.http.get(f"/folds/{shown}").text
+    batch = service.http.get(f"/folds/{shown}/batch?from=0&to=4")
+    assert (batch.status_code, len(batch.content) > 100) == (200, True)
+    assert service.http.get(f"/folds/{shown}/bundle").status_code == 200
+    assert service.http.get(f"/compare?a={stored}&b={shown}").status_code == 200
+    assert service.http.get(f"/folds/{shown}/standalone.html").status_code == 404
+    assert service.http.get(f"/api/folds/{shown}").status_code == 404
+
+
+@pytest.mark.parametrize("number", ["1", "00000", "x", "-1", "", "0-0", "99"])
+def test_alternative_that_is_not_stored_is_not_found(
+    service: Service, stored: str, number: str
+) -> None:
+    assert service.http.get(f"/folds/{stored}-{number}").status_code == 404
+
+
+def test_choice_names_the_plans_that_are_stored(service: Service, stored: str) -> None:
+    directory = service.directory(stored)
+    tried = json.loads((directory / ATTEMPTS).read_bytes())
+    choices = [choice_of(directory, "time", playable=playable) for playable in (True, False)]
+    plans = [choice["plans"][0]["stored"] for choice in choices if choice is not None]
+    assert (len(tried), plans) == (1, [0, None])
