@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any, Final, Literal, cast, overload
 
@@ -11,8 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
-from planner.pathfinding.duration import expected_seconds
 from server.jobs.remaining import Remaining
+from server.store.estimates import Expected, plain_fold
 from server.store.folds import FoldRow, Store
 from server.store.gallery import GalleryShape
 from server.store.leases import Preparing
@@ -393,6 +395,31 @@ class PreviewLinks(BaseModel):
     folds: str = Field(description="POST the id here, as `preview`, with the same options.")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedTimes:
+    """Estimated seconds of a fold of a preview's shape.
+
+    Attributes:
+        expected_s: With the options that were asked for.
+        expected_as_published_s: With the preset ``paper``.
+        expected_preferred_s: Where a plan is chosen by time, torque or clearance.
+    """
+
+    expected_s: float
+    expected_as_published_s: float
+    expected_preferred_s: float
+
+    @classmethod
+    def of(cls, report: Mapping[str, Any], world: str, expected: Expected) -> ExpectedTimes:
+        """Return the times of the chain that a preview reports."""
+        modules, module = int(report["modules"]), str(report["module"])
+        return cls(
+            expected_s=expected(plain_fold(modules, module=module, world=world)),
+            expected_as_published_s=expected(plain_fold(modules, module=module, preset="paper")),
+            expected_preferred_s=expected(plain_fold(modules, module=module, prefer="time")),
+        )
+
+
 class Preview(BaseModel):
     """What would come of a shape."""
 
@@ -435,15 +462,16 @@ class Preview(BaseModel):
     links: PreviewLinks
 
     @classmethod
-    def of(cls, preview_id: str, key: str, report: dict[str, Any], *, full: bool) -> Preview:
-        """The report of a preview; without what is large unless ``full``."""
+    def of(
+        cls, preview_id: str, key: str, report: dict[str, Any], times: ExpectedTimes, *, full: bool
+    ) -> Preview:
+        """Return the report of a preview; without what is large unless ``full``."""
         without = {"cells": [], "mesh": None, "positions": None, "wxyzs": None, "line": None}
         large = {} if full else without
         more = {
             "id": preview_id,
             "key": key,
-            "expected_as_published_s": expected_seconds(report["modules"], "paper"),
-            "expected_preferred_s": expected_seconds(report["modules"], choosing=True),
+            **asdict(times),
             "links": PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds"),
         }
         return cls.model_validate({**report, **large, **more})

@@ -71,19 +71,21 @@ def running(store: Store, stage: str, fraction: float, *, began_at: float, **how
     return row.id
 
 
-def test_where_nothing_like_it_was_measured_nothing_is_said(
+def test_remaining_uses_only_similar_folds(
     store: Store, remaining: Remaining, clock: Clock
 ) -> None:
-    fold = running(store, "explode", 0.5, began_at=NOW - 4.0)
-    assert remaining.of(store.fold(fold)).remaining_s is None
+    fold = running(store, "explode", 0.0, began_at=NOW)
+    expected = remaining.of(store.fold(fold)).remaining_s
+    assert expected is not None and expected < sum(USUAL.values())
     ended(store, "much longer", modules=1600)
     ended(store, "another preset", preset="paper")
     ended(store, "one that failed", status="failed")
     clock.now += 10.0
-    assert remaining.of(store.fold(fold)).remaining_s is None
+    fresh = Remaining(store, remaining._leases, clock=lambda: NOW)
+    assert fresh.of(store.fold(fold)).remaining_s == expected
     ended(store, "one like it")
-    clock.now += 10.0
-    assert remaining.of(store.fold(fold)).remaining_s is not None
+    fresh = Remaining(store, remaining._leases, clock=lambda: NOW)
+    assert (fresh.of(store.fold(fold)).remaining_s or 0) > expected
 
 
 def test_typical_duration_with_one_slow_fold_is_not_decided_by_it() -> None:
