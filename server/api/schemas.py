@@ -20,6 +20,8 @@ from server.store.gallery import GalleryShape
 from server.store.leases import Preparing
 from server.store.shown import ShownFold
 
+SMOOTHING: Final = "smoothing"
+"""Message of the stage ``explode`` while a plan is smoothed; pages name the stage by it."""
 PAUSED: Final = "Paused because others are waiting. It continues automatically."
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
@@ -150,9 +152,18 @@ class Progress(BaseModel):
     steps_per_second: float
     simulated_s: float = Field(description="Simulated time of the stage, s; 0 if unknown.")
     message: str
+    plan: int = Field(
+        description="Number of the plan that is computed, from 1; 0 if it is not counted."
+    )
+    plans: int = Field(
+        description="About how many plans are computed in all, with a preference; 0 if unknown."
+    )
     modules: int
     queue_position: int = Field(
         description="Position in the queue: 1 is next, 0 means that the fold is not waiting."
+    )
+    running_before: int = Field(
+        description="Number of running folds that a queued fold waits for; 0 if it does not wait."
     )
     paused: bool = Field(description="Paused to let other folds run; it continues automatically.")
     frames: int = Field(description="Number of frames available so far.")
@@ -535,6 +546,11 @@ def moment(seconds: float | None) -> datetime | None:
     return None if seconds is None else datetime.fromtimestamp(seconds, UTC)
 
 
+def _message(row: FoldRow, reported: str) -> str:
+    """Return the message of a stage; one that only smooths never counts as an explosion."""
+    return SMOOTHING if row.stage == "explode" and row.smooths else reported
+
+
 def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
     """The progress of a fold, as its events tell it."""
     # What the stage before has said is not of the one that begins.
@@ -549,9 +565,12 @@ def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
         "steps": int(told.get("steps", 0)),
         "steps_per_second": float(told.get("steps_per_second", 0.0)),
         "simulated_s": float(told.get("simulated_s", 0.0)),
-        "message": PAUSED if paused else str(told.get("message", "")),
+        "message": PAUSED if paused else _message(row, str(told.get("message", ""))),
+        "plan": int(told.get("plan", 0)),
+        "plans": int(told.get("plans", 0)),
         "modules": row.modules,
         "queue_position": outlook.place,
+        "running_before": outlook.running,
         "paused": paused,
         "frames": int(row.progress.get("frames", 0)),
         "wait_s": outlook.wait_s,

@@ -46,13 +46,16 @@ class Outlook:
 
     Attributes:
         place: In the queue, 1 for the next; 0 when it does not wait.
+        running: Number of folds that are computed now in its lane, while it waits.
         wait_s: About how long it waits; None when it does not, or when nobody computes.
         remaining_s: About how long until it is over, with the wait; 0 when it takes longer than
             usual, None while its modules are not counted or nobody computes.
-        preparing: Progress of the workers while none of them can compute yet; None otherwise.
+        preparing: Progress of the workers while none of them can compute yet, or of the compiling
+            fold that it waits for; None otherwise.
     """
 
     place: int
+    running: int
     wait_s: float | None
     remaining_s: int | None
     preparing: Preparing | None = None
@@ -87,18 +90,24 @@ class Remaining:
 
     def of(self, row: FoldRow) -> Outlook:
         """What a fold has before it now."""
-        place, wait = 0, None
+        place, running, wait = 0, 0, None
         preparing = None if row.over else self._leases.preparing()
         prepared_s = preparing.remaining_s or 0.0 if preparing is not None else 0.0
         if row.status == "queued":
-            place, ahead_s, running_s = self._store.ahead(row)
-            wait = wait_s(ahead_s=ahead_s, running_s=running_s, at_once=self._leases.at_once())
+            ahead = self._store.ahead(row)
+            place, running = ahead.place, ahead.running
+            wait = wait_s(
+                ahead_s=ahead.ahead_s, running_s=ahead.running_s, at_once=self._leases.at_once()
+            )
+            if preparing is None and ahead.compiling is not None:
+                preparing = Preparing(fraction=ahead.compiling, remaining_s=None)
             wait = None if wait is None else round(wait + prepared_s, 1)
         left = None if row.over else self._left_s(row, wait)
         if left and row.status == "running":
             left += prepared_s
         return Outlook(
             place=place,
+            running=running,
             wait_s=wait,
             remaining_s=self._smoothed(row.id, left),
             preparing=preparing,
