@@ -384,6 +384,8 @@ interface FoldMade {
   public: boolean;
   modules: number;
   module: string;
+  preset: string;
+  world: string;
   progress: ProgressTold;
   summary: { certificate?: { verdict?: string } };
   links: { self: string; page: string; drawing: string };

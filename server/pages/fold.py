@@ -58,6 +58,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         facts_json=script_json(facts),
         drawing=drawing_in(found.directory) if drawable else "",
         details=True,
+        service=viewing_of(request).jobs is not None,
         origin=origin_of(request),
         view=_asked_view(request),
     )
