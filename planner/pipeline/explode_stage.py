@@ -21,7 +21,6 @@ from planner.pipeline.fold_directory import (
 )
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.parallel import Tries, make_try
-from planner.pipeline.plan_count import with_count
 from planner.pipeline.portfolio import MOST_SEEDS, Portfolio
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
@@ -60,7 +59,7 @@ def explode_stage(
         place = _begun(directory, number, chain)
         begun = [*tried, Attempt(todo=todo, status="begun")]
         attempts.save(directory, begun)
-        report = with_count(progress, begun, choice)
+        report = attempts.with_count(progress, begun, choice)
         if request.smooth or todo.smooths is not None:
             if todo.smooths is not None:
                 attempted = read_attempt(attempt_folders.place_of(directory, todo.smooths), request)

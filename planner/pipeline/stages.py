@@ -57,7 +57,6 @@ from planner.pipeline.fold_directory import (
     write_chain_folded,
 )
 from planner.pipeline.parallel import Tries
-from planner.pipeline.plan_count import with_count
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import SHORT_SEED
@@ -121,7 +120,7 @@ def _counting(directory: FilePath, progress: Report) -> Report:
     tried = attempts.load(directory)
     if request.prefer == COMPUTING or not tried:
         return progress
-    return with_count(progress, tried, choice_of(request, Candidates.load(directory)))
+    return attempts.with_count(progress, tried, choice_of(request, Candidates.load(directory)))
 
 
 def next_stage(stage: str, result: dict[str, Any]) -> str | None:

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from planner.pipeline import attempts
 from planner.pipeline.attempt import Attempt
-from planner.pipeline.plan_count import count_plans, with_count
+from planner.pipeline.attempts import FINER, count_plans, with_count
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import PREFERENCES, Preference
 from planner.progress import Progress
@@ -27,7 +26,10 @@ def test_count_with_a_preference_is_the_number_of_plans_in_the_end(
     assert len(tried) > 3
     for number in range(1, len(tried) + 1):
         begun = Attempt(todo=tried[number - 1].todo, status="begun")
-        assert count_plans([*tried[: number - 1], begun], portfolio) == (number, len(tried))
+        assert count_plans([*tried[: number - 1], begun], portfolio) == (
+            number,
+            len(tried),
+        )
 
 
 def test_count_after_a_refused_plan_goes_on() -> None:
@@ -44,7 +46,7 @@ def test_count_after_a_refused_plan_goes_on() -> None:
 def test_count_of_a_finer_playback_is_the_same() -> None:
     portfolio = choice("time")
     tried = tried_of(portfolio)[:2]
-    finer = Attempt(todo=tried[-1].todo, status="straight", finer=attempts.FINER)
+    finer = Attempt(todo=tried[-1].todo, status="straight", finer=FINER)
     assert count_plans([*tried, finer], portfolio)[0] == 2
 
 
