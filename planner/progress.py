@@ -23,6 +23,8 @@ class Progress:
         simulated_s: Simulated time so far, in seconds.
         message: A few plain words.
         pushes: How many pushes in a row moved nothing on; from a few on it may well be stuck.
+        plan: Number of the plan that is computed, from 1; 0 where it is not counted.
+        plans: About how many plans are computed in all; 0 where that is not known.
         directory: Of the fold, with its timeline; None where it is not told. One that ``fold`` was
             not given is removed after the last stage, ``export``, has told that it is done.
     """
@@ -34,6 +36,8 @@ class Progress:
     simulated_s: float = 0.0
     message: str = ""
     pushes: int = 0
+    plan: int = 0
+    plans: int = 0
     directory: str | None = None
 
 

@@ -69,6 +69,7 @@ from server.processes.fork_server import ForkServer
 from server.processes.limits import READERS, ChildLimits
 from server.processes.scratch import Scratch
 from server.settings import Settings
+from server.store.estimates import Estimates
 from server.store.folds import Store
 from server.store.gallery import Gallery
 from server.store.leases import Leases
@@ -223,7 +224,8 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     )
     motions = Scratch(settings.motions_dir)
     motions.sweep()
-    remaining = Remaining(store, leases)
+    estimates = Estimates(store)
+    remaining = Remaining(store, leases, estimates)
     gallery = Gallery()
     if settings.finished_folds and not settings.read_only:
         import_finished(settings, store, gallery)
@@ -293,6 +295,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         gallery=gallery,
         fold_states=FoldStates(store, remaining),
         remaining=remaining,
+        estimates=estimates,
         metrics=metrics,
         leases=leases,
         secret=store.secret("visitors", secrets.token_bytes(32)),

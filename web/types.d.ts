@@ -355,7 +355,10 @@ interface ProgressTold {
   steps?: number;
   steps_per_second?: number;
   simulated_s?: number;
+  plan?: number; // from 1; 0 where it is not counted
+  plans?: number; // about how many there are; 0 where that is not known
   queue_position?: number;
+  running_before?: number; // folds that are computed now, while it waits
   paused?: boolean;
   wait_s?: number | null;
   remaining_s?: number | null; // 0 when it takes longer than usual
@@ -382,6 +385,8 @@ interface FoldMade {
   public: boolean;
   modules: number;
   module: string;
+  preset: string;
+  world: string;
   progress: ProgressTold;
   summary: { certificate?: { verdict?: string } };
   links: { self: string; page: string; drawing: string };

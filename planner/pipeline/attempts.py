@@ -29,6 +29,7 @@ from planner.pipeline.attempt_folders import ATTEMPTS, CANDIDATES
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import PlanFigures
 from planner.playback.playback import Playback
+from planner.progress import Report
 from planner.simulation.parameters import Parameters
 
 MOST_JUDGED: Final = 6
@@ -39,6 +40,11 @@ MOST_REFUSED: Final = 4
 """Explosions of one fold whose plans may be refused before one is verified."""
 FINER: Final = 4
 """Factor of the frames of a playback that is repeated with more of them."""
+ASSUMED: Final = PlanFigures(
+    fold_time_s=None, peak_torque_nm=None, clearance_bound=None, frames=1, seconds=0.0
+)
+"""Figures of a plan that is not judged yet. With one frame it counts as one that is smoothed."""
+VERIFIED: Final = "verified"
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,3 +196,34 @@ def following(
     if refused >= MOST_REFUSED and not verified:
         return None
     return "explode" if choice.after(attempts) is not None else None
+
+
+def count_plans(tried: Sequence[Attempt], choice: Portfolio) -> tuple[int, int]:
+    """Return the number of the last attempt's plan, from 1, and about how many there will be.
+
+    Args:
+        tried: The attempts so far; the last one is being computed.
+        choice: What may be tried after them; the total is 0 if nothing follows a verified plan.
+    """
+    number = _plans(tried)
+    if choice.improvements is None or not tried:
+        return number, 0
+    figures = next((each.figures for each in reversed(tried) if each.figures), ASSUMED)
+    assumed = replace(tried[-1], status="straight", verdict=VERIFIED, figures=figures)
+    ahead = [*tried[:-1], assumed]
+    while following(ahead, choice) == "explode" and (todo := choice.after(ahead)):
+        ahead.append(replace(assumed, todo=todo, finer=1, between=False))
+    return number, _plans(ahead)
+
+
+def with_count(report: Report, tried: Sequence[Attempt], choice: Portfolio) -> Report:
+    """Return a report that adds the plan's number and the total; the same without a preference."""
+    number, total = count_plans(tried, choice)
+    if not total:
+        return report
+    return lambda progress: report(replace(progress, plan=number, plans=total))
+
+
+def _plans(tried: Sequence[Attempt]) -> int:
+    """Return the number of explosions and smoothings; a finer playback is of the same plan."""
+    return sum(attempt.finer == 1 for attempt in tried)

@@ -57,17 +57,19 @@ def explode_stage(
     while (todo := choice.after(tried)) is not None:
         number, chain = len(tried), candidates.chain_of(todo)
         place = _begun(directory, number, chain)
-        attempts.save(directory, [*tried, Attempt(todo=todo, status="begun")])
+        begun = [*tried, Attempt(todo=todo, status="begun")]
+        attempts.save(directory, begun)
+        report = attempts.with_count(progress, begun, choice)
         if request.smooth or todo.smooths is not None:
             if todo.smooths is not None:
                 attempted = read_attempt(attempt_folders.place_of(directory, todo.smooths), request)
                 attempted.save_npz(place / RECORDED_PLAN)
-            record = _smoothed(directory, request, todo, progress, cancelled)
+            record = _smoothed(directory, request, todo, report, cancelled)
             attempt = attempts.made(todo, chain, record, request.parameters())
         else:
             tries.come_to(choice, tried, todo)
-            record, attempt = tries.take(place, progress, cancelled) or make_try(
-                place, request.parameters(), chain, todo, tries.watched(progress), cancelled
+            record, attempt = tries.take(place, report, cancelled) or make_try(
+                place, request.parameters(), chain, todo, tries.watched(report), cancelled
             )
         record.save(place / "record.npz")
         made[number] = record

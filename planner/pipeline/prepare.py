@@ -12,7 +12,6 @@ from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.pathfinding.duration import expected_seconds
 from planner.pathfinding.knots import Knot, knot_of
 from planner.pathfinding.options import PathOptions
 from planner.pathfinding.starts import started
@@ -115,7 +114,6 @@ class Preparation:
             "as_voxels": self.options.as_voxels,
             "start": None if self.options.start is None else list(self.options.start),
             "not_started": self.not_started,
-            "expected_s": expected_seconds(len(cells), world=self.options.world),
             "module": self.chains[0].module.name if self.chains else self.options.module,
             "mesh": self._mesh() if full else None,
             **(self._modules() if full else {}),

@@ -72,6 +72,8 @@ STRONGER_MOTORS: Final = 1.5
 """Limit of the motors on a table, as a multiple of what standing asks in the record …"""
 LEAST_TORQUE_WP: Final = 1.0
 """… or of so much, where that is hardly anything: something must speed the chain up."""
+JUDGING: Final = ("play_back", "certify")
+"""Stages that go on with the last attempt of ``explode``."""
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
 
@@ -102,12 +104,23 @@ def run_stage(
     (directory / manifest.FILE).unlink(missing_ok=True)  # of what is written now
     if stage == "export" and tries is not None:
         tries.rest()  # what is written now is the end
+    if stage in JUDGING:
+        progress = _counting(directory, progress)
     if stage == "explode":
         result = explode_stage(directory, progress, cancelled, tries or Tries(directory))
     else:
         result = _STAGES[stage](directory, progress, cancelled)
     progress(Progress(stage=stage, fraction=1.0, message="done"))
     return result
+
+
+def _counting(directory: FilePath, progress: Report) -> Report:
+    """Return a report that tells which of about how many plans the fold's last attempt is."""
+    request = read_request(directory)
+    tried = attempts.load(directory)
+    if request.prefer == COMPUTING or not tried:
+        return progress
+    return attempts.with_count(progress, tried, choice_of(request, Candidates.load(directory)))
 
 
 def next_stage(stage: str, result: dict[str, Any]) -> str | None:

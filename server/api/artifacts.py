@@ -16,6 +16,7 @@ from server.api.context import Context
 from server.api.folds import Here, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody
 from server.errors import Conflict, NotFound, Unusable
+from server.files.download_names import download_stem
 from server.http.client_address import address_of
 from server.store.folds import FoldRow
 from server.store.shown import has_motion
@@ -215,8 +216,7 @@ def _finished(context: Context, fold_id: str) -> FoldRow:
 
 def _download(row: FoldRow, name: str) -> str:
     """What a file of a fold is called where it is saved."""
-    stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in row.name).strip("-")
-    return f"{stem[:60] or 'fold'}-{name}"
+    return f"{download_stem(row.name)}-{name}"
 
 
 def not_there(row: FoldRow, what: str) -> NotFound | Conflict:

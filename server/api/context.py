@@ -30,6 +30,7 @@ from server.ops.metrics import Metrics
 from server.processes.children import Reader
 from server.processes.fork_server import ForkServer
 from server.settings import Settings
+from server.store.estimates import Estimates
 from server.store.folds import Store
 from server.store.gallery import Gallery
 from server.store.leases import Leases
@@ -67,6 +68,7 @@ class Context:
     metrics: Metrics
     leases: Leases
     remaining: Remaining
+    estimates: Estimates
     secret: bytes
 
     def take_list(self, request: Request) -> None:

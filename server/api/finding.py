@@ -13,6 +13,7 @@ from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.jobs.queue import Jobs
 from server.settings import Settings
+from server.store.estimates import Estimates
 from server.store.shown import FoldSource, Found, id_of_fold
 
 if TYPE_CHECKING:
@@ -39,6 +40,8 @@ class Viewing(Protocol):
     def jobs(self) -> Jobs | None: ...
     @property
     def settings(self) -> Settings | None: ...
+    @property
+    def estimates(self) -> Estimates | None: ...
 
 
 def viewing_of(request: Request) -> Viewing:

@@ -14,6 +14,7 @@ from planner.verification.integrity import check
 from server.api.folds import Bearer, Here, problems, token_of
 from server.api.schemas import Fault
 from server.errors import Conflict, Forbidden, Unusable
+from server.files.download_names import download_stem
 from server.jobs.movies import MovieState
 from web.movies.movie import Movie
 
@@ -162,11 +163,10 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     path = context.movies.file(fold_id, movie_id)
     if path is None:
         raise Conflict("not-ready", "The movie is not ready yet.", retry_after_s=1)
-    stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in row.name).strip("-")
     return FileResponse(
         path,
         media_type=MEDIA_TYPES[path.suffix[1:]],
-        filename=f"{stem[:60] or 'fold'}{path.suffix}",
+        filename=f"{download_stem(row.name)}{path.suffix}",
     )
 
 

@@ -219,7 +219,7 @@ def get_play(fold_id: str) -> Response:
     del fold_id
     raise WebsocketNeeded(
         "websocket",
-        "Motions are played over a websocket; docs/robot.md and /api/play-schema describe it.",
+        "Motions are played over a websocket; /api/play-schema describes its messages.",
     )
 
 

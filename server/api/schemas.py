@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any, Final, Literal, cast, overload
 
@@ -11,13 +13,15 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
-from planner.pathfinding.duration import expected_seconds
 from server.jobs.remaining import Remaining
+from server.store.estimates import Expected, plain_fold
 from server.store.folds import FoldRow, Store
 from server.store.gallery import GalleryShape
 from server.store.leases import Preparing
 from server.store.shown import ShownFold
 
+SMOOTHING: Final = "smoothing"
+"""Message of the stage ``explode`` while a plan is smoothed; pages name the stage by it."""
 PAUSED: Final = "Paused because others are waiting. It continues automatically."
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
@@ -148,9 +152,18 @@ class Progress(BaseModel):
     steps_per_second: float
     simulated_s: float = Field(description="Simulated time of the stage, s; 0 if unknown.")
     message: str
+    plan: int = Field(
+        description="Number of the plan that is computed, from 1; 0 if it is not counted."
+    )
+    plans: int = Field(
+        description="About how many plans are computed in all, with a preference; 0 if unknown."
+    )
     modules: int
     queue_position: int = Field(
         description="Position in the queue: 1 is next, 0 means that the fold is not waiting."
+    )
+    running_before: int = Field(
+        description="Number of running folds that a queued fold waits for; 0 if it does not wait."
     )
     paused: bool = Field(description="Paused to let other folds run; it continues automatically.")
     frames: int = Field(description="Number of frames available so far.")
@@ -393,6 +406,31 @@ class PreviewLinks(BaseModel):
     folds: str = Field(description="POST the id here, as `preview`, with the same options.")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedTimes:
+    """Estimated seconds of a fold of a preview's shape.
+
+    Attributes:
+        expected_s: With the options that were asked for.
+        expected_as_published_s: With the preset ``paper``.
+        expected_preferred_s: Where a plan is chosen by time, torque or clearance.
+    """
+
+    expected_s: float
+    expected_as_published_s: float
+    expected_preferred_s: float
+
+    @classmethod
+    def of(cls, report: Mapping[str, Any], world: str, expected: Expected) -> ExpectedTimes:
+        """Return the times of the chain that a preview reports."""
+        modules, module = int(report["modules"]), str(report["module"])
+        return cls(
+            expected_s=expected(plain_fold(modules, module=module, world=world)),
+            expected_as_published_s=expected(plain_fold(modules, module=module, preset="paper")),
+            expected_preferred_s=expected(plain_fold(modules, module=module, prefer="time")),
+        )
+
+
 class Preview(BaseModel):
     """What would come of a shape."""
 
@@ -435,15 +473,16 @@ class Preview(BaseModel):
     links: PreviewLinks
 
     @classmethod
-    def of(cls, preview_id: str, key: str, report: dict[str, Any], *, full: bool) -> Preview:
-        """The report of a preview; without what is large unless ``full``."""
+    def of(
+        cls, preview_id: str, key: str, report: dict[str, Any], times: ExpectedTimes, *, full: bool
+    ) -> Preview:
+        """Return the report of a preview; without what is large unless ``full``."""
         without = {"cells": [], "mesh": None, "positions": None, "wxyzs": None, "line": None}
         large = {} if full else without
         more = {
             "id": preview_id,
             "key": key,
-            "expected_as_published_s": expected_seconds(report["modules"], "paper"),
-            "expected_preferred_s": expected_seconds(report["modules"], choosing=True),
+            **asdict(times),
             "links": PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds"),
         }
         return cls.model_validate({**report, **large, **more})
@@ -507,6 +546,11 @@ def moment(seconds: float | None) -> datetime | None:
     return None if seconds is None else datetime.fromtimestamp(seconds, UTC)
 
 
+def _message(row: FoldRow, reported: str) -> str:
+    """Return the message of a stage; one that only smooths never counts as an explosion."""
+    return SMOOTHING if row.stage == "explode" and row.smooths else reported
+
+
 def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
     """The progress of a fold, as its events tell it."""
     # What the stage before has said is not of the one that begins.
@@ -521,9 +565,12 @@ def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
         "steps": int(told.get("steps", 0)),
         "steps_per_second": float(told.get("steps_per_second", 0.0)),
         "simulated_s": float(told.get("simulated_s", 0.0)),
-        "message": PAUSED if paused else str(told.get("message", "")),
+        "message": PAUSED if paused else _message(row, str(told.get("message", ""))),
+        "plan": int(told.get("plan", 0)),
+        "plans": int(told.get("plans", 0)),
         "modules": row.modules,
         "queue_position": outlook.place,
+        "running_before": outlook.running,
         "paused": paused,
         "frames": int(row.progress.get("frames", 0)),
         "wait_s": outlook.wait_s,

@@ -29,7 +29,7 @@ from server.api.folds import (
     problems,
     token_of,
 )
-from server.api.schemas import LONGEST_NAME, Preview, Shape, Shapes, TableOffers
+from server.api.schemas import LONGEST_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
 from server.errors import NotFound, Unusable
 from server.files.previews import ShapeOptions
 from server.store.folds import hash_of
@@ -91,7 +91,7 @@ async def post_preview(
 
     visitor, token = context.visitor(request), token_of(credentials)
 
-    def reported(gone: Callable[[], bool]) -> tuple[str, dict[str, Any]]:
+    def reported(gone: Callable[[], bool]) -> Preview:
         known = preview
         if known is None or file is not None or shape is not None:
             source, filename = input_of(context, file, shape, preview)
@@ -104,11 +104,11 @@ async def post_preview(
             row = preview_row(known, token, options, report)
             keep_s = settings.preview_keep_s
             note_preview(context.store, row, sent=known != preview, keep_s=keep_s)
-        return known, report
+        times = ExpectedTimes.of(report, options.world, context.estimates.total_s)
+        return Preview.of(known, options.key, report, times, full=full)
 
     async with leaving(request) as gone:
-        preview_id, report = await run_in_threadpool(reported, gone)
-    return Preview.of(preview_id, options.key, report, full=full)
+        return await run_in_threadpool(reported, gone)
 
 
 @router.post(

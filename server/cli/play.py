@@ -69,6 +69,7 @@ class FolderContext:
     waits: FrameWaits
     artifacts: Artifacts
     jobs: None = None
+    estimates: None = None
     settings: None = None
 
 

@@ -1,8 +1,8 @@
 """Remaining: how long a fold is likely to take from now on, by what was measured here.
 
-What each stage took of earlier folds is known from their rows. The stage that runs also tells which
-part of it is done: the farther it is, the more its own pace counts, and it is that of the stages
-after it, too. Where nothing like it was folded, nothing is said.
+What each stage takes is estimated by ``server.store.estimates``. The stage that runs also tells
+which part of it is done: the farther it is, the more its own pace counts, and it is that of the
+stages after it, too.
 """
 
 from __future__ import annotations
@@ -19,12 +19,11 @@ from cachetools import TTLCache
 from planner.pipeline.preference import COMPUTING
 from server.jobs.progress import STAGES, TRYING
 from server.limits.fair_queue import wait_s
-from server.store.durations import Duration, durations_like, typical_s
+from server.store.estimates import Estimates
 from server.store.folds import Store
 from server.store.leases import Leases, Preparing
 from server.store.tables import FoldRow
 
-MEASURED_KEPT_S: Final = 5.0
 TOLD_KEPT_S: Final = 60.0
 MOST_KEPT: Final = 1024
 SETTLING_S: Final = (0.5, 3.0)
@@ -47,13 +46,16 @@ class Outlook:
 
     Attributes:
         place: In the queue, 1 for the next; 0 when it does not wait.
+        running: Number of folds that are computed now in its lane, while it waits.
         wait_s: About how long it waits; None when it does not, or when nobody computes.
         remaining_s: About how long until it is over, with the wait; 0 when it takes longer than
-            usual, None when nothing like it was measured.
-        preparing: Progress of the workers while none of them can compute yet; None otherwise.
+            usual, None while its modules are not counted or nobody computes.
+        preparing: Progress of the workers while none of them can compute yet, or of the compiling
+            fold that it waits for; None otherwise.
     """
 
     place: int
+    running: int
     wait_s: float | None
     remaining_s: int | None
     preparing: Preparing | None = None
@@ -65,37 +67,47 @@ class Remaining:
     Args:
         store: Where the rows are.
         leases: Knows the workers.
+        estimates: Expected times of folds; its own if None.
         clock: Seconds since 1970.
     """
 
     def __init__(
-        self, store: Store, leases: Leases, *, clock: Callable[[], float] = time.time
+        self,
+        store: Store,
+        leases: Leases,
+        estimates: Estimates | None = None,
+        *,
+        clock: Callable[[], float] = time.time,
     ) -> None:
         self._store = store
         self._leases = leases
+        self._estimates = estimates or Estimates(store, clock=clock)
         self._clock = clock
         self._lock = threading.Lock()
-        self._measured: TTLCache[tuple[object, ...], list[Duration]] = TTLCache(
-            MOST_KEPT, MEASURED_KEPT_S, timer=clock
-        )
         self._told: TTLCache[str, tuple[float, float]] = TTLCache(
             MOST_KEPT, TOLD_KEPT_S, timer=clock
         )
 
     def of(self, row: FoldRow) -> Outlook:
         """What a fold has before it now."""
-        place, wait = 0, None
+        place, running, wait = 0, 0, None
         preparing = None if row.over else self._leases.preparing()
         prepared_s = preparing.remaining_s or 0.0 if preparing is not None else 0.0
         if row.status == "queued":
-            place, ahead_s, running_s = self._store.ahead(row)
-            wait = wait_s(ahead_s=ahead_s, running_s=running_s, at_once=self._leases.at_once())
+            ahead = self._store.ahead(row)
+            place, running = ahead.place, ahead.running
+            wait = wait_s(
+                ahead_s=ahead.ahead_s, running_s=ahead.running_s, at_once=self._leases.at_once()
+            )
+            if preparing is None and ahead.compiling is not None:
+                preparing = Preparing(fraction=ahead.compiling, remaining_s=None)
             wait = None if wait is None else round(wait + prepared_s, 1)
         left = None if row.over else self._left_s(row, wait)
         if left and row.status == "running":
             left += prepared_s
         return Outlook(
             place=place,
+            running=running,
             wait_s=wait,
             remaining_s=self._smoothed(row.id, left),
             preparing=preparing,
@@ -103,7 +115,7 @@ class Remaining:
 
     def _left_s(self, row: FoldRow, wait: float | None) -> float | None:
         """Seconds until the end; 0 beyond the usual time, None when nobody knows."""
-        usual = typical_s(self._like(row), row)
+        usual = self._estimates.stages_s(row)
         if usual is None:
             return None
         if row.status == "queued":
@@ -120,17 +132,6 @@ class Remaining:
             elapsed_s=max(0.0, now - float(told.get("began_at", now))) if begun else 0.0,
             chooses=row.prefer != COMPUTING,
         )
-
-    def _like(self, row: FoldRow) -> list[Duration]:
-        how = (row.module, row.preset, row.strategy, row.prefer, row.world, row.settings)
-        kind = (*how, row.smooths is None, row.refold is None)
-        with self._lock:
-            known = self._measured.get(kind)
-        if known is None:
-            known = durations_like(self._store, row)
-            with self._lock:
-                self._measured[kind] = known
-        return known
 
     def _smoothed(self, fold_id: str, left: float | None) -> int | None:
         """What is told: it runs down like a clock, and leads to the estimate bit by bit."""

@@ -486,7 +486,9 @@ class _Progress:
             "steps": 0,
             "steps_per_second": 0.0,
             "simulated_s": 0.0,
-            "message": "getting ready" if stage == STAGES[0] else "",
+            "message": "getting ready" if stage in STAGES[:2] else "",
+            "plan": 0,
+            "plans": 0,
         }
         self._waits = True
 

@@ -120,10 +120,12 @@ class Standing:
     Attributes:
         status: One of ``STATUSES``.
         fold: The id of its fold; None when there is none to see.
+        method: Method of that fold in words, see ``method_words``; empty for the usual one.
     """
 
     status: str = "new"
     fold: str | None = None
+    method: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,6 +214,16 @@ def included_folds(store: Store) -> list[ShownFold]:
     return [ShownFold.of(row) for row in sorted(rows, key=lambda row: (row.modules, row.name))]
 
 
+METHODS: Final = {"direct": "direct", "paper": "published method"}
+"""Words of a card for presets other than the default one."""
+
+
+def method_words(row: FoldRow | ShownFold) -> str:
+    """Return how a card names a fold that is not by the default method or not in zero gravity."""
+    where = "on a table" if row.world == "table" else ""
+    return ", ".join(filter(None, (METHODS.get(row.preset, ""), where)))
+
+
 def standings(store: Store) -> dict[str, Standing]:
     """What has become of the shapes that were folded here; the best of several folds counts."""
     best: dict[str, FoldRow] = {}
@@ -226,5 +238,6 @@ def standings(store: Store) -> dict[str, Standing]:
         if row.shape not in best or rank(row) < rank(best[row.shape]):
             best[row.shape] = row
     return {
-        shape: Standing(status=_STATUS_OF[row.status], fold=row.id) for shape, row in best.items()
+        shape: Standing(status=_STATUS_OF[row.status], fold=row.id, method=method_words(row))
+        for shape, row in best.items()
     }

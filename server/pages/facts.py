@@ -17,7 +17,6 @@ from planner.errors import UNREADABLE
 from planner.exports import exports_of
 from planner.files import json_of
 from planner.motion.record import TableRecord
-from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.attempt_folders import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import LARGEST_SEED, Request
@@ -49,6 +48,7 @@ from server.pages.properties import (
 from server.pages.quantities import PRESETS, sentence
 from server.pages.setting_words import in_a_line
 from server.pages.table_check import ruled_out_on_table
+from server.store.estimates import Expected, expected_of_cost, plain_fold
 from server.store.fold_files import frames_promised
 from server.store.shown import RUNNING, Found, ShownFold, has_motion
 
@@ -141,7 +141,12 @@ class FoldFacts(TypedDict):
 
 
 def fold_facts(
-    found: Found, *, api: bool = True, embed: bool = False, kept: str | None = None
+    found: Found,
+    *,
+    api: bool = True,
+    embed: bool = False,
+    kept: str | None = None,
+    expected: Expected = expected_of_cost,
 ) -> FoldFacts:
     """Everything that the page shows besides the timeline, as JSON.
 
@@ -150,6 +155,7 @@ def fold_facts(
         api: Whether the service's API is there for downloads and news.
         embed: Whether other sites may show folds in a frame.
         kept: Who sees it and for how long, in words.
+        expected: Estimates the seconds of other folds that are offered.
     """
     row, directory = found.row, found.directory
     api = api and found.alternative_to is None
@@ -192,8 +198,8 @@ def fold_facts(
         "smoothable": api and _smoothable(row, summary),
         "smoothing": _smoothing(found if api else None, summary),
         "comparable": api and not running,
-        "compare": _compare(found) if api and not running else [],
         "alternative_to": found.alternative_to,
+        "compare": _compare(found, expected) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
         "kept": kept,
         "made": _made(summary),
@@ -310,7 +316,7 @@ def _again(row: ShownFold) -> Suggestion | None:
     return {"text": "Try another seed", "form": {**form, "seed": seed}}
 
 
-def _compare(found: Found) -> list[Suggestion]:
+def _compare(found: Found, expected: Expected) -> list[Suggestion]:
     """What a fold may be set beside: words for a button, and the form to send for the other.
 
     ``settable`` tells that settings of the published method may be sent with it, or must.
@@ -349,7 +355,7 @@ def _compare(found: Found) -> list[Suggestion]:
     ]
     unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
     if row.preset == Request().preset:
-        takes_s = expected_seconds(row.modules, choosing=unlike != COMPUTING)
+        takes_s = expected(plain_fold(row.modules, module=row.module, prefer=unlike))
         best: Suggestion = {
             "text": PREFERENCE_WORDS[unlike],
             "hint": f"Takes {_about(takes_s)}",
@@ -357,11 +363,11 @@ def _compare(found: Found) -> list[Suggestion]:
         }
         others = [best, *others]
     if _may_rest(row) and not ruled_out_on_table(result(found.directory, CHAIN)):
-        takes = _about(expected_seconds(row.modules, world="table"))
+        takes = _about(expected(plain_fold(row.modules, world="table")))
         rests: Suggestion = {"text": "On a table", "hint": f"With gravity, takes {takes}"}
         rests["form"] = {**form, "world": "table"}
         others = [rests, *others]
-    takes = _about(expected_seconds(row.modules, "paper"))
+    takes = _about(expected(plain_fold(row.modules, module=row.module, preset="paper")))
     published: Suggestion = {
         "text": "Published method",
         "hint": f"Takes {takes}",

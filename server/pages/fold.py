@@ -22,6 +22,7 @@ from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import origin_of, page, script_json
 from server.pages.privacy import who_and_how_long
 from server.pages.problem_page import not_found_page
+from server.store.estimates import expected_of_cost
 from server.store.shown import RUNNING, Found
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
@@ -57,6 +58,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         facts_json=script_json(facts),
         drawing=drawing_in(found.directory) if drawable else "",
         details=True,
+        service=viewing_of(request).jobs is not None,
         origin=origin_of(request),
         view=_asked_view(request),
     )
@@ -108,4 +110,11 @@ def _facts(request: Request, found: Found) -> FoldFacts:
     settings = viewing.settings
     embed = settings is not None and bool(settings.embed_origins)
     kept = None if settings is None else who_and_how_long(settings, found.row)
-    return fold_facts(found, api=viewing.jobs is not None, embed=embed, kept=kept)
+    estimates = viewing.estimates
+    return fold_facts(
+        found,
+        api=viewing.jobs is not None,
+        embed=embed,
+        kept=kept,
+        expected=expected_of_cost if estimates is None else estimates.total_s,
+    )

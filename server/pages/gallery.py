@@ -24,6 +24,7 @@ from server.pages.cards import (
     cards,
     included_folds,
     kinds,
+    method_words,
     standings,
 )
 from server.pages.page import origin_of, page
@@ -52,6 +53,7 @@ async def gallery_page(request: Request) -> Response:
         statuses=STATUSES,
         where=WHERE,
         plurals=PLURALS,
+        method_words=method_words,
         finished=await asyncio.to_thread(included_folds, context.store),
     )
 

@@ -21,6 +21,7 @@ from planner.verification.integrity import check
 from server.api.finding import find_fold, viewing_of
 from server.api.frames import view_page
 from server.errors import Conflict
+from server.files.download_names import download_stem
 from server.http.client_address import address_of
 from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
@@ -175,14 +176,13 @@ async def _finished(request: Request, fold_id: str) -> Found:
 
 
 def _file(path: Path, name: str, kind: str, media_type: str) -> Response:
-    stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in name).strip("-")[:60]
     headers = {
-        "Content-Disposition": f'attachment; filename="{stem or "fold"}.{kind}"',
         # Opened in place it would run as a page of this origin.
         "Content-Security-Policy": "sandbox; default-src 'none'",
         "Cache-Control": "private, no-cache",
     }
-    return FileResponse(path, media_type=media_type, headers=headers)
+    filename = f"{download_stem(name)}.{kind}"
+    return FileResponse(path, media_type=media_type, headers=headers, filename=filename)
 
 
 def _ancestors(request: Request) -> str:

@@ -86,6 +86,8 @@ class _Parent:
             steps_per_second=progress.steps_per_second,
             simulated_s=progress.simulated_s,
             message=progress.message,
+            plan=progress.plan,
+            plans=progress.plans,
         )
 
     def _listen(self) -> None:

@@ -51,7 +51,10 @@ LOST_TRIES: Final = 3
 larger value keeps the client waiting longer where they end again and again. Chosen."""
 EVENTS: Final = {
     "ready": set[str](),
-    "progress": {"stage", "fraction", "steps", "steps_per_second", "simulated_s", "message"},
+    "progress": {
+        *("stage", "fraction", "steps", "steps_per_second", "simulated_s", "message"),
+        *("plan", "plans"),
+    },
     "done": {"result"},
     "bad-input": {"code", "detail", "where"},
     "problem": {"code", "detail"},

@@ -13,7 +13,7 @@ import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
@@ -22,6 +22,7 @@ from sqlalchemy.orm import Session, sessionmaker
 from planner.pipeline.expected_cost import ExpectedCost, expected_cost
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.pipeline.request import Request
+from planner.progress import COMPILING
 from planner.simulation.parameters import AUTO, FLOATING
 from server.limits.fair_queue import QUICK_S, is_quick, network_of, slice_s, ticks, turn_of
 from server.settings import Settings
@@ -65,6 +66,25 @@ def new_token() -> str:
 def hash_of(token: str) -> str:
     """What is kept of a token."""
     return hashlib.sha256(token.encode()).hexdigest()
+
+
+class Ahead(NamedTuple):
+    """What a queued fold waits for, in its lane.
+
+    Attributes:
+        place: Its place in the queue, 1 for the next.
+        ahead_s: Expected seconds of the folds before it, on the machines measured lately.
+        running_s: Seconds left of the folds that are being computed, until their slices are over
+            at most.
+        running: Number of those.
+        compiling: Compiled fraction of the solvers where one of those compiles them; else None.
+    """
+
+    place: int
+    ahead_s: float
+    running_s: float
+    running: int
+    compiling: float | None
 
 
 class Store:
@@ -219,14 +239,8 @@ class Store:
         with self._sessions() as session:
             return session.scalars(sa.select(FoldRow).where(FoldRow.status.in_(WAITING))).all()
 
-    def ahead(self, row: FoldRow) -> tuple[int, float, float]:
-        """Return what a queued fold waits for, in its lane.
-
-        Returns:
-            Its place, 1 for the next; what the folds before it are expected to take; and what is
-            left of those that are being computed, until their slices are over at most. Both in
-            seconds of the machines measured lately.
-        """
+    def ahead(self, row: FoldRow) -> Ahead:
+        """Return what a queued fold waits for, in its lane."""
         before = sa.or_(
             FoldRow.turn < row.turn,
             sa.and_(FoldRow.turn == row.turn, FoldRow.created_at < row.created_at),
@@ -234,21 +248,33 @@ class Store:
         queued = sa.select(
             sa.func.count(), sa.func.coalesce(sa.func.sum(FoldRow.cost_s), 0.0)
         ).where(FoldRow.status == "queued", before, _in_lane(row.cost_s))
-        running = sa.select(FoldRow.cost_s, FoldRow.pauses, FoldRow.resumed_at).where(
-            FoldRow.status == "running", _in_lane(row.cost_s)
-        )
+        running = sa.select(
+            FoldRow.cost_s, FoldRow.pauses, FoldRow.resumed_at, FoldRow.progress
+        ).where(FoldRow.status == "running", _in_lane(row.cost_s))
         now = time.time()
         with self.reading() as session:
             count, ahead_s = session.execute(queued).one()
             factor = self._duration_factor(session)
             left = 0.0
-            for cost_s, pauses, since in session.execute(running):
+            computed = session.execute(running).all()
+            for cost_s, pauses, since, _ in computed:
                 spent_s = now - (since or now)
                 cheaper = row.cost_s < cost_s
                 room_s = slice_s(cost_s, pauses, self._first_slice_s, for_cheaper=cheaper) - spent_s
                 expected_s = max(0.2 * factor * cost_s, factor * cost_s - spent_s)
                 left += min(expected_s, max(SOON_S, room_s))
-        return count + 1, factor * float(ahead_s), left
+        compiled = [
+            float(told["fraction"])
+            for *_, told in computed
+            if told.get("message") == COMPILING and "fraction" in told
+        ]
+        return Ahead(
+            place=count + 1,
+            ahead_s=factor * float(ahead_s),
+            running_s=left,
+            running=len(computed),
+            compiling=max(compiled, default=None),
+        )
 
     @staticmethod
     def _duration_factor(session: Session) -> float:

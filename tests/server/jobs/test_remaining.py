@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from planner.progress import COMPILING
 from server.api.schemas import progress_of
 from server.jobs.remaining import Remaining, left_s
 from server.settings import Settings
@@ -71,19 +72,21 @@ def running(store: Store, stage: str, fraction: float, *, began_at: float, **how
     return row.id
 
 
-def test_where_nothing_like_it_was_measured_nothing_is_said(
+def test_remaining_uses_only_similar_folds(
     store: Store, remaining: Remaining, clock: Clock
 ) -> None:
-    fold = running(store, "explode", 0.5, began_at=NOW - 4.0)
-    assert remaining.of(store.fold(fold)).remaining_s is None
+    fold = running(store, "explode", 0.0, began_at=NOW)
+    expected = remaining.of(store.fold(fold)).remaining_s
+    assert expected is not None and expected < sum(USUAL.values())
     ended(store, "much longer", modules=1600)
     ended(store, "another preset", preset="paper")
     ended(store, "one that failed", status="failed")
     clock.now += 10.0
-    assert remaining.of(store.fold(fold)).remaining_s is None
+    fresh = Remaining(store, remaining._leases, clock=lambda: NOW)
+    assert fresh.of(store.fold(fold)).remaining_s == expected
     ended(store, "one like it")
-    clock.now += 10.0
-    assert remaining.of(store.fold(fold)).remaining_s is not None
+    fresh = Remaining(store, remaining._leases, clock=lambda: NOW)
+    assert (fresh.of(store.fold(fold)).remaining_s or 0) > expected
 
 
 def test_typical_duration_with_one_slow_fold_is_not_decided_by_it() -> None:
@@ -208,3 +211,24 @@ def test_wait_of_queued_fold_includes_what_is_left_of_preparing(
     assert (later[queued.id].wait_s or 0) - (ready[queued.id].wait_s or 0) == 30.0
     for key, outlook in later.items():
         assert (outlook.remaining_s or 0) - (ready[key].remaining_s or 0) == 30
+
+
+def test_queued_fold_tells_the_running_fold_and_that_it_compiles(
+    store: Store, remaining: Remaining
+) -> None:
+    queued = a_fold("waiting", status="queued", modules=160)
+    store.add(queued, "a token of somebody")
+    assert progress_of(store.fold(queued.id), remaining)["running_before"] == 0
+    now = running(store, "read", 0.25, began_at=NOW)
+    told = progress_of(store.fold(queued.id), remaining)
+    assert (told["running_before"], told["preparing"]) == (1, None)
+    store.report(now, 0, store.fold(now).progress | {"message": COMPILING})
+    told = progress_of(store.fold(queued.id), remaining)
+    assert told["preparing"] == {"fraction": 0.25, "remaining_s": None}
+
+
+def test_smoothing_before_its_first_report_is_not_an_explosion(
+    store: Store, remaining: Remaining
+) -> None:
+    fold = running(store, "explode", 0.0, began_at=NOW, smooths="another")
+    assert progress_of(store.fold(fold), remaining)["message"] == "smoothing"

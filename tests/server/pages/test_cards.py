@@ -15,11 +15,13 @@ from server.pages.cards import (
     Standing,
     cards,
     kinds,
+    method_words,
     selected,
     standings,
 )
 from server.store.folds import Store
 from server.store.gallery import Gallery
+from tests.server.rows import a_fold
 from tests.server.store.test_rows import row
 
 HEART = Card(
@@ -108,3 +110,16 @@ def test_cards_say_within_what_a_shape_rests_on_a_table() -> None:
     known = [card for card in cards(Gallery()) if card.rests]
     assert known
     assert {card.module for card in known} == {"cube"}
+
+
+@pytest.mark.parametrize(
+    ("preset", "world", "words"),
+    [
+        ("default", "floating", ""),
+        ("direct", "floating", "direct"),
+        ("paper", "floating", "published method"),
+        ("default", "table", "on a table"),
+    ],
+)
+def test_card_of_an_unusual_fold_says_its_method(preset: str, world: str, words: str) -> None:
+    assert method_words(a_fold("one", preset=preset, world=world)) == words

@@ -262,7 +262,7 @@ def test_changed_settings_are_told_and_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("modules", "hint"), [(16, "less than a minute"), (160, "about a minute"), (500, "about 3 min")]
+    ("modules", "hint"), [(16, "less than a minute"), (160, "about a minute"), (500, "about 5 min")]
 )
 def test_how_long_the_published_method_takes_is_told(
     tmp_path: Path, modules: int, hint: str

@@ -249,6 +249,38 @@ def a_running_fold(store: Store, **values: Any) -> tuple[FoldRow, int]:
     return fold, epoch
 
 
+@pytest.mark.parametrize("preset", ["direct", "paper"])
+def test_short_folds_never_wait_for_a_running_baseline(store: Store, preset: str) -> None:
+    baseline, _ = a_running_fold(store, modules=160, preset=preset)
+    refold = row(visitor="another", modules=160, refold="wrench-160")
+    store.add(refold, new_token())
+    ahead = store.ahead(store.fold(refold.id))
+    assert (ahead.place, ahead.running) == (1, 0), "it has a place of its own in each worker"
+    # One that takes longer shares the baseline's place, which makes room for it.
+    several = row(visitor="another", modules=64, prefer="time")
+    store.add(several, new_token())
+    assert store.ahead(store.fold(several.id)).running == 1
+    assert store.others_wait(baseline.id, spent_s=1.0, cheaper=True)
+
+
+def test_waiting_baseline_goes_after_short_folds_and_is_not_overtaken_for_ever(
+    store: Store,
+) -> None:
+    baseline = row(name="baseline", visitor="patient", modules=160, preset="direct")
+    store.add(baseline, new_token())
+    overtakes = 0
+    while store.ahead(store.fold(baseline.id)).place == 1 or overtakes == 0:
+        several = row(visitor=f"visitor {overtakes}", modules=64, prefer="time")
+        store.add(several, new_token())
+        if store.ahead(store.fold(several.id)).place == 2:
+            break
+        store.begin(several.id, "read", "one")
+        store.finish(several.id, "verified", summary={})
+        overtakes += 1
+        assert overtakes < 100
+    assert 0 < overtakes < 100
+
+
 @pytest.mark.parametrize(
     ("modules", "waiting", "cheaper", "over"),
     [
@@ -320,11 +352,11 @@ def test_what_a_fold_waits_for(store: Store) -> None:
     for fold in folds:
         store.add(fold, new_token())
     each = folds[0].cost_s
-    place, ahead_s, running_s = store.ahead(store.fold(folds[2].id))
+    place, ahead_s, running_s, *_ = store.ahead(store.fold(folds[2].id))
     assert (place, running_s) == (3, 0.0)
     assert ahead_s == pytest.approx(2 * each)
     store.begin(folds[0].id, "read", "one")
-    place, ahead_s, running_s = store.ahead(store.fold(folds[2].id))
+    place, ahead_s, running_s, *_ = store.ahead(store.fold(folds[2].id))
     assert place == 2
     assert ahead_s == pytest.approx(each)
     assert 0.0 < running_s <= each

@@ -39,7 +39,33 @@ test("an earlier stage begins another attempt", () => {
 });
 
 test("a fold that waits gives its reason", () => {
-  assert.deepEqual([0, 1, 2, 4].map(queueWords), [
+  assert.deepEqual([0, 1, 2, 4].map((place) => queueWords(place)), [
     "In the queue", "Next in line", "In the queue, behind 1 other fold", "In the queue, behind 3 other folds",
   ]);
+  assert.deepEqual([1, 3].map((place) => queueWords(place, 1)), [
+    "Next in line, after the fold that is running", "In the queue, behind 3 other folds",
+  ]);
+});
+
+test("words_with_a_preference_count_the_plans", () => {
+  const advance = new Advance();
+  advance.note({ stage: "explode", fraction: 0.1, plan: 1, plans: 10 });
+  assert.equal(advance.words(), " · plan 1 of about 10");
+  advance.note({ stage: "certify", fraction: 1, plan: 3, plans: 9 });
+  advance.note({ stage: "explode", fraction: 0 }); // not counted yet
+  assert.equal(advance.words(), " · plan 4 of about 9");
+  advance.note({ stage: "explode", fraction: 0.2, plan: 11, plans: 10 });
+  assert.equal(advance.words(), " · plan 11 of about 11");
+});
+
+test("name_while_a_plan_is_smoothed_is_never_exploding", () => {
+  const advance = new Advance();
+  const names = [["explode", "smoothing"], ["explode", "done"], ["play_back", ""], ["explode", ""]].map(([stage, message]) => {
+    advance.note({ stage, message });
+    return advance.name();
+  });
+  assert.equal(names[0], "Smoothing");
+  assert.equal(names[1], "Smoothing");
+  assert.notEqual(names[2], "Smoothing");
+  assert.equal(names[3], "Exploding");
 });

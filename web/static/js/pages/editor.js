@@ -1,5 +1,6 @@
 // The editor: a grid for one layer, the tools, the drawing beside it, and the way to a preview or a fold.
 import { checked, told } from "../editor/cell_path.js";
+import { Draft } from "../editor/draft.js";
 import { HINTS, Hand } from "../editor/hand.js";
 import { Painting, SIZES, cellOf, keyOf, keysOf } from "../editor/painting.js";
 import { imported, resized } from "../editor/shape_tools.js";
@@ -21,6 +22,7 @@ const DRAW_MS = 150;
 const KEYS = { p: "paint", f: "fill", b: "box", m: "move", d: "path" };
 
 const painting = new Painting();
+const draft = new Draft(() => localStorage);
 const hand = new Hand(painting);
 let layer = 0;
 let sending = false;
@@ -46,6 +48,13 @@ const choice = () => /** @type {HTMLInputElement} */ (document.querySelector('[n
 function choose(value) {
   const input = /** @type {HTMLInputElement | null} */ (document.querySelector(`[name="exact"][value="${value}"]`));
   if (input) input.checked = true;
+  draft.note({ how: choice() });
+}
+
+// Show the stored name and choice; browsers fill in fields of their own after a reload.
+function recall() {
+  get("name").value = draft.name;
+  choose(draft.how);
 }
 
 // Pointers move more often than pictures are drawn. While they do, the grid goes first: the drawing beside
@@ -205,7 +214,12 @@ get("up").onclick = () => turn(layer + 1);
 get("down").onclick = () => turn(layer - 1);
 get("undo").onclick = () => { painting.undo(); show(); };
 get("redo").onclick = () => { painting.redo(); show(); };
-get("clear").onclick = () => { hand.step(() => painting.paint(keysOf(painting.cells), false)); turn(0); };
+get("clear").onclick = () => {
+  hand.step(() => painting.paint(keysOf(painting.cells), false));
+  draft.clear();
+  get("name").value = draft.name;
+  turn(0);
+};
 get("repeat").onclick = stepped(() => {
   const area = painting.size ** 2;
   const below = keysOf(painting.cells).filter((key) => Math.floor(key / area) === layer - 1);
@@ -253,7 +267,8 @@ get("complete").onclick = async () => {
   hand.refused = refused;
   show();
 };
-for (const input of all('[name="exact"]')) input.addEventListener("change", () => show());
+for (const input of all('[name="exact"]')) input.addEventListener("change", () => { draft.note({ how: choice() }); show(); });
+get("name").addEventListener("input", () => draft.note({ name: get("name").value }));
 for (const button of /** @type {NodeListOf<HTMLElement>} */ (get("letters").querySelectorAll("button"))) {
   const letter = button.textContent;
   button.onclick = () => writing(({ letterCells }) => {
@@ -262,7 +277,8 @@ for (const button of /** @type {NodeListOf<HTMLElement>} */ (get("letters").quer
       const margin = Math.floor((painting.size - 5) / 2);
       painting.paint(letterCells(letter).map(([x, y]) => keyOf(x + margin, y + margin, 0, painting.size)), true);
     });
-    get("name").value = `Letter ${letter}`;
+    draft.give(`Letter ${letter}`);
+    get("name").value = draft.name;
     turn(0);
   });
 }
@@ -299,7 +315,8 @@ async function open(source) {
     hand.atStart = false;
     mesh = report.kind === "mesh" ? { id: report.id, name } : null;
     get("mesh-part").hidden = !mesh;
-    get("name").value = report.name.slice(0, 60);
+    draft.give(report.name);
+    get("name").value = draft.name;
     layer = 0;
     if (ordered) take("path");
     else if (choice() === "path" || 8 * report.cells.length > facts.most_modules) choose("yes");
@@ -353,5 +370,6 @@ get("fold").onclick = () => send((form, { askForFold }) => askForFold(form));
 
 get("mesh-cells").max = String(facts.most_modules);
 sheet.build(painting.size);
+recall();
 take("paint");
-addEventListener("pageshow", (event) => { if (event.persisted) { sending = false; show(); } });
+addEventListener("pageshow", () => { sending = false; recall(); show(); });

@@ -23,10 +23,14 @@ const choosing = later(() => import("../panels/choice.js"), toast);
 const companions = later(() => import("../panels/companions.js").then(({ Companions }) => new Companions(toast)), toast);
 const downloads = later(() => import("../panels/downloads.js").then(({ Downloads }) => new Downloads(get("panel-downloads"))), toast);
 const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
+const renaming = later(() => import("../panels/renaming.js").then(({ Renaming }) => new Renaming(facts, {
+  toast, onNamed: (name) => { show({ ...facts, name }); document.title = `${name} · foldback`; },
+})), toast);
 const share = later(() => import("../panels/share.js").then(({ Share }) => new Share(facts, { place, player }, toast)), toast);
 const progress = later(() => Promise.all([import("../panels/progress.js"), import("../panels/outcome.js")]), toast);
 let listing = false; // what can be downloaded, which is looked at
 
+document.getElementById("ways-list")?.addEventListener("beforetoggle", () => renaming(() => {}));
 get("share").onclick = () => share((it) => it.open(facts));
 const beside = (/** @type {"compare" | "refold" | "smooth"} */ way) => companions((it) => { it.facts(facts); return it[way](); });
 get("compare").onclick = () => beside("compare");

@@ -1,33 +1,51 @@
 // Progress of a fold that never runs backwards: attempts and several robots are combined.
+import { STAGES } from "../lib/text.js";
+
+const SMOOTHING = "smoothing"; // the message then, as server/api/schemas.py says
 const ORDER = ["read", "explode", "play_back", "certify", "export"];
 
 export class Advance {
   constructor() {
     this.stage = "";
     this.attempt = 1;
+    this.plans = 0; // about how many there are; 0 where that is not known
+    this.smoothing = false; // in place of an explosion
     this.fraction = 0; // largest fraction of the stage in this attempt
     this.simulatedS = 0; // seconds simulated by the robot that is farthest
   }
 
   // Note what the service reports; an earlier stage begins another attempt.
   /** @param {ProgressTold} now */
-  note({ stage, fraction, simulated_s: simulatedS }) {
+  note({ stage, fraction, simulated_s: simulatedS, message, plan, plans }) {
     if (stage && stage !== this.stage) {
       if (ORDER.indexOf(stage) < ORDER.indexOf(this.stage)) this.attempt += 1;
-      Object.assign(this, { stage, fraction: 0, simulatedS: 0 });
+      Object.assign(this, { stage, fraction: 0, simulatedS: 0, smoothing: false });
     }
+    this.smoothing ||= message === SMOOTHING;
+    if (plan && plans) Object.assign(this, { attempt: plan, plans: Math.max(plan, plans) });
     this.fraction = Math.max(this.fraction, fraction ?? 0);
     this.simulatedS = Math.max(this.simulatedS, simulatedS ?? 0);
   }
 
   // Return the words for the attempt; none for the first.
-  words() { return this.attempt > 1 ? ` · attempt ${this.attempt}` : ""; }
+  words() {
+    if (this.plans > 1) return ` · plan ${this.attempt} of about ${this.plans}`;
+    return this.attempt > 1 ? ` · attempt ${this.attempt}` : "";
+  }
+
+  // Return the name of the stage.
+  name() { return this.smoothing ? "Smoothing" : STAGES[this.stage] ?? "Waiting"; }
 }
 
 // Return the reason why a fold waits, without names of other folds.
-/** @param {number} place in the queue, 1 for the next */
-export function queueWords(place) {
-  const ahead = place - 1;
+/**
+ * @param {number} place in the queue, 1 for the next
+ * @param {number} running folds that are computed now
+ */
+export function queueWords(place, running = 0) {
+  const ahead = place - 1 + running;
   if (place < 1) return "In the queue";
+  if (place === 1 && running === 1) return "Next in line, after the fold that is running";
+  if (place === 1 && running) return `Next in line, after one of ${running} folds that are running`;
   return ahead ? `In the queue, behind ${ahead} other fold${ahead > 1 ? "s" : ""}` : "Next in line";
 }

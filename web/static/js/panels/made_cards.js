@@ -7,6 +7,8 @@ import { toast } from "./toast.js";
 const LONGEST_NAME = 200;
 const S = 1000;
 /** @type {Record<string, string>} */
+const METHODS = { direct: "direct", paper: "published method" };
+/** @type {Record<string, string>} */
 const PLURALS = { cube: "modules", tetrahedron: "tetrahedra" };
 
 /** @param {string} moment */
@@ -38,6 +40,10 @@ function verdictOf({ status, stage, progress, summary }) {
   if (status === "queued") return { tone: "running", text: "In the queue" };
   return { tone: "running", text: `${STAGES[stage ?? ""] ?? "Computing"} ${Math.floor(100 * (progress.fraction ?? 0))} %` };
 }
+
+// The words of a card for a fold that is not by the default method or not in zero gravity; as server/pages/cards.py.
+/** @param {Pick<FoldMade, "preset" | "world">} fold */
+export const methodWords = ({ preset, world }) => [METHODS[preset] ?? "", world === "table" ? "on a table" : ""].filter(Boolean).join(", ");
 
 // A picture that leads to a page, for who sees; the title says the same to all.
 /**
@@ -82,7 +88,7 @@ export class FoldCard {
     this.verdict.textContent = text;
     this.verdict.dataset.status = tone;
     const kept = fold.public ? "in the gallery" : fold.expires_at && keptFor(fold.expires_at);
-    this.facts.textContent = [`${whole(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`, ago(fold.created_at), kept].filter(Boolean).join(" · ");
+    this.facts.textContent = [`${whole(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`, methodWords(fold), ago(fold.created_at), kept].filter(Boolean).join(" · ");
     this.ways.replaceChildren(
       way("Copy link", fold.title, () => this.copy()),
       ...(fold.public ? [] : [way("Rename", fold.title, () => this.rename()), way("Delete", fold.title, () => this.remove())]));

@@ -2,7 +2,7 @@
 import { proof, tokenOf } from "../lib/keys.js";
 import { Advance, queueWords } from "./advance.js";
 import { preparingWords, showPreparing } from "./preparing.js";
-import { STAGES, get, remaining, whole } from "../lib/text.js";
+import { get, remaining, whole } from "../lib/text.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first
 const LONGEST_ASK_MS = 10000;
@@ -11,7 +11,6 @@ const LOST = 404;
 const CANCEL_MS = 10000;
 const READY = "getting ready";
 const COMPILING = "compiling"; // as planner/progress.py says
-const SMOOTHING = "smoothing"; // in place of an explosion
 const NARROW = "(max-width: 640px)"; // there all of it would take a second line
 const OVER = ["verified", "failed", "cancelled"];
 
@@ -77,17 +76,17 @@ export class Progress {
     if (OVER.includes(now.status)) return; // the verdict follows
     const { advance } = this;
     if (now.status === "running") advance.note(now);
-    this.onProgress(now);
+    this.onProgress(now.status === "running" ? { ...now, fraction: advance.fraction } : now);
     const compiling = now.message === COMPILING ? { fraction: now.fraction ?? 0, remaining_s: null } : null;
     const preparing = now.preparing ?? compiling;
     const queue = now.queue_position ?? 0;
-    let text = now.message === SMOOTHING ? "Smoothing" : STAGES[now.stage] ?? "Waiting";
+    let text = advance.name();
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
     if (this.cancelling) text = "Cancelling…";
     else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
     else if (now.status === "queued") {
       if (now.paused) text = now.message ?? "Paused";
-      else text = queueWords(queue);
+      else text = queueWords(queue, now.running_before);
       if (now.wait_s != null) text += left;
       else if (queue > 0) text += " · no worker is running right now";
     } else if (now.message === READY) text = "Getting ready";

@@ -1,0 +1,21 @@
+"""Names of downloaded files: what a fold is called, in any script."""
+
+from __future__ import annotations
+
+import unicodedata
+from typing import Final
+
+MAX_STEM: Final = 60
+"""Characters of a fold's name in the name of a file. File systems take 255 bytes."""
+
+
+def download_stem(name: str) -> str:
+    """Return a fold's name as the name of a file, without its ending.
+
+    Letters, digits and combining marks of all scripts stay; everything else becomes a hyphen, so
+    that no separator, quote or control character is left. Responses send what is not ASCII as
+    ``filename*`` (RFC 6266).
+    """
+    composed = unicodedata.normalize("NFC", name)
+    stem = "".join(c if c.isalnum() or unicodedata.combining(c) else "-" for c in composed)
+    return stem[:MAX_STEM].strip("-") or "fold"
