@@ -59,10 +59,12 @@ async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -
 
 
 @router.get("/previews/{preview_id}/scene/{key}")
-async def scene_of_preview(request: Request, preview_id: str, key: str) -> Response:
+async def scene_of_preview(
+    request: Request, preview_id: str, key: str, repair: bool = False
+) -> Response:
     """The same in 3D, for viser's client in the preview's page: see ``web.viser.preview_scene``."""
     data = await context_of(request).preview_scenes.scene(
-        preview_id, key, visitor=address_of(request)
+        preview_id, key, visitor=address_of(request), repair=repair
     )
     return Response(data, media_type=BINARY, headers={"Cache-Control": KEPT})
 

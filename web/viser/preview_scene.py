@@ -96,7 +96,8 @@ class _PreviewScene:
         self._wxyzs = np.tile(UPRIGHT, (count, 1)) if wxyzs is None else np.asarray(wxyzs)
         mesh = report.get("mesh")
         repair = {} if report["has_path"] else _repair(report)
-        self._added = np.asarray(repair.get("add", ()), dtype=np.float64).reshape(-1, 3)
+        added = report.get("added") or repair.get("add", ())
+        self._added = np.asarray(added, dtype=np.float64).reshape(-1, 3)
         self._dropped: list[list[int]] = repair.get("drop", [])
         low, high = _bounds(np.concatenate([self.positions, self._added]), mesh)
         self._middle = (low + high) / 2
@@ -138,6 +139,8 @@ class _PreviewScene:
             self.colours = ramp_colours(np.linspace(0.0, 1.0, len(self.positions)))
             # A path inside full modules would not be seen: they become a ghost around it.
             ghost = np.tile(np.array(GHOST, np.uint8), (len(self.positions), 1))
+            was_added = (self.positions[:, None] == self._added).all(axis=2).any(axis=1)
+            ghost[was_added] = SELECTED
             self._modules("/cells", ghost, opacity=GHOST_OPACITY)
             line = np.asarray(report["line"], dtype=np.float64)
             self._path(line, ramp_colours(np.linspace(0.0, 1.0, len(line))))

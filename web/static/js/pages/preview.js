@@ -247,6 +247,7 @@ function show(told) {
   get("notes").replaceChildren(...notes.map((note) => element("li", {}, sentence(note))));
   get("fold").textContent = path ? `Fold ${whole(modules)} modules` : "Fold";
   get("legend").hidden = !path;
+  get("were-added").hidden = !told.added.length;
   get("layers").hidden = false;
   for (const button of layers) {
     button.hidden = (button.dataset.layer === "solid" && !resizable) || (button.dataset.layer === "path" && !path);
@@ -292,7 +293,7 @@ function start3d() {
 function show3d(key) {
   if (!started || flat) return;
   failed = false;
-  stage.show(`/previews/${facts.id}/scene/${key}`);
+  stage.show(`/previews/${facts.id}/scene/${key}${get("to-add").hidden ? "" : "?repair=true"}`);
   settle();
 }
 
@@ -362,6 +363,7 @@ const ODD = {
 function odd(told) {
   const marked = told.has_path ? undefined : told.feasibility?.problems.find(({ cells }) => cells.length);
   get("odd").hidden = !marked;
+  get("to-add").hidden = true;
   get("odd-text").textContent = marked ? ODD[marked.code] ?? "cells in the way of a path" : "";
 }
 
@@ -378,6 +380,8 @@ async function offers() {
   if (signal.aborted) return;
   get("seeking").textContent = told.offers.length ? "" : answer?.ok ? "No version that folds on a table was found." : "The search for other versions failed.";
   get("repairs").prepend(...told.offers.map(offered));
+  get("to-add").hidden = !told.offers.some(({ added }) => added.length);
+  if (report && !get("to-add").hidden) { get("odd").hidden = false; show3d(report.key); }
 }
 
 /**
