@@ -9,7 +9,12 @@ from typing import Any, Final, Literal
 
 from planner.pathfinding import Cell
 from planner.pathfinding.fill_cubes import BLOCK, doubled
-from planner.pathfinding.options import DEFAULT_MODULES, MODULE_COUNTS, PathOptions
+from planner.pathfinding.options import (
+    DEFAULT_MODULES,
+    MAX_TABLE_MODULES,
+    MODULE_COUNTS,
+    PathOptions,
+)
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import voxelise
@@ -26,10 +31,6 @@ MAX_COUNTS: Final = 12
 """Module counts tried on each side of the one asked for. Chosen."""
 MAX_BLOCK_COUNTS: Final = 9
 """Counts tried for 2×2×2 modules. Chosen."""
-MAX_MODULES: Final = 96
-"""Modules of an offer for a solid or of 2×2×2 modules, at most. Measured: tori of 88 and 96 fold
-on a table in six to eight minutes of processor time; longer chains mostly get stuck. Decision
-0026."""
 PLAIN: Final[dict[str, Any]] = {"method": "auto", "repair": False}
 """Options of a solid that each offer sets."""
 
@@ -76,7 +77,7 @@ def table_offers(
     """Search for changes with which a chain can fold on a table.
 
     Of a solid, 2×2×2 modules come first, since they are found soonest; then a repair, then the
-    nearest counts, none above ``MAX_MODULES``. Of cells, a repair comes first.
+    nearest counts, none above ``MAX_TABLE_MODULES``. Of cells, a repair comes first.
 
     Args:
         found: What was read.
@@ -104,7 +105,7 @@ def _of_cells(
     if not options.repair and (added := cells_to_add(shape.cells, seed)):
         yield _repair(shape, added)
     count = BLOCK * len(shape)
-    if options.method == "blocks" or count > MAX_MODULES or over():
+    if options.method == "blocks" or count > MAX_TABLE_MODULES or over():
         return
     if _has_path(doubled(shape), seed, turned=True):
         yield Offer(kind="blocks", modules=count, change={"method": "blocks"})
@@ -114,14 +115,14 @@ def _of_solid(
     solid: Solid, options: PathOptions, seed: int, over: Callable[[], bool]
 ) -> Iterator[Offer]:
     asked = DEFAULT_MODULES if options.modules is None else options.modules
-    target = min(asked, MAX_MODULES)
+    target = min(asked, MAX_TABLE_MODULES)
     yield from _blocks(solid, target, seed, over)
     if over():
         return
     if target == asked and not options.repair:
         shape = voxelise(solid, cells=asked, seed=seed).shape
         added = cells_to_add(shape.cells, seed)
-        if added and len(shape) + len(added) <= MAX_MODULES:
+        if added and len(shape) + len(added) <= MAX_TABLE_MODULES:
             yield replace(_repair(shape, added), change={"method": "auto", "repair": True})
     for count in _counts(solid, target, seed, over):
         if count != asked:
@@ -137,7 +138,7 @@ def _blocks(solid: Solid, target: int, seed: int, over: Callable[[], bool]) -> I
         if over():
             return
         fine = doubled(voxelise(solid, cells=cells, seed=seed).shape)
-        if len(fine) <= MAX_MODULES and _has_path(fine, seed):
+        if len(fine) <= MAX_TABLE_MODULES and _has_path(fine, seed):
             change = {**PLAIN, "method": "blocks", "modules": BLOCK * cells}
             yield Offer(kind="blocks", modules=len(fine), change=change)
             return
@@ -150,7 +151,7 @@ def _counts(solid: Solid, target: int, seed: int, over: Callable[[], bool]) -> I
     """
     first = voxelise(solid, cells=target, seed=seed)
     following = {"below": target, "above": first.above}
-    low, high = MODULE_COUNTS[0], MAX_MODULES
+    low, high = MODULE_COUNTS[0], MAX_TABLE_MODULES
     for _ in range(MAX_COUNTS):
         for side, count in list(following.items()):
             if over():

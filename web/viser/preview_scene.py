@@ -139,11 +139,10 @@ class _PreviewScene:
             self.colours = ramp_colours(np.linspace(0.0, 1.0, len(self.positions)))
             # A path inside full modules would not be seen: they become a ghost around it.
             ghost = np.tile(np.array(GHOST, np.uint8), (len(self.positions), 1))
-            was_added = (self.positions[:, None] == self._added).all(axis=2).any(axis=1)
-            ghost[was_added] = SELECTED
             self._modules("/cells", ghost, opacity=GHOST_OPACITY)
             line = np.asarray(report["line"], dtype=np.float64)
             self._path(line, ramp_colours(np.linspace(0.0, 1.0, len(line))))
+            self._show_added()
         else:
             self._mark(report)
             self._modules("/cells", self.colours)
@@ -158,6 +157,10 @@ class _PreviewScene:
         for cell in [*bad, *self._dropped]:
             if (k := index.get(tuple(cell))) is not None:
                 self.colours[k] = ERROR
+        self._show_added()
+
+    def _show_added(self) -> None:
+        """Draw the cells that a repair adds, or has added."""
         if len(self._added):
             blue = np.tile(np.array(SELECTED, np.uint8), (len(self._added), 1))
             self._cubes("/added", self._added, blue, opacity=ADDED_OPACITY)

@@ -9,13 +9,13 @@ import pytest
 import trimesh
 
 from planner.pathfinding.fill_cubes import BLOCK
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.options import MAX_TABLE_MODULES, PathOptions
 from planner.pipeline.prepare import prepare
 from planner.readers import read
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
 from planner.table_paths.mending import cells_to_add
-from planner.table_paths.offers import MAX_MODULES, table_offers
+from planner.table_paths.offers import table_offers
 from planner.table_paths.rules import FALLS, faults_of
 from planner.table_paths.table_paths import why_none
 
@@ -53,7 +53,7 @@ def test_offers_of_cells_are_a_repair_and_blocks_with_paths() -> None:
 
 def test_offers_of_cells_too_many_for_a_table_are_no_blocks() -> None:
     asked = PathOptions(world="table", as_voxels=True)
-    assert BLOCK * len(SURPLUS) > MAX_MODULES
+    assert BLOCK * len(SURPLUS) > MAX_TABLE_MODULES
     assert {offer.kind for offer in table_offers(Shape.from_cells(SURPLUS), asked)} == {"repair"}
 
 
@@ -68,7 +68,7 @@ def test_first_offer_for_a_torus_is_what_a_fold_gets(modules: int) -> None:
     assert isinstance(solid, Solid)
     offer = next(table_offers(solid, asked))
     made = prepare(TORUS, "torus.stl", offer.options(asked))
-    assert len(made.chain) == offer.modules <= MAX_MODULES
+    assert len(made.chain) == offer.modules <= MAX_TABLE_MODULES
     assert not faults_of(made.cells, rule=FALLS)
 
 
