@@ -78,7 +78,7 @@ class TableCubes:
             notes=notes,
             not_started="",
             scale=2.0 if doubles else 1.0,
-            shift=shift - 0.5,  # a mesh is not turned
+            shift=np.asarray(shift - 0.5, dtype=np.float64),  # a mesh is not turned
             modules_per_cell=BLOCK if doubles else 1,
             added=tuples(np.array(added, dtype=np.int64).reshape(-1, 3) + shift),
         )

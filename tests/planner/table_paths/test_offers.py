@@ -14,6 +14,7 @@ from planner.pipeline.prepare import prepare
 from planner.readers import read
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
+from planner.table_paths.fill_table import TableCubes
 from planner.table_paths.mending import cells_to_add
 from planner.table_paths.offers import table_offers
 from planner.table_paths.rules import FALLS, faults_of
@@ -49,6 +50,14 @@ def test_offers_of_cells_are_a_repair_and_blocks_with_paths() -> None:
         assert not faults_of(made.cells)
         assert set(made.filled.added if made.filled else ()) == set(offer.added)
         assert set(offer.added) <= set(map(tuple, made.cells.tolist()))
+
+
+def test_repaired_cells_of_a_mesh_stay_where_the_mesh_is() -> None:
+    moved = Shape.from_cells(SMALL + [3, 2, 0])
+    asked = PathOptions(world="table", repair=True)
+    filled = TableCubes().fill(moved, asked, of_solid=True, seed=0, time_limit_s=20.0)
+    laid = moved.cells + 0.5 + filled.shift
+    assert {*map(tuple, laid.tolist())} | set(filled.added) == {*map(tuple, filled.cells.tolist())}
 
 
 def test_offers_of_cells_too_many_for_a_table_are_no_blocks() -> None:
