@@ -423,6 +423,7 @@ interface Report {
   knot: { verdict: "unknot" | "knotted" | "undecided"; determinant: number | null } | null;
   feasibility: { feasible: boolean; problems: { code: string; detail: string; cells: number[][] }[]; repairs: Repair[] } | null;
   notes: string[];
+  added: number[][];
   cells: number[][];
   links: { page: string };
 }

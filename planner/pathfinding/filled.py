@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.pathfinding import Cell
 from planner.pathfinding.feasibility import Feasibility
 from planner.pathfinding.knots import Knot
 from planner.shapes.shape import Shape
@@ -31,8 +32,9 @@ class Filled:
         knot: Of the first candidate; None without one.
         notes: What people should know, in plain words.
         not_started: Why no chain begins where it was wished for, or empty.
-        scale, shift: See above.
+        scale, shift: See above; ``shift`` is one number, or (3,).
         modules_per_cell: Modules for each cell of what was voxelised.
+        added: Cells that a repair for a table added, as ``cells`` has them.
     """
 
     chains: tuple[Chain, ...]
@@ -45,5 +47,6 @@ class Filled:
     notes: tuple[str, ...]
     not_started: str
     scale: float
-    shift: float
+    shift: float | NDArray[np.float64]
     modules_per_cell: int
+    added: tuple[Cell, ...] = ()

@@ -71,12 +71,11 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
     balance = 1 - 2 * colours(cells)
     excess = abs(int(balance.sum()))
     if excess > 1:
-        white = (n + excess) // 2
+        black = (n + excess) // 2
         yield Problem(
             code="parity",
-            detail=f"coloured like a chessboard, the shape has {white} cells of one colour and "
-            f"{n - white} of the other; a path alternates between the colours, so they may "
-            "differ by at most one.",
+            detail=f"coloured like a chessboard, it has {black} black and {n - black} white cells; "
+            "a chain needs as many of each, or one more.",
             cells=tuples(cells[balance == np.sign(balance.sum())]),
             amount=excess - 1,
         )

@@ -12,6 +12,10 @@ from planner.simulation.parameters import WORLDS, World
 
 DEFAULT_MODULES: Final = 160
 MODULE_COUNTS: Final = (8, 20_000)
+MAX_TABLE_MODULES: Final = 96
+"""Modules that a mesh is offered for a table, at most. Larger counts are mostly offers that get
+stuck. Measured: tori of 88 and 96 fold there in six to eight minutes of processor time, one of 160
+gets stuck; docs/decisions/0026-tables.md."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 LARGEST_MESH: Final = 20_000
 MOST_FAULTS: Final = 2
 """Of a path for a table that are told."""
+TABLE_REMEDY: Final = "Take another count of modules, blocks or a repair, or fold in zero gravity."
+"""What helps a shape without a path for a table."""
 SEARCH_S: Final = 20.0
 
 
@@ -83,9 +85,14 @@ class Preparation:
         problems = [] if self.feasibility is None else list(self.feasibility.problems)
         why = " ".join(problem.detail for problem in problems) or " ".join(self.notes)
         remedy = ""
-        if self.feasibility is not None and self.feasibility.repairs:
+        on_table = self.options.world == "table"
+        if on_table:
+            remedy = f" {TABLE_REMEDY}"
+        elif self.feasibility is not None and self.feasibility.repairs:
             remedy = f" Possible repair: {self.feasibility.repairs[0].detail}"
-        raise InputError("no-path", f"no path through these cells was found. {why}{remedy}".strip())
+        what = "no path for a table" if on_table else "no path"
+        got = f"{what} through these cells was found{': ' * bool(why)}{why or '.'}"
+        raise InputError("no-path", got + remedy)
 
     def report(self, *, full: bool = True) -> dict[str, Any]:
         """Everything a page shows of it, as plain JSON values; its mesh only when ``full``."""
@@ -111,6 +118,7 @@ class Preparation:
             if self.knot is None
             else {"verdict": self.knot.verdict, "determinant": self.knot.determinant},
             "notes": list(self.notes),
+            "added": [] if self.filled is None else [list(cell) for cell in self.filled.added],
             "as_voxels": self.options.as_voxels,
             "start": None if self.options.start is None else list(self.options.start),
             "not_started": self.not_started,

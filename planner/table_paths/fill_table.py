@@ -7,11 +7,13 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.pathfinding import Cell
 from planner.pathfinding.blocks import halved
 from planner.pathfinding.feasibility import Feasibility, Problem
 from planner.pathfinding.fill_cubes import BLOCK, doubled
 from planner.pathfinding.filled import Filled
 from planner.pathfinding.knots import knot_of
+from planner.pathfinding.obstacles import tuples
 from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
 from planner.table_paths.mending import added_words, cells_to_add, with_cells
@@ -48,6 +50,7 @@ class TableCubes:
         """Finds chains through cells; a shape that was drawn as a mesh keeps standing."""
         del time_limit_s
         notes: tuple[str, ...] = ()
+        added: list[Cell] = []
         doubles = _doubles(shape, options, of_solid=of_solid)
         if doubles:
             shape = doubled(shape)
@@ -57,6 +60,7 @@ class TableCubes:
             shape = with_cells(shape, added)
             paths, reasons = paths_or_reasons(shape.cells, seed=seed, turned=False)
             notes = (f"Repaired: {added_words(added)}",)
+        shift = paths[0].shift if paths else np.zeros(3, dtype=np.int64)
         if paths and paths[0].down != "-z":
             notes = (*notes, f"It lies on its {SIDES[paths[0].down]} side.")
         cells = paths[0].cells if paths else shape.cells
@@ -74,8 +78,9 @@ class TableCubes:
             notes=notes,
             not_started="",
             scale=2.0 if doubles else 1.0,
-            shift=-0.5,
+            shift=np.asarray(shift - 0.5, dtype=np.float64),  # a mesh is not turned
             modules_per_cell=BLOCK if doubles else 1,
+            added=tuples(np.array(added, dtype=np.int64).reshape(-1, 3) + shift),
         )
 
     def check(self, shape: Shape, options: PathOptions) -> None:
@@ -101,10 +106,11 @@ def _doubles(shape: Shape, options: PathOptions, *, of_solid: bool) -> bool:
 
 def _why_none(shape: Shape, reasons: tuple[NoPath, ...]) -> Feasibility:
     """Why a shape has no path for a table, with cells where the shape has them."""
-    told, (code, detail) = closest(reasons), most_telling(reasons)
+    told = closest(reasons)
     side = next(side for side in sides_of(shape.cells, turned=True) if side.down == told.down)
     lying = np.array(told.cells, dtype=np.int64).reshape(-1, 3)
     cells = tuple((int(x), int(y), int(z)) for x, y, z in (lying - side.shift) @ side.turn)
     return Feasibility(
-        feasible=None, problems=(Problem(code=told.cause or code, detail=detail, cells=cells),)
+        feasible=None,
+        problems=(Problem(code=told.cause or told.code, detail=told.detail, cells=cells),),
     )

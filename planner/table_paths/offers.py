@@ -9,7 +9,12 @@ from typing import Any, Final, Literal
 
 from planner.pathfinding import Cell
 from planner.pathfinding.fill_cubes import BLOCK, doubled
-from planner.pathfinding.options import DEFAULT_MODULES, MODULE_COUNTS, PathOptions
+from planner.pathfinding.options import (
+    DEFAULT_MODULES,
+    MAX_TABLE_MODULES,
+    MODULE_COUNTS,
+    PathOptions,
+)
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import voxelise
@@ -26,6 +31,8 @@ MAX_COUNTS: Final = 12
 """Module counts tried on each side of the one asked for. Chosen."""
 MAX_BLOCK_COUNTS: Final = 9
 """Counts tried for 2×2×2 modules. Chosen."""
+PLAIN: Final[dict[str, Any]] = {"method": "auto", "repair": False}
+"""Options of a solid that each offer sets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +77,7 @@ def table_offers(
     """Search for changes with which a chain can fold on a table.
 
     Of a solid, 2×2×2 modules come first, since they are found soonest; then a repair, then the
-    nearest counts. Of cells, a repair comes first.
+    nearest counts, none above ``MAX_TABLE_MODULES``. Of cells, a repair comes first.
 
     Args:
         found: What was read.
@@ -97,43 +104,54 @@ def _of_cells(
         return
     if not options.repair and (added := cells_to_add(shape.cells, seed)):
         yield _repair(shape, added)
-    if options.method != "blocks" and not over() and _has_path(doubled(shape), seed, turned=True):
-        yield Offer(kind="blocks", modules=BLOCK * len(shape), change={"method": "blocks"})
+    count = BLOCK * len(shape)
+    if options.method == "blocks" or count > MAX_TABLE_MODULES or over():
+        return
+    if _has_path(doubled(shape), seed, turned=True):
+        yield Offer(kind="blocks", modules=count, change={"method": "blocks"})
 
 
 def _of_solid(
     solid: Solid, options: PathOptions, seed: int, over: Callable[[], bool]
 ) -> Iterator[Offer]:
     asked = DEFAULT_MODULES if options.modules is None else options.modules
-    plain = {"method": "auto", "repair": False}
+    target = min(asked, MAX_TABLE_MODULES)
+    yield from _blocks(solid, target, seed, over)
     if over():
         return
-    blocks = round(asked / BLOCK)
-    tries = [blocks, *(blocks + k * sign for k in range(1, MAX_BLOCK_COUNTS) for sign in (-1, 1))]
-    for count in tries[:MAX_BLOCK_COUNTS]:
+    if target == asked and not options.repair:
+        shape = voxelise(solid, cells=asked, seed=seed).shape
+        added = cells_to_add(shape.cells, seed)
+        if added and len(shape) + len(added) <= MAX_TABLE_MODULES:
+            yield replace(_repair(shape, added), change={"method": "auto", "repair": True})
+    for count in _counts(solid, target, seed, over):
+        if count != asked:
+            yield Offer(kind="modules", modules=count, change={**PLAIN, "modules": count})
+
+
+def _blocks(solid: Solid, target: int, seed: int, over: Callable[[], bool]) -> Iterator[Offer]:
+    """Yield the 2×2×2 modules closest to a count of modules that have a path."""
+    middle = round(target / BLOCK)
+    steps = range(1, MAX_BLOCK_COUNTS)
+    tries = [middle, *(middle + k * sign for k in steps for sign in (-1, 1))]
+    for cells in [cells for cells in tries if cells > 0][:MAX_BLOCK_COUNTS]:
         if over():
-            break
-        if count < 1 or (count == blocks and options.method == "blocks"):
-            continue
-        fine = doubled(voxelise(solid, cells=count, seed=seed).shape)
-        if _has_path(fine, seed):
-            change = {**plain, "method": "blocks", "modules": BLOCK * count}
+            return
+        fine = doubled(voxelise(solid, cells=cells, seed=seed).shape)
+        if len(fine) <= MAX_TABLE_MODULES and _has_path(fine, seed):
+            change = {**PLAIN, "method": "blocks", "modules": BLOCK * cells}
             yield Offer(kind="blocks", modules=len(fine), change=change)
-            break
-    if over():
-        return
-    shape = voxelise(solid, cells=asked, seed=seed).shape
-    if not options.repair and (added := cells_to_add(shape.cells, seed)):
-        yield replace(_repair(shape, added), change={"method": "auto", "repair": True})
-    for count in _counts(solid, asked, seed, over):
-        yield Offer(kind="modules", modules=count, change={**plain, "modules": count})
+            return
 
 
-def _counts(solid: Solid, asked: int, seed: int, over: Callable[[], bool]) -> Iterator[int]:
-    """Yield the nearest smaller and the nearest larger count with a path, as they are found."""
-    first = voxelise(solid, cells=asked, seed=seed)
-    following = {"below": first.below, "above": first.above}
-    low, high = MODULE_COUNTS
+def _counts(solid: Solid, target: int, seed: int, over: Callable[[], bool]) -> Iterator[int]:
+    """Yield the nearest smaller and the nearest larger count with a path, as they are found.
+
+    The count itself is the smaller one if it has a path.
+    """
+    first = voxelise(solid, cells=target, seed=seed)
+    following = {"below": target, "above": first.above}
+    low, high = MODULE_COUNTS[0], MAX_TABLE_MODULES
     for _ in range(MAX_COUNTS):
         for side, count in list(following.items()):
             if over():

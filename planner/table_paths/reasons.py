@@ -23,6 +23,7 @@ TELLING: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
 FALLING_EFFORT: Final = 1.5
 """Deterministic time of the solver for paths that go down, for all sides of a shape together."""
 REMEDY: Final = "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
+LAY: Final = "Lay it on another side, or give it a wider foot."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +36,8 @@ class NoPath:
             falls into parts, which a path that never goes down cannot all visit;
             ``hairpins-only``: all paths turn back above themselves; ``not-stable``: it tips over;
             ``no-path``.
-        detail: Got, expected, remedy.
+        detail: One plain sentence: what the shape has, what a chain needs.
+        remedy: What would help.
         cells: The cells that it is about, as the shape lies on that side.
         may_fall: Whether a path that goes down could still be one.
         cause: Code of the ``Problem`` behind ``no-path``, empty where there is none.
@@ -44,9 +46,16 @@ class NoPath:
     down: str
     code: Code
     detail: str
+    remedy: str = REMEDY
     cells: tuple[Cell, ...] = ()
     may_fall: bool = False
     cause: str = ""
+
+    @property
+    def text(self) -> str:
+        """Side, detail and remedy."""
+        side = "as it stands" if self.down == "-z" else f"with its {self.down} side down"
+        return f"{side}: {self.detail} {self.remedy}"
 
 
 def ruled_out(side: Side) -> NoPath | None:
@@ -55,18 +64,15 @@ def ruled_out(side: Side) -> NoPath | None:
     problems = obstacles(cells)
     if problems:
         problem = problems[0]
-        reason = _no_path(side, "no-path", f"{problem.detail} {REMEDY}", problem.cells)
+        reason = _no_path(side, "no-path", problem.detail, problem.cells)
         return replace(reason, cause=problem.code)
     floor = cells[cells[:, 2] == 0]
     if len(floor) == 1:
-        detail = (
-            "got one cell on the floor, expected two or more, because the first link lies flat. "
-            "Turn the shape onto another side."
-        )
-        return _no_path(side, "no-path", detail, tuples(floor))
+        detail = "only one cell touches the floor, but the first two modules lie on it."
+        return _no_path(side, "no-path", detail, tuples(floor), remedy=LAY)
     margin = stands(cells)
     if margin < SAFE:
-        return _no_path(side, "not-stable", _tips(margin, "the shape"), tuples(floor))
+        return _tipping(side, margin, "the shape", floor)
     for height in range(int(cells[:, 2].max()) + 1):
         layer = cells[cells[:, 2] == height]
         reason = _of_layer(side, layer, height)
@@ -74,8 +80,7 @@ def ruled_out(side: Side) -> NoPath | None:
             return reason
         margin = stands(cells[cells[:, 2] <= height])
         if margin < SAFE:
-            what = f"what is built up to layer {height}"
-            return _no_path(side, "not-stable", _tips(margin, what), tuples(layer))
+            return _tipping(side, margin, f"the part up to layer {height}", layer)
     return None
 
 
@@ -86,17 +91,17 @@ def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
         faults = faults_of(side.cells[found.order])
         if not faults:
             return found.order, None
-        detail = f"no path was found that stays balanced throughout: {faults[0].detail} {REMEDY}"
+        detail = f"no path was found that stays balanced throughout: {faults[0].detail}"
         return None, _no_path(side, "not-stable", detail, faults[0].cells)
     if found.status == "undecided":
-        detail = f"no path from the floor up was found, but one may exist. {REMEDY}"
+        detail = "no path from the floor up was found, but one may exist."
         return None, _no_path(side, "no-path", detail, may_fall=True)
     free = climbed(side.cells, seed=seed, hairpins_allowed=True)
     if free.status == "found":
         return None, _hairpins_only(side, "every path from the floor up")
     proved = "proved that no path exists" if free.status == "infeasible" else "found no path"
-    detail = f"the search {proved} from the "
-    return None, _no_path(side, "no-path", f"{detail}floor up. {REMEDY}", may_fall=True)
+    detail = f"the search {proved} from the floor up."
+    return None, _no_path(side, "no-path", detail, may_fall=True)
 
 
 def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPath | None]:
@@ -133,7 +138,7 @@ def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:
     told = closest(reasons)
     others = [f"{reason.down} {reason.code}" for reason in reasons if reason is not told]
     rest = f" On other sides: {', '.join(others)}." if others else ""
-    return told.code, f"got a shape without a path for a table; {told.detail}{rest}"
+    return told.code, f"got a shape without a path for a table; {told.text}{rest}"
 
 
 def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
@@ -142,7 +147,7 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
         problems = obstacles(layer) if len(layer) > 2 else ()
         if not problems:
             return None
-        detail = f"layer {height}: {problems[0].detail} {REMEDY}"
+        detail = f"layer {height}: {problems[0].detail}"
         reason = _no_path(side, "no-path", detail, problems[0].cells, may_fall=True)
         return replace(reason, cause=problems[0].code)
     cells = side.cells
@@ -150,23 +155,20 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
     if joined > 1:
         hanging = _borne_by_nothing(cells)
         detail = (
-            f"{len(hanging)} cells have nothing under them and hold together what stands in "
-            f"{joined} parts up to layer {height}; a chain that never goes down cannot fold them. "
-            f"{REMEDY}"
+            f"{len(hanging)} cell{'s' * (len(hanging) != 1)} with nothing below "
+            f"join{'s' * (len(hanging) == 1)} {joined} separate parts; a chain that only climbs "
+            "cannot fold them."
         )
         return _no_path(side, "overhang", detail, tuples(hanging), may_fall=True)
     detail = (
-        f"layer {height} falls into {count} parts; expected one, since a path that never goes down "
-        f"visits a layer in one go. {REMEDY}"
+        f"layer {height} is in {count} separate parts; a chain that only climbs visits a layer in "
+        "one go."
     )
     return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
 
 
 def _hairpins_only(side: Side, which: str) -> NoPath:
-    detail = (
-        f"{which} turns back above itself somewhere, which leaves a joint on the wrong branch; "
-        f"expected one that does not. {REMEDY}"
-    )
+    detail = f"{which} turns back above itself somewhere, and a chain cannot fold that on a table."
     return _no_path(side, "hairpins-only", detail, may_fall=True)
 
 
@@ -177,19 +179,25 @@ def _borne_by_nothing(cells: Ints) -> Ints:
     return cells[np.array(hanging, dtype=np.bool_)]
 
 
-def _tips(margin: float, what: str) -> str:
-    return (
-        f"{what} tips over: its centre of mass is {-margin:.2g} of a pitch outside the hull of the "
-        f"floor cells, expected {SAFE:g} within. Lay it on another side, or give it a wider foot."
+def _tipping(side: Side, margin: float, what: str, cells: Ints) -> NoPath:
+    detail = (
+        f"{what} would tip over: its centre of mass is {-margin:.2g} pitch outside its foot."
         if margin < 0
-        else f"{what} hardly stands: its centre of mass is {margin:.2g} of a pitch within the hull "
-        f"of the floor cells, expected {SAFE:g}. Lay it on another side."
+        else f"{what} would hardly stand: its centre of mass is {margin:.2g} pitch inside "
+        f"the rim of its foot, expected at least {SAFE:g}."
     )
+    return _no_path(side, "not-stable", detail, tuples(cells), remedy=LAY)
 
 
 def _no_path(
-    side: Side, code: Code, detail: str, cells: tuple[Cell, ...] = (), *, may_fall: bool = False
+    side: Side,
+    code: Code,
+    detail: str,
+    cells: tuple[Cell, ...] = (),
+    *,
+    may_fall: bool = False,
+    remedy: str = REMEDY,
 ) -> NoPath:
-    where = "as it stands" if side.down == "-z" else f"with its {side.down} side down"
-    text = f"{where}: {detail}"
-    return NoPath(down=side.down, code=code, detail=text, cells=cells, may_fall=may_fall)
+    return NoPath(
+        down=side.down, code=code, detail=detail, remedy=remedy, cells=cells, may_fall=may_fall
+    )

@@ -452,6 +452,7 @@ class Preview(BaseModel):
     feasibility: Feasibility | None
     knot: Knot | None
     notes: list[str]
+    added: list[list[int]] = Field(default=[], description="Cells that a repair for a table added.")
     as_voxels: bool = Field(
         description="Whether a list of cells was taken as a shape; a fold has to be told so too."
     )

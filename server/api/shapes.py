@@ -81,13 +81,7 @@ async def post_preview(
     With a token, the preview is listed in `GET /api/mine/previews`.
     """
     settings = context.settings
-    if options.modules is not None and options.modules > settings.max_modules:
-        raise Unusable(
-            "too-many-modules",
-            f"got {options.modules} modules, expected at most {settings.max_modules}.",
-        )
-    options = replace(options, seed=seed, path=path)
-    checked(Asked(), options)
+    options = bounded(replace(options, seed=seed, path=path), settings.max_modules)
 
     visitor, token = context.visitor(request), token_of(credentials)
 
@@ -130,8 +124,7 @@ async def post_offers(
     Take the same options as for the preview that found no path on a table. It may take as long as a
     preview, and counts as one.
     """
-    options = replace(options, seed=seed)
-    checked(Asked(), options)
+    options = bounded(replace(options, seed=seed), context.settings.max_modules)
     visitor = context.visitor(request)
     async with leaving(request) as gone:
         found = await run_in_threadpool(
@@ -143,6 +136,21 @@ async def post_offers(
             gone=gone,
         )
     return TableOffers.model_validate(found)
+
+
+def bounded(options: ShapeOptions, max_modules: int) -> ShapeOptions:
+    """Return the options, refused if they cannot be had or ask for too many modules.
+
+    Raises:
+        Unusable: ``too-many-modules``, or as ``checked`` does.
+    """
+    if options.modules is not None and options.modules > max_modules:
+        raise Unusable(
+            "too-many-modules",
+            f"got {options.modules} modules, expected at most {max_modules}.",
+        )
+    checked(Asked(), options)
+    return options
 
 
 def preview_row(

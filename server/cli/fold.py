@@ -39,6 +39,7 @@ from server.cli.options import (
     Settings,
     Start,
     Workers,
+    World,
     settings_text_of,
 )
 from server.pages import certificate_words
@@ -80,9 +81,7 @@ def fold(
     ends: Ends = "any",
     start: Start = None,
     as_voxels: AsVoxels = False,
-    world: Annotated[
-        str, typer.Option(help="floating (no gravity), or table (on a table, with gravity).")
-    ] = "floating",
+    world: World = "floating",
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:

@@ -68,6 +68,9 @@ Ends = Annotated[str, typer.Option(help="any, or surface for both ends on the ou
 Start = Annotated[
     str | None, typer.Option(metavar="X,Y,Z", help="The cell where the chain starts.")
 ]
+World = Annotated[
+    str, typer.Option(help="floating (no gravity), or table (on a table, with gravity).")
+]
 AsVoxels = Annotated[
     bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
 ]

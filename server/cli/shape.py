@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -17,7 +17,21 @@ from planner.pipeline.prepare import Preparation, prepare_in_any_order
 from planner.pipeline.request import SHORT_SEED, Request
 from planner.plan.formats import write_chain, write_path
 from server.cli.inputs import read_input, refuse
-from server.cli.options import AsJson, AsVoxels, Ends, Method, Module, Modules, Repair, Seed, Start
+from server.cli.options import (
+    AsJson,
+    AsVoxels,
+    Ends,
+    Method,
+    Module,
+    Modules,
+    Repair,
+    Seed,
+    Start,
+    World,
+)
+
+if TYPE_CHECKING:
+    from planner.table_paths.offers import Offer
 
 
 def shape(
@@ -32,6 +46,7 @@ def shape(
     ends: Ends = "any",
     start: Start = None,
     as_voxels: AsVoxels = False,
+    world: World = "floating",
     seed: Seed = "0",
     as_json: AsJson = False,
 ) -> None:
@@ -45,6 +60,7 @@ def shape(
             ends=ends,
             start=start,
             as_voxels=as_voxels,
+            world=world,
             seed=seed,
         )
         request.check()
@@ -56,13 +72,19 @@ def shape(
             prepared.chain  # noqa: B018
         if prepared.chains:
             write_whole(out, path_file(prepared))
+        offers = [] if prepared.chains else offers_for(data, filename, request)
     except InputError as error:
         refuse(error, as_json)
     except OSError as error:
         refuse(
             InputError("no-file", f"cannot be written ({error.strerror}).", where=str(out)), as_json
         )
-    report = {**prepared.report(full=False), "mesh": None, "cells": None}
+    report = {
+        **prepared.report(full=False),
+        "mesh": None,
+        "cells": None,
+        "offers": [offer.report() for offer in offers],
+    }
     if as_json:
         print(json.dumps({"status": "found" if prepared.chains else "none", **report}), flush=True)
     else:
@@ -70,8 +92,34 @@ def shape(
     if not prepared.chains:
         if not as_json:
             refusal = no_path(prepared)
-            Console(stderr=True, soft_wrap=True, highlight=False).print(refusal, markup=False)
+            told = "\n".join([refusal, *map(offer_words, offers)])
+            Console(stderr=True, soft_wrap=True, highlight=False).print(told, markup=False)
         raise typer.Exit(3)
+
+
+def offers_for(data: bytes, filename: str, request: Request) -> list[Offer]:
+    """Return versions of a shape that have a path for a table; none for another world."""
+    from planner.chain.chain import Chain
+    from planner.readers import read
+    from planner.table_paths.offers import table_offers
+
+    options = request.path_options()
+    if options.world != "table":
+        return []
+    found = read(data, filename=filename, as_voxels=options.as_voxels)
+    if isinstance(found, Chain | CellPath):
+        return []
+    return list(table_offers(found, options, seed=request.seed % SHORT_SEED))
+
+
+def offer_words(offer: Offer) -> str:
+    """Return an offer as a line: the number of modules and the options to use."""
+    options = [
+        f"--{name}" if value is True else f"--{name} {value}"
+        for name, value in offer.change.items()
+        if value not in (False, "auto")
+    ]
+    return f"Has a path: {' '.join(options)} ({offer.modules} modules)"
 
 
 def path_file(prepared: Preparation) -> bytes:

@@ -6,7 +6,14 @@ import asyncio
 from pathlib import Path
 from typing import Final
 
-from server.files.previews import KEY, NoSuchPreviewError, Previews, read_report
+from server.files.previews import (
+    KEY,
+    OFFERS,
+    NoSuchPreviewError,
+    Previews,
+    cells_of_repair,
+    read_report,
+)
 from server.limits.single_flight import SingleFlight
 from web.timeline.cache import Cache
 from web.viser.preview_scene import preview_scene_of
@@ -32,8 +39,16 @@ class PreviewScenes:
         """Begins nothing any more."""
         self._flight.close()
 
-    async def scene(self, preview_id: str, key: str, *, visitor: str) -> bytes:
-        """What ``web.viser.preview_scene`` makes of an upload with the options of ``key``.
+    async def scene(
+        self, preview_id: str, key: str, *, visitor: str, repair: bool = False
+    ) -> bytes:
+        """Return the scene of an upload with the options of ``key``.
+
+        Args:
+            preview_id: The upload's.
+            key: Of the options.
+            visitor: Client that asks.
+            repair: Also show the cells that an offered repair for a table adds.
 
         Raises:
             NoSuchPreviewError: When there is no such upload or report.
@@ -42,15 +57,20 @@ class PreviewScenes:
         if not KEY.fullmatch(key):
             raise NoSuchPreviewError(preview_id)
         place = await asyncio.to_thread(self._previews.place, preview_id, key)
-        if (known := self._cache.get(place)) is not None:
+        name = place / OFFERS if repair else place
+        if (known := self._cache.get(name)) is not None:
             return known
-        made = await self._flight.get_or_make(place, lambda: _made(place), visitor=visitor)
-        self._cache.keep(place, made)
+        made = await self._flight.get_or_make(
+            name, lambda: _made(place, repair=repair), visitor=visitor
+        )
+        self._cache.keep(name, made)
         return made
 
 
-def _made(place: Path) -> bytes:
+def _made(place: Path, *, repair: bool) -> bytes:
     report = read_report(place)
     if report is None:
         raise NoSuchPreviewError(place.parent.name)
+    if repair:
+        report = {**report, "added": cells_of_repair(place)}
     return preview_scene_of(report)

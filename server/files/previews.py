@@ -407,6 +407,12 @@ def read_report(place: Path) -> dict[str, Any] | None:
     return _json_at(place / "report.json")
 
 
+def cells_of_repair(place: Path) -> list[list[int]]:
+    """Return the cells that the repair among the offers in a directory of options adds."""
+    offers = (_json_at(place / OFFERS) or {"offers": []})["offers"]
+    return next((offer["added"] for offer in offers if offer["added"]), [])
+
+
 def _json_at(path: Path) -> dict[str, Any] | None:
     """Return the JSON object in a file; None where there is none."""
     try:

@@ -10,6 +10,7 @@ from typing import Final
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
+from planner.pathfinding.options import MAX_TABLE_MODULES
 from server.api.context import context_of
 from server.files.previews import KEY, NoSuchPreviewError, Previews, read_report
 from server.http.client_address import address_of
@@ -40,6 +41,7 @@ async def preview_page(request: Request, preview_id: str) -> Response:
         "id": preview_id,
         "name": name,
         "most_modules": context.settings.max_modules,
+        "table_modules": MAX_TABLE_MODULES,
     }
     return page("preview.html", facts=facts, facts_json=script_json(facts))
 
@@ -59,10 +61,12 @@ async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -
 
 
 @router.get("/previews/{preview_id}/scene/{key}")
-async def scene_of_preview(request: Request, preview_id: str, key: str) -> Response:
+async def scene_of_preview(
+    request: Request, preview_id: str, key: str, repair: bool = False
+) -> Response:
     """The same in 3D, for viser's client in the preview's page: see ``web.viser.preview_scene``."""
     data = await context_of(request).preview_scenes.scene(
-        preview_id, key, visitor=address_of(request)
+        preview_id, key, visitor=address_of(request), repair=repair
     )
     return Response(data, media_type=BINARY, headers={"Cache-Control": KEPT})
 

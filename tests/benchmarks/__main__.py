@@ -28,6 +28,7 @@ from tests.benchmarks.speed import speed
 from tests.benchmarks.success_map.seeds import seeds
 from tests.benchmarks.sweeps import sweeps
 from tests.benchmarks.table.folds import table_folds, table_long_folds
+from tests.benchmarks.table.offers import table_offers_section
 from tests.benchmarks.table.paths import table_path_section
 from tests.benchmarks.table.playback import table_playback
 from tests.benchmarks.table.statics import statics
@@ -50,6 +51,7 @@ SECTIONS = {
     "sweeps": sweeps,
     "table-folds": table_folds,
     "table-long-folds": table_long_folds,
+    "table-offers": table_offers_section,
     "table-paths": table_path_section,
     "table-playback": table_playback,
     "table-tetrahedra": table_tetrahedra,

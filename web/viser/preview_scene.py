@@ -96,7 +96,8 @@ class _PreviewScene:
         self._wxyzs = np.tile(UPRIGHT, (count, 1)) if wxyzs is None else np.asarray(wxyzs)
         mesh = report.get("mesh")
         repair = {} if report["has_path"] else _repair(report)
-        self._added = np.asarray(repair.get("add", ()), dtype=np.float64).reshape(-1, 3)
+        added = report.get("added") or repair.get("add", ())
+        self._added = np.asarray(added, dtype=np.float64).reshape(-1, 3)
         self._dropped: list[list[int]] = repair.get("drop", [])
         low, high = _bounds(np.concatenate([self.positions, self._added]), mesh)
         self._middle = (low + high) / 2
@@ -141,6 +142,7 @@ class _PreviewScene:
             self._modules("/cells", ghost, opacity=GHOST_OPACITY)
             line = np.asarray(report["line"], dtype=np.float64)
             self._path(line, ramp_colours(np.linspace(0.0, 1.0, len(line))))
+            self._show_added()
         else:
             self._mark(report)
             self._modules("/cells", self.colours)
@@ -155,6 +157,10 @@ class _PreviewScene:
         for cell in [*bad, *self._dropped]:
             if (k := index.get(tuple(cell))) is not None:
                 self.colours[k] = ERROR
+        self._show_added()
+
+    def _show_added(self) -> None:
+        """Draw the cells that a repair adds, or has added."""
         if len(self._added):
             blue = np.tile(np.array(SELECTED, np.uint8), (len(self._added), 1))
             self._cubes("/added", self._added, blue, opacity=ADDED_OPACITY)

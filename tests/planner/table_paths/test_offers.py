@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.fill_cubes import BLOCK
+from planner.pathfinding.options import MAX_TABLE_MODULES, PathOptions
 from planner.pipeline.prepare import prepare
 from planner.readers import read
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
+from planner.table_paths.fill_table import TableCubes
 from planner.table_paths.mending import cells_to_add
 from planner.table_paths.offers import table_offers
 from planner.table_paths.rules import FALLS, faults_of
@@ -21,6 +23,9 @@ from planner.table_paths.table_paths import why_none
 HOLES = ((1, 2), (3, 2))
 SURPLUS = np.array([(x, y, 0) for x in range(5) for y in range(5) if (x, y) not in HOLES])
 """A slab with 13 cells of one chessboard colour and 10 of the other."""
+TORI = (80, 100, 120, 160, 200, 240, 300)
+SMALL = np.array([(x, y, 0) for x in range(3) for y in range(3) if (x, y) != (1, 0)])
+"""The same in small: eight times its cells are still few enough for a table."""
 TORUS = cast(
     "bytes", trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
 )
@@ -34,8 +39,8 @@ def test_cells_to_add_to_a_surplus_of_one_colour_gives_a_path() -> None:
 
 
 def test_offers_of_cells_are_a_repair_and_blocks_with_paths() -> None:
-    shape = Shape.from_cells(SURPLUS)
-    data = str(SURPLUS.tolist()).encode()
+    shape = Shape.from_cells(SMALL)
+    data = str(SMALL.tolist()).encode()
     asked = PathOptions(world="table", as_voxels=True)
     offers = list(table_offers(shape, asked))
     assert [offer.kind for offer in offers] == ["repair", "blocks"]
@@ -43,11 +48,27 @@ def test_offers_of_cells_are_a_repair_and_blocks_with_paths() -> None:
         made = prepare(data, "slab.json", offer.options(asked))
         assert len(made.chain) == offer.modules
         assert not faults_of(made.cells)
+        assert set(made.filled.added if made.filled else ()) == set(offer.added)
+        assert set(offer.added) <= set(map(tuple, made.cells.tolist()))
+
+
+def test_repaired_cells_of_a_mesh_stay_where_the_mesh_is() -> None:
+    moved = Shape.from_cells(SMALL + [3, 2, 0])
+    asked = PathOptions(world="table", repair=True)
+    filled = TableCubes().fill(moved, asked, of_solid=True, seed=0, time_limit_s=20.0)
+    laid = moved.cells + 0.5 + filled.shift
+    assert {*map(tuple, laid.tolist())} | set(filled.added) == {*map(tuple, filled.cells.tolist())}
+
+
+def test_offers_of_cells_too_many_for_a_table_are_no_blocks() -> None:
+    asked = PathOptions(world="table", as_voxels=True)
+    assert BLOCK * len(SURPLUS) > MAX_TABLE_MODULES
+    assert {offer.kind for offer in table_offers(Shape.from_cells(SURPLUS), asked)} == {"repair"}
 
 
 @pytest.mark.parametrize(
     "modules",
-    [30, *(pytest.param(n, marks=pytest.mark.long) for n in (80, 100, 120, 160, 200, 240, 300))],
+    [30, *(pytest.param(n, marks=pytest.mark.long) for n in TORI)],
 )
 def test_first_offer_for_a_torus_is_what_a_fold_gets(modules: int) -> None:
     asked = PathOptions(modules=modules, world="table")
@@ -56,8 +77,21 @@ def test_first_offer_for_a_torus_is_what_a_fold_gets(modules: int) -> None:
     assert isinstance(solid, Solid)
     offer = next(table_offers(solid, asked))
     made = prepare(TORUS, "torus.stl", offer.options(asked))
-    assert len(made.chain) == offer.modules
+    assert len(made.chain) == offer.modules <= MAX_TABLE_MODULES
     assert not faults_of(made.cells, rule=FALLS)
+
+
+def test_offers_for_a_torus_beyond_what_folds_are_the_largest_that_does() -> None:
+    solid = read(TORUS, filename="torus.stl")
+    assert isinstance(solid, Solid)
+    found = {
+        modules: next(table_offers(solid, PathOptions(modules=modules, world="table")))
+        for modules in TORI
+    }
+    # These two were folded: ``make bench ARGS="--only table-offers"``.
+    counts = {modules: offer.modules for modules, offer in found.items()}
+    assert counts == {**dict.fromkeys(TORI, 96), 80: 88}
+    assert {offer.change["method"] for offer in found.values()} == {"blocks"}
 
 
 def test_offers_of_a_search_that_nobody_waits_for_are_none() -> None:

@@ -81,7 +81,7 @@ def test_a_box_has_as_many_different_paths_as_wanted() -> None:
 def test_a_tower_is_laid_down_since_its_first_link_lies_flat() -> None:
     path = table_paths(box(1, 1, 6))[0]
     assert path.down != "-z" and (path.cells[:, 2] == 0).all()
-    with pytest.raises(InputError, match="one cell on the floor") as error:
+    with pytest.raises(InputError, match="only one cell touches the floor") as error:
         table_paths(box(1, 1, 6), turned=False)
     assert error.value.code == "no-path"
 

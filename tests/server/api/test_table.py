@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable
 from io import BytesIO
 from typing import Any, cast
 
+import httpx
 import numpy as np
 import pytest
 import trimesh
@@ -17,6 +20,8 @@ from web.timeline.columns import decode
 
 BOX = (2, 2, 2)
 ROUTES = ("folds", "shapes/preview")
+SLAB = [[x, y, 0] for x in range(3) for y in range(3) if (x, y) != (1, 0)]
+"""Cells of a slab that has no path: one of its chessboard colours has two more than the other."""
 
 
 def voxels(*sides: int) -> bytes:
@@ -99,7 +104,7 @@ def test_a_preview_shows_a_path_for_a_table_or_why_there_is_none(desk: Service) 
     ).json()
     (problem,) = none["feasibility"]["problems"]
     assert not none["has_path"]
-    assert "got a shape without a path for a table" in problem["detail"]
+    assert re.fullmatch(r"\d cells? with nothing below joins? .*", problem["detail"])
     known = {tuple(cell) for cell in none["cells"]}
     assert {tuple(cell) for cell in problem["cells"]} <= known
 
@@ -174,22 +179,56 @@ def test_who_wants_it_on_a_table_waits_for_it() -> None:
     assert table.expected_s > 10 * floating.expected_s
 
 
-def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(desk: Service) -> None:
-    cells = [[x, y, 0] for x in range(5) for y in range(5) if (x, y) not in ((1, 2), (3, 2))]
+def slab_without_a_path(service: Service) -> tuple[dict[str, Any], dict[str, str]]:
+    """Preview a slab that has no path for a table; return its report and the same options."""
     form = {"world": "table", "as_voxels": "true"}
-    file = {"file": ("slab.json", str(cells).encode())}
-    none = desk.http.post("/api/shapes/preview", files=file, data=form).json()
+    file = {"file": ("slab.json", str(SLAB).encode())}
+    none = service.http.post("/api/shapes/preview", files=file, data=form).json()
     assert not none["has_path"]
-    same = {**form, "preview": none["id"]}
+    return none, {**form, "preview": none["id"]}
+
+
+def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(desk: Service) -> None:
+    none, same = slab_without_a_path(desk)
+    (problem,) = none["feasibility"]["problems"]
+    assert problem["detail"].startswith(
+        "coloured like a chessboard, it has 5 black and 3 white cells; a chain needs as many"
+    )
     offers = desk.http.post("/api/shapes/offers", data=same).json()["offers"]
     assert [offer["kind"] for offer in offers] == ["repair", "blocks"]
     change = {k: v for k, v in offers[0]["change"].items() if v is not None}
     better = desk.http.post("/api/shapes/preview", data={**same, **change}).json()
     assert better["has_path"]
-    assert better["modules"] == offers[0]["modules"] == len(cells) + len(offers[0]["added"])
+    assert better["modules"] == offers[0]["modules"] == len(SLAB) + len(offers[0]["added"])
+    # Cells that are to be added, and those that were, are drawn in a colour of their own.
+    assert sorted(map(tuple, better["added"])) == sorted(map(tuple, offers[0]["added"]))
+    scene = f"/previews/{none['id']}/scene/{none['key']}"
+    plain, repair = (desk.http.get(scene + more).content for more in ("", "?repair=true"))
+    assert b"/added" in repair and b"/added" not in plain
     assert desk.http.post("/api/shapes/offers", data={**same, **change}).json() == {"offers": []}
-    missing = desk.http.post("/api/shapes/offers", data={**form, "preview": "0" * 20})
+    missing = desk.http.post("/api/shapes/offers", data={**same, "preview": "0" * 20})
     assert missing.status_code == 404
+    many = desk.http.post("/api/shapes/offers", data={**same, "modules": "19999"})
+    assert (many.status_code, many.json()["code"]) == (422, "too-many-modules")
+
+
+@pytest.mark.parametrize(("preview_seconds", "waits_s"), [(300.0, 0.5), (5.0, None)])
+def test_search_for_offers_ends_with_its_client_and_with_its_time(
+    here_with: Callable[..., Service], preview_seconds: float, waits_s: float | None
+) -> None:
+    service = here_with(preview_seconds=preview_seconds).start()
+    _, same = slab_without_a_path(service)
+    (busy,) = service.children("preparer")
+    busy.suspend()  # as one whose search goes on for ever
+    if waits_s is None:
+        late = service.http.post("/api/shapes/offers", data=same)
+        assert (late.status_code, late.json()["code"]) == (504, "preview-too-slow")
+    else:
+        with pytest.raises(httpx.ReadTimeout):
+            service.http.post("/api/shapes/offers", data=same, timeout=waits_s)
+        # What another asks for has a child of its own.
+        assert service.http.post("/api/shapes/offers", data=same).json()["offers"]
+    assert not busy.is_running() or busy.status() == "zombie"
 
 
 def test_gallery_card_under_on_a_table_folds_on_a_table(desk: Service) -> None:

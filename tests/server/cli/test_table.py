@@ -16,12 +16,36 @@ from server.cli.command_line import application
 from tests.planner.certificate.test_table import moving
 from tests.planner.chains import line
 from tests.planner.plans import unverified
+from tests.server.api.test_table import SLAB
 
 
 def table(*arguments: str | Path) -> Result:
     return CliRunner().invoke(
         application(), ["table", *map(str, arguments)], prog_name="foldback", terminal_width=200
     )
+
+
+def test_shape_without_a_path_for_a_table_lists_versions_that_have_one(tmp_path: Path) -> None:
+    slab, out = tmp_path / "slab.json", tmp_path / "path.json"
+    slab.write_text(json.dumps(SLAB))
+
+    def shape(*options: str) -> Result:
+        asked = ("shape", str(slab), "--as-voxels", "--world", "table", "--out", str(out))
+        return CliRunner().invoke(application(), [*asked, *options], prog_name="foldback")
+
+    none = shape()
+    assert none.exit_code == 3 and not out.exists()
+    assert none.stderr.splitlines()[1:] == [
+        "Has a path: --repair (9 modules)",
+        "Has a path: --method blocks (64 modules)",
+    ]
+    told = json.loads(shape("--json").stdout.splitlines()[-1])
+    assert [offer["kind"] for offer in told["offers"]] == ["repair", "blocks"]
+    repaired = shape("--repair", "--json")
+    assert repaired.exit_code == 0, repaired.output
+    told = json.loads(repaired.stdout.splitlines()[-1])
+    assert (told["modules"], told["offers"]) == (9, [])
+    assert len(json.loads(out.read_bytes())["cells"]) == 9
 
 
 @pytest.fixture

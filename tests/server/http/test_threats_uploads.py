@@ -355,7 +355,8 @@ def test_a_form_has_few_and_small_parts(desk: Service, form: bytes) -> None:
 @pytest.mark.parametrize("kind", ["application/json", "application/x-www-form-urlencoded", ""])
 def test_what_is_no_upload_is_small(desk: Service, kind: str) -> None:
     data = b"shape=" + b"a" * 180_000
-    for path in ("/api/folds", "/api/folds/nosuch/movies", "/api/shapes/preview"):
+    shapes = ("/api/shapes/preview", "/api/shapes/offers")
+    for path in ("/api/folds", "/api/folds/nosuch/movies", *shapes):
         answer = desk.http.post(path, content=data, headers={"Content-Type": kind})
         assert 400 <= answer.status_code < 500, answer.text
     answer = desk.http.post("/api/folds", content=data, headers={"Content-Type": FORM})

@@ -5,7 +5,7 @@ import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL } from "../viewer/scene.js";
 import { UNREACHABLE, duration, element, get, later, refusal, sentence, whole } from "../lib/text.js";
 
-/** @type {{ id: string, most_modules: number }} */
+/** @type {{ id: string, most_modules: number, table_modules: number }} */
 const facts = JSON.parse(get("facts").textContent);
 const layers = /** @type {HTMLElement[]} */ ([...get("layers").children]);
 const LEAST = 8;
@@ -247,6 +247,7 @@ function show(told) {
   get("notes").replaceChildren(...notes.map((note) => element("li", {}, sentence(note))));
   get("fold").textContent = path ? `Fold ${whole(modules)} modules` : "Fold";
   get("legend").hidden = !path;
+  get("were-added").hidden = !told.added.length;
   get("layers").hidden = false;
   for (const button of layers) {
     button.hidden = (button.dataset.layer === "solid" && !resizable) || (button.dataset.layer === "path" && !path);
@@ -292,7 +293,7 @@ function start3d() {
 function show3d(key) {
   if (!started || flat) return;
   failed = false;
-  stage.show(`/previews/${facts.id}/scene/${key}`);
+  stage.show(`/previews/${facts.id}/scene/${key}${get("to-add").hidden ? "" : "?repair=true"}`);
   settle();
 }
 
@@ -351,7 +352,7 @@ function trouble(title, details, ways) {
 // What the coloured cells of a shape without a path are.
 /** @type {Record<string, string>} */
 const ODD = {
-  parity: "cells of the colour that there are too many of",
+  parity: "black cells: there are too many of them",
   disconnected: "cells apart from the largest part",
   "dead-ends": "cells with a single neighbour",
   overhang: "cells with nothing below them",
@@ -361,7 +362,8 @@ const ODD = {
 /** @param {Report} told */
 function odd(told) {
   const marked = told.has_path ? undefined : told.feasibility?.problems.find(({ cells }) => cells.length);
-  get("odd").hidden = !marked;
+  get("odd").hidden = get("odd-cells").hidden = !marked;
+  get("to-add").hidden = true;
   get("odd-text").textContent = marked ? ODD[marked.code] ?? "cells in the way of a path" : "";
 }
 
@@ -376,8 +378,12 @@ async function offers() {
   /** @type {{ offers: TableOffer[] }} */
   const told = answer?.ok ? await answer.json().catch(() => ({ offers: [] })) : { offers: [] };
   if (signal.aborted) return;
-  get("seeking").textContent = told.offers.length ? "" : answer?.ok ? "No version that folds on a table was found." : "The search for other versions failed.";
+  const long = report?.kind === "mesh" && report.modules > facts.table_modules;
+  const found = long ? `Chains of more than ${whole(facts.table_modules)} modules usually get stuck on a table.` : "";
+  get("seeking").textContent = told.offers.length ? found : answer?.ok ? "No version that folds on a table was found." : "The search for other versions failed.";
   get("repairs").prepend(...told.offers.map(offered));
+  get("to-add").hidden = !told.offers.some(({ added }) => added.length);
+  if (report && !get("to-add").hidden) { get("odd").hidden = false; show3d(report.key); }
 }
 
 /**
@@ -387,8 +393,8 @@ async function offers() {
 function offered({ kind, modules, change, added }, place) {
   const words = {
     repair: `Add ${added.length} cell${added.length === 1 ? "" : "s"}: ${whole(modules)} modules`,
-    modules: `Use ${whole(modules)} modules`,
-    blocks: `Use 2×2×2 modules for each voxel: ${whole(modules)} modules`,
+    modules: `Use ${whole(modules)} modules, one for each voxel`,
+    blocks: `Use ${whole(modules)} modules, 2×2×2 for each voxel`,
   };
   const button = element("button", { type: "button", class: place ? "button" : "button primary" }, words[kind]);
   button.onclick = () => {
