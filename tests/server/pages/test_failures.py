@@ -94,7 +94,7 @@ def test_what_blocks_what_is_listed_and_a_budget_told_in_numbers() -> None:
     move = {"direction": [0, -1, 0], "moved": 0.5, "modules": [5, 2], "overlap": 0.45}
     evidence = {"kind": "blocks", "turns": [turn], "moves": [move]}
     told = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
-    assert told is not None and told["heading"] == "Stalled: modules block each other"
+    assert told is not None and told["heading"] == "Stalled: modules blocked each other"
     assert told["blocks"] == [
         "Hinge 7 at module 4, turned by 2°: modules 4 and 9 overlap by 0.012 pitch",
         "The next part, moved by 0.5 pitch along −y: modules 5 and 2 overlap by 0.45 pitch",
