@@ -21,7 +21,7 @@ Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 DataDir = Annotated[Path | None, typer.Option(help="Data directory of the service.")]
 AsJson = Annotated[bool, typer.Option("--json", help="As JSON.")]
 Ids = Annotated[list[str], typer.Argument(help="Ids of the folds.")]
-Force = Annotated[bool, typer.Option("--force", help="Do it even if it would be refused.")]
+Force = Annotated[bool, typer.Option("--force", help="Do it in cases that are normally refused.")]
 COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
 VISITOR: Final = 8
 """Letters that are shown of who asked: enough to tell visitors apart."""
@@ -132,7 +132,7 @@ def expire(
 
 @admin.command()
 def requeue(ids: Ids, force: Force = False, data_dir: DataDir = None) -> None:
-    """Compute folds again that failed, were cancelled or stopped responding."""
+    """Compute failed, cancelled or unresponsive folds again."""
     with _tasks(data_dir) as tasks:
         _each(ids, lambda fold_id: tasks.requeue(fold_id, force=force), "queued")
 

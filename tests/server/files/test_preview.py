@@ -114,7 +114,7 @@ def test_a_list_of_cells_in_no_order_is_taken_as_voxels_and_that_is_said(desk: S
     data = json.dumps(cells).encode()
     found = report(desk, data)
     assert (found["kind"], found["as_voxels"]) == ("voxels", True)
-    assert found["notes"][0] == "Read as voxels, since cells 1 and 2 are not neighbours."
+    assert found["notes"][0] == "Read as voxels, because cells 1 and 2 are not neighbours."
     assert is_path(found["cells"])
     assert {tuple(c) for c in found["cells"]} == {tuple(c) for c in cells}
     asked = report(desk, data, as_voxels="true")
