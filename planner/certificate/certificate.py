@@ -354,7 +354,7 @@ def _unusable(
             try:
                 check_windows(chain, frames)
             except InputError as error:
-                return f"the {name} cannot be looked at: {error.detail}"
+                return f"the {name} cannot be checked: {error.detail}"
             numbers = (frames.time_s, frames.base_position, frames.base_wxyz)
         else:
             if frames.joint_angles_rad.shape != (len(frames), joints):

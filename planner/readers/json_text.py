@@ -56,7 +56,7 @@ def parse(text: str, most_cells: int = MOST_CELLS) -> object:
         ) from error
     except RecursionError as error:
         raise InputError(
-            "too-deep", "lists within lists too deep to follow; expected a list of cells."
+            "too-deep", "got lists nested too deeply, expected a list of cells."
         ) from error
 
 
@@ -94,8 +94,8 @@ def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None
         if key not in known and KEYS_OF_FORM.match(key.casefold()):
             raise InputError(
                 "unknown-key",
-                f"got the key {quote(key)!r}, which is not read, expected {', '.join(known)}; "
-                "convert the values to that, or take the key out.",
+                f"got the key {quote(key)!r}, which is unknown, expected {', '.join(known)}; "
+                "convert the values, or remove the key.",
                 where=quote(key),
             )
 

@@ -79,7 +79,9 @@ def test_a_chain_that_would_tip_balances_in_no_way() -> None:
     found = table_certificate(chain, moving(chain, 1, -LIFTED), base="free")
     assert found.unbalanced == (1, 2, 3, 4)
     assert found.torques == (0.0, None, None, None, None)
-    assert found.verdict.startswith("failed: nothing balances in 4 of 5 frames, first in frame 1")
+    assert found.verdict.startswith(
+        "failed: the chain would tip over in 4 of 5 frames, first in frame 1"
+    )
 
 
 def test_what_goes_into_the_table_is_refused() -> None:

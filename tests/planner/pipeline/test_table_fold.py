@@ -45,7 +45,7 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
     # Motors are limited by what the record asks, which the plan's curve leaves by a little.
     allowed = 1.05 * STRONGER_MOTORS * max(table.torque, LEAST_TORQUE_WP)
     assert plan.certificate.peak_torque_nm <= allowed * table.unit_nm
-    assert any("rictionless" in words for words in table.assumptions)
+    assert any("No friction" in words for words in table.assumptions)
     assert len(TableForces.load(tmp_path / "table.npz")) == len(plan.motion)
     assert verify(tmp_path).verified, verify(tmp_path).problems
     forged = replace(plan.certificate, table=replace(table, torque=0.5 * table.torque))

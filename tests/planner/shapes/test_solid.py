@@ -75,7 +75,7 @@ def test_a_triangle_that_disagrees_is_turned_to_agree() -> None:
     solid = Solid.from_triangles(TETRAHEDRON, faces)
     assert (solid.closed, solid.oriented) == (True, True)
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(1 / 6)
-    assert solid.notes == ("1 triangle was turned to agree with the neighbours.",)
+    assert solid.notes == ("1 triangle was flipped to match the neighbours.",)
 
 
 CUBES = {
