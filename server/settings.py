@@ -1,4 +1,4 @@
-"""Settings: what an operator can change, all by environment variables ``FOLDBACK_…``."""
+"""Settings of the operator, all given by environment variables ``FOLDBACK_…``."""
 
 from __future__ import annotations
 
