@@ -115,7 +115,7 @@ def with_other_robots(
     except UNREADABLE as error:
         raise InputError("not-a-playback", f"playback.npz cannot be read: {error}") from error
     if kept is None:
-        notes.append("There is no playback.npz, so the playbacks of other robots were not swept.")
+        notes.append("There is no playback.npz, so the playbacks of other robots were not checked.")
         return playback
     return replace(playback, others_rad=kept.others_rad)
 

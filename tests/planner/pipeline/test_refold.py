@@ -190,10 +190,10 @@ def test_of_files_that_are_gone_only_that_is_told(copy: FilePath) -> None:
         (copy / name).unlink()
     found = verify(copy)
     assert {p.removeprefix("failed: ").partition(":")[0] for p in found.problems} == set(gone)
-    assert all("it is not there" in problem for problem in found.problems)
+    assert all("it is missing" in problem for problem in found.problems)
     write_manifest(copy)
     (problem,) = verify(copy).problems
-    assert "record.npz: it is not there, so what plan.npz tells of it" in problem
+    assert "record.npz: it is missing, so its figures" in problem
     assert found.replay is not None
     assert found.replay.overlap == 0.0
     assert found.replay.pose_difference < 1e-9

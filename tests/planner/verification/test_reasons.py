@@ -107,7 +107,7 @@ def test_a_knot_that_is_falsified_is_refuted(knot: Stuck) -> None:
     assert "expected 3" in differences(knot, determinant=5)[0]
     swapped = {"over": diagram[0]["under"], "under": diagram[0]["over"]}
     for other in (with_one(diagram, **swapped), with_one(diagram, sign=-diagram[0]["sign"])):
-        assert "not those that are told" in differences(knot, diagram=other)[0]
+        assert "differ from the evidence" in differences(knot, diagram=other)[0]
     # The polygon of another knot, told with its true crossings, is not this chain's.
     plain = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.3, 1.0, 0.2]]
     found = differences(knot, polygon=plain, diagram=[], crossings=0)
@@ -176,7 +176,7 @@ def test_a_unit_in_a_pit_is_blocked_in_all_directions(pit: Stuck) -> None:
     assert "each of the six" in differences(pit, moves=moves[1:])[0]
     assert "one of the unit" in differences(pit, moves=with_one(moves, modules=[40, 2]))[0]
     assert "at most" in differences(pit, moves=with_one(moves, moved=3.0))[0]
-    assert "where the core ends" in differences(pit, unit=[29, 33])[0]
+    assert "at the end of the core" in differences(pit, unit=[29, 33])[0]
 
 
 def test_a_budget_is_that_of_the_parameters_and_used_up() -> None:
@@ -190,9 +190,9 @@ def test_a_budget_is_that_of_the_parameters_and_used_up() -> None:
     assert differences(late) == ()
     for values, said in (
         ({"used": 9}, "as in the record"),
-        ({"allowed": 30_000}, "not used up"),
+        ({"allowed": 30_000}, "expected at least the limit"),
         ({"allowed": 5}, "as in the parameters"),
-        ({"spent": "pushes"}, "of an explosion that is timeout"),
+        ({"spent": "pushes"}, "end an explosion as timeout"),
         ({"bent_hinges": 1}, "bent_hinges"),
         ({"largest_bend_rad": 0.1}, "largest_bend_rad"),
     ):
@@ -200,8 +200,8 @@ def test_a_budget_is_that_of_the_parameters_and_used_up() -> None:
 
 
 def test_evidence_that_cannot_be_read_is_refuted(spirals: Stuck, knot: Stuck) -> None:
-    assert "cannot be worked out" in differences(spirals, turns=[{}])[0]
-    assert "cannot be worked out" in differences(knot, polygon="a knot")[0]
+    assert "cannot be computed" in differences(spirals, turns=[{}])[0]
+    assert "cannot be computed" in differences(knot, polygon="a knot")[0]
     assert "expected one of" in differences(knot, kind="magic")[0]
 
 
