@@ -58,7 +58,7 @@ class TableCubes:
             paths, reasons = paths_or_reasons(shape.cells, seed=seed, turned=False)
             notes = (f"Repaired: {added_words(added)}",)
         if paths and paths[0].down != "-z":
-            notes = (*notes, f"It lies on its {SIDES[paths[0].down]} side.")
+            notes = (*notes, f"The shape lies on its {SIDES[paths[0].down]} side.")
         cells = paths[0].cells if paths else shape.cells
         return Filled(
             chains=tuple(

@@ -74,7 +74,7 @@ def ruled_out(side: Side) -> NoPath | None:
             return reason
         margin = stands(cells[cells[:, 2] <= height])
         if margin < SAFE:
-            what = f"what is built up to layer {height}"
+            what = f"the part up to layer {height}"
             return _no_path(side, "not-stable", _tips(margin, what), tuples(layer))
     return None
 
@@ -86,7 +86,7 @@ def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
         faults = faults_of(side.cells[found.order])
         if not faults:
             return found.order, None
-        detail = f"no path was found that stays balanced throughout: {faults[0].detail} {REMEDY}"
+        detail = f"no path was found that is always balanced: {faults[0].detail} {REMEDY}"
         return None, _no_path(side, "not-stable", detail, faults[0].cells)
     if found.status == "undecided":
         detail = f"no path from the floor up was found, but one may exist. {REMEDY}"
@@ -118,7 +118,7 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
         free = climbed(side.cells, seed=seed, downs=True, hairpins_allowed=True, effort=effort)
         if free.status == "found":
             return None, _hairpins_only(
-                side, "every path that begins flat on the floor, also one that goes down,"
+                side, "every path that starts flat on the floor, even with links that go down,"
             )
     return None, None
 
@@ -150,22 +150,22 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
     if joined > 1:
         hanging = _borne_by_nothing(cells)
         detail = (
-            f"{len(hanging)} cells have nothing under them and hold together what stands in "
-            f"{joined} parts up to layer {height}; a chain that never goes down cannot fold them. "
-            f"{REMEDY}"
+            f"up to layer {height}, the shape has {joined} parts, which only {len(hanging)} cells "
+            "with nothing below them connect. A chain that never goes down cannot fold these "
+            f"cells. {REMEDY}"
         )
         return _no_path(side, "overhang", detail, tuples(hanging), may_fall=True)
     detail = (
-        f"layer {height} falls into {count} parts; expected one, since a path that never goes down "
-        f"visits a layer in one go. {REMEDY}"
+        f"layer {height} has {count} separate parts, expected one, because a path that never goes "
+        f"down visits each layer at once. {REMEDY}"
     )
     return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
 
 
 def _hairpins_only(side: Side, which: str) -> NoPath:
     detail = (
-        f"{which} turns back above itself somewhere, which leaves a joint on the wrong branch; "
-        f"expected one that does not. {REMEDY}"
+        f"{which} turns back directly above itself, where a joint could bend the wrong way; "
+        f"expected a path without such a turn. {REMEDY}"
     )
     return _no_path(side, "hairpins-only", detail, may_fall=True)
 
@@ -179,11 +179,11 @@ def _borne_by_nothing(cells: Ints) -> Ints:
 
 def _tips(margin: float, what: str) -> str:
     return (
-        f"{what} tips over: its centre of mass is {-margin:.2g} of a pitch outside the hull of the "
-        f"floor cells, expected {SAFE:g} within. Lay it on another side, or give it a wider foot."
+        f"{what} tips over: its centre of mass is {-margin:.2g} module widths outside its base, "
+        f"expected {SAFE:g} inside. Lay it on another side, or give it a wider base."
         if margin < 0
-        else f"{what} hardly stands: its centre of mass is {margin:.2g} of a pitch within the hull "
-        f"of the floor cells, expected {SAFE:g}. Lay it on another side."
+        else f"{what} hardly stands: its centre of mass is {margin:.2g} module widths inside its "
+        f"base, expected {SAFE:g}. Lay it on another side."
     )
 
 

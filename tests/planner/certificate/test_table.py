@@ -88,7 +88,7 @@ def test_what_goes_into_the_table_is_refused() -> None:
     chain = line(7)
     found = table_certificate(chain, moving(chain, 0, low=0.45))
     assert found.clearance == pytest.approx(-0.05)
-    assert "0.05 of a pitch into the table" in found.verdict
+    assert "0.05 pitch into the table" in found.verdict
     smaller = table_certificate(chain, moving(chain, 0), module_size=0.9)
     assert smaller.rests and smaller.clearance == pytest.approx(0.0, abs=1e-12)
 
