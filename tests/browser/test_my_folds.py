@@ -74,7 +74,7 @@ def test_a_fold_is_named_taken_to_another_browser_and_deleted_there(
 
     other = holding(visit, new_token(), width=390, height=844, has_touch=True)
     expect(other.get_by_text("Nothing here yet")).to_be_visible()
-    for text, said in (("wrench", "This is no key"), (new_token(), "Nothing is there")):
+    for text, said in (("wrench", "This is not a key"), (new_token(), "No folds found for this key")):
         other.get_by_label("A key from another browser").fill(text)
         other.get_by_role("button", name="Add", exact=True).click()
         expect(other.locator("#key-message")).to_contain_text(said)
@@ -153,7 +153,7 @@ def test_a_browser_is_forgotten_and_early_folds_are_carried_over(
     assert key != early["owner_token"]
     assert service.http.get("/api/mine/folds", headers=bearer(key)).json()["total"] == 1
     page.get_by_role("button", name="Forget this browser").click()
-    expect(page.locator("#confirm-text")).to_contain_text("stays until it expires")
+    expect(page.locator("#confirm-text")).to_contain_text("stay until they expire")
     page.locator("#confirm-yes").click()
     expect(page.get_by_text("Nothing here yet")).to_be_visible()
     assert page.evaluate("Object.keys(localStorage)") == []

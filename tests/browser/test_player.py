@@ -66,7 +66,7 @@ def test_a_frame_is_typed(page: Page) -> None:
     field.fill("99999")
     page.keyboard.press("Enter")
     expect(field).to_have_attribute("aria-invalid", "true")
-    assert "expected a whole number from 1 to" in field.evaluate("(f) => f.validationMessage")
+    assert "Enter a whole number from 1 to" in field.evaluate("(f) => f.validationMessage")
     page.keyboard.press("Escape")
     expect(field).to_be_hidden()
     assert shown_frame(page) == 30

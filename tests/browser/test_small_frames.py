@@ -36,7 +36,7 @@ NEAREST_MODULE = """() => {
   const { left, top, width, height } = stage.frame.getBoundingClientRect();
   return {
     position, target, field, left, top, width, height,
-    centres: Array.from(player.shown.positions, (v) => v * player.pitch),
+    centres: Array.from(player.shown.positions, (v) => v * player.rig.pitch),
   };
 }"""
 """The camera of the picture that is seen, the picture's place in the page, and all modules."""
@@ -136,7 +136,7 @@ def test_wheel_over_an_embed_scrolls_the_page_until_it_is_clicked(
     frame.wait_for_function("() => window.foldback?.player.standIn?.opened")
     frame.evaluate(AT_REST)
     distance = (
-        "() => { const { position: p, target: t } = foldback.player.stage.camera;"
+        "() => { const { position: p, target: t } = foldback.player.standIn.stage.eye;"
         " return Math.hypot(...p.map((v, k) => v - t[k])); }"
     )
     before = frame.evaluate(distance)

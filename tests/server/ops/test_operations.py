@@ -42,7 +42,7 @@ def test_the_table_of_settings_is_that_of_the_code(page: str, maker: ModuleType)
 
 
 def test_the_figures_are_those_that_are_told(page: str) -> None:
-    shown = page.partition("| figure | meaning |")[2].partition("\n\n")[0]
+    shown = page.partition("| metric | meaning |")[2].partition("\n\n")[0]
     text = Metrics().text(None, streams=0, robots=0).decode()
     for name in re.findall(r"# TYPE (foldback_\w+)", text):
         if not name.endswith("_created"):

@@ -227,7 +227,7 @@ def test_a_child_that_closes_its_output_or_sends_rubbish_is_ended(
     (directory / "input").write_text(does)
     child = Child("reader", LIMITS, fork_server=overrun)
     try:
-        with pytest.raises(ChildError, match="it was ended"):
+        with pytest.raises(ChildError, match="was stopped"):
             child.call("check", directory, wall_s=60)
         assert not child.alive
     finally:
