@@ -27,7 +27,7 @@ STRATEGIES: Final = {
 PRESETS: Final = {
     "default": "Default",
     "paper": "Published parameters",
-    "direct": "Direct servoing (the baseline that fails)",
+    "direct": "All joints at once (usually fails)",
 }
 CONTROLLERS: Final = {
     "robot": "Servos with feed-forward",
