@@ -46,7 +46,8 @@ def _tasks(data_dir: Path | None) -> Generator[AdminTasks]:
         raise _ended(str(error)) from None
     except SQLAlchemyError as error:
         raise _ended(
-            f"the database does not answer ({type(error).__name__}); `foldback doctor` says more."
+            f"the database does not answer ({type(error).__name__}); run `foldback doctor` for "
+            "details."
         ) from None
     try:
         yield tasks

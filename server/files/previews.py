@@ -356,7 +356,7 @@ class Previews:
         try:
             self.sweep()
         except (OSError, RuntimeError) as error:  # the process may be ending
-            log.warning("previews could not be swept: %s", error)
+            log.warning("old previews could not be deleted: %s", error)
         finally:
             with self._lock:
                 self._swept, self._sweeping = time.monotonic(), False

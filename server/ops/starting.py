@@ -86,10 +86,12 @@ def starting(what: str) -> Generator[None]:
         reason = f"{error}."
     except DBAPIError as error:
         line = str(error.orig).strip().partition("\n")[0]
-        reason = f"the database does not answer as it should ({line})."
+        reason = f"the database answers with an error ({line})."
     except OSError as error:
         reason = f"{error.filename or 'the data directory'} cannot be used ({error.strerror})."
     else:
         return
-    print(f"The {what} does not start: {reason} `foldback doctor` says more.", file=sys.stderr)
+    print(
+        f"The {what} does not start: {reason} Run `foldback doctor` for details.", file=sys.stderr
+    )
     raise SystemExit(1)

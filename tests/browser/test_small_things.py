@@ -80,9 +80,7 @@ def test_the_baseline_is_offered_and_its_failure_is_shown(visit: Visit, service:
     keep(page, "fold-direct")
     page.locator("#details").click()
     page.locator("#tab-properties").click()
-    expect(page.locator("#panel-properties")).to_contain_text(
-        "All joints at once (usually fails)"
-    )
+    expect(page.locator("#panel-properties")).to_contain_text("All joints at once (usually fails)")
     keep(page, "fold-direct-properties")
     label, value = (page.locator(f"#panel-properties .{part}").first for part in ("above", "below"))
     expect(label).to_have_text("Preset")

@@ -108,7 +108,7 @@ def test_frames_that_float_are_laid_down_and_never_rest() -> None:
     found = table_certificate(chain, frames, base="clamped")
     assert not found.on_table and not found.rests
     assert found.base == "free"
-    assert found.verdict.startswith("failed: it does not rest on a table, it floats")
+    assert found.verdict.startswith("failed: the chain floats and does not rest on a table")
     assert FRICTIONLESS in found.verdict
     assert found.torque is not None and 0.0 < found.torque < 15.0
     assert found.torques[0] == found.torques[-1] == 0.0

@@ -97,7 +97,7 @@ def test_a_knot_is_confirmed_by_the_chain_and_by_its_diagram(knot: Stuck) -> Non
     told = knot[3]
     assert (told["kind"], told["evidence"]["kind"]) == ("knot", "knot")
     assert (told["evidence"]["determinant"], told["evidence"]["crossings"]) == (3, 3)
-    assert "it is knotted (determinant 3)" in told["words"]
+    assert "the chain is knotted (determinant 3)" in told["words"]
     assert differences(knot) == ()
 
 
@@ -126,7 +126,7 @@ def test_a_chain_that_is_no_knot_where_it_stopped_is_not_called_one(knot: Stuck)
     assert free[3]["kind"] != "knot" and free[3]["evidence"]["kind"] == "budget"
     assert differences(free) == ()
     claimed = (*free[:3], told)
-    assert any("unknotted" in difference for difference in differences(claimed))
+    assert any("show no knot" in difference for difference in differences(claimed))
 
 
 def test_modules_that_block_each_other_are_confirmed(spirals: Stuck) -> None:
@@ -142,7 +142,7 @@ def test_modules_that_block_each_other_are_confirmed(spirals: Stuck) -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"turned_rad": 1.0}, "expected a small one"),
+        ({"turned_rad": 1.0}, "expected a small turn"),
         ({"modules": [0, 30]}, "overlap by"),
         ({"modules": [20, 30]}, "on each side"),
         ({"overlap": 0.5}, "expected 0.5"),
@@ -174,7 +174,7 @@ def test_a_unit_in_a_pit_is_blocked_in_all_directions(pit: Stuck) -> None:
     assert differences(pit) == ()
     moves = evidence["moves"]
     assert "each of the six" in differences(pit, moves=moves[1:])[0]
-    assert "one of the unit" in differences(pit, moves=with_one(moves, modules=[40, 2]))[0]
+    assert "one in the unit" in differences(pit, moves=with_one(moves, modules=[40, 2]))[0]
     assert "at most" in differences(pit, moves=with_one(moves, moved=3.0))[0]
     assert "at the end of the core" in differences(pit, unit=[29, 33])[0]
 

@@ -264,7 +264,7 @@ def test_movie_without_ffmpeg_says_how_to_get_it_and_gif_works(
     assert "no-encoder: MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or" in (
         failed.stderr
     )
-    assert "pip install 'foldback[movies]'; or ask for a .gif." in failed.stderr
+    assert "pip install 'foldback[movies]', or request a .gif." in failed.stderr
     assert not list(out.iterdir())
     size = ["--width", "128", "--height", "72", "--fps", "10", "--seconds", "0.3"]
     assert film(directory, out / "fold.gif", *size, **without_ffmpeg).exit_code == 0
