@@ -250,7 +250,7 @@ class Settings(BaseSettings):
         description="Maximum number of exports and pictures that are created or wait.",
     )
     files_waiting_of_visitor: int = Field(
-        default=3, ge=1, description="The same limit for one visitor."
+        default=3, ge=1, description="Maximum number of one visitor's exports and pictures."
     )
     answers_waiting: int = Field(
         default=12,
@@ -259,7 +259,7 @@ class Settings(BaseSettings):
         "prepared or wait.",
     )
     answers_waiting_of_visitor: int = Field(
-        default=4, ge=1, description="The same limit for one visitor."
+        default=4, ge=1, description="Maximum number of one visitor's large answers."
     )
     previews_waiting: int = Field(
         default=8, ge=1, description="Maximum number of waiting previews."
@@ -323,7 +323,7 @@ class Settings(BaseSettings):
         default=512, ge=1, description="Maximum number of requests that wait for frames (`?wait=`)."
     )
     max_waits_of_visitor: int = Field(
-        default=32, ge=1, description="The same limit for one address."
+        default=32, ge=1, description="Maximum number of waiting requests from one address."
     )
     max_robots: int = Field(
         default=32, ge=1, description="Maximum number of connected robots (`/play`)."

@@ -236,9 +236,7 @@ def _outside_out(solid: Solid, said: list[str]) -> Solid:
         return solid
     oriented = orient_bodies(solid.vertices, solid.faces)
     if oriented is None:
-        said.append(
-            "its triangles have inconsistent orientations, so crossings decided the inside."
-        )
+        said.append("its triangles have inconsistent orientations, so the inside was estimated.")
         return replace(solid, oriented=False)
     if oriented.volume <= LEAST_FILLED * float(np.prod(solid.extents)):
         raise InputError(

@@ -172,7 +172,7 @@ def _root_differs(plan: Plan, motion: Frames, played: Frames) -> Differences:
     held = own_parameters(plan, None).table.held
     followed = played.planned(plan.chain, motion.joint_angles_rad, clamped=held)
     meant = [("plan.npz", motion, followed)]
-    how = "that drifts as the playback does"
+    how = "that drifts like the playback"
     if held:
         meant.append(("timeline.zarr", played, played.clamped(plan.chain)))
         how = "whose first module is clamped"

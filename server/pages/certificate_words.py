@@ -132,8 +132,7 @@ def _base(table: TableCertificate) -> str:
             "everything would slide)"
         )
     return (
-        "free on the table, where it may drift; errors compare the shape, not its place on the "
-        "table"
+        "free on the table, where it may drift; errors compare shapes, not positions on the table"
     )
 
 
