@@ -46,7 +46,7 @@ MARKDOWN_CODE = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
 MARKDOWN_START = re.compile(r"\s*([#|<>]|[-*] |\d+\. )")
 """Beginning of a line that continues no paragraph."""
 
-SENTENCE_END = re.compile(r"(?<=[.!?:]) +(?=[A-Z*`\[(])")
+SENTENCE_END = re.compile(r"(?<=[.!?]) +(?=[A-Z*`\[(])")
 SENTENCE = re.compile(r"[A-Za-z]{2,}[,;:]? +[(\"]?[a-z0-9{…]|^[A-Z][a-z]+( [a-z]+)*[.:?!…]?$")
 """Two words in a row, or one capitalised word: a text for people, not a key or a path."""
 
