@@ -150,7 +150,7 @@ def test_a_memory_limit(visit: Visit, tmp_path_factory: pytest.TempPathFactory) 
         assert frames.status == "failed" and len(frames) > 2
         page = opened(visit(f"{small.http.base_url}/folds/{fold}", **LARGE))
         expect(page.locator("#stuck-heading")).to_have_text("Not finished")
-        expect(page.locator("#stuck-text")).to_contain_text(f"more than the {limit // 2**20} MiB")
+        expect(page.locator("#stuck-text")).to_contain_text(f"more than {limit // 2**20} MiB")
         assert looked_at(page, "failure-memory") == state["summary"]["stuck"]["modules"]
         assert shown_frame(page) == len(frames) - 1
         page.keyboard.press("Home")

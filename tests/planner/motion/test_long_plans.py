@@ -269,8 +269,8 @@ def test_a_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath
     [
         ({"time_s": -1.0}, "run backwards"),
         ({"base_position": np.nan}, "not finite"),
-        ({"first": 10**6}, "cannot be looked at"),
-        ({"angles_rad": np.inf}, "cannot be looked at"),
+        ({"first": 10**6}, "cannot be checked"),
+        ({"angles_rad": np.inf}, "cannot be checked"),
     ],
     ids=str,
 )

@@ -324,7 +324,7 @@ def test_it_stays_the_chain_that_it_is(wrench: Folded, tmp_path: FilePath) -> No
 
 def test_a_plan_that_does_not_lead_to_its_shape_is_no_beginning(wrench: Folded) -> None:
     plan = wrench.plan
-    with pytest.raises(InputError, match="does not lead from straight to folded") as refused:
+    with pytest.raises(InputError, match="does not start straight and end folded") as refused:
         replace(plan, motion=plan.motion[:-3]).unfolding()
     assert refused.value.code == "refold-not-folded"
 

@@ -42,7 +42,7 @@ def test_vertices_that_almost_meet_are_sewn_together() -> None:
     noise = np.random.default_rng(0).normal(scale=1e-8, size=(3 * len(mesh.faces), 3))
     corners = np.round(mesh.triangles.reshape(-1, 3) + noise, 12)
     solid = Solid.from_triangles(corners, np.arange(len(corners)).reshape(-1, 3))
-    assert any("sewn" in note for note in solid.notes)
+    assert any("merged" in note for note in solid.notes)
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(mesh.volume, rel=1e-3)
 
 

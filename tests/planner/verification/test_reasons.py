@@ -111,7 +111,7 @@ def test_a_knot_that_is_falsified_is_refuted(knot: Stuck) -> None:
     # The polygon of another knot, told with its true crossings, is not this chain's.
     plain = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.3, 1.0, 0.2]]
     found = differences(knot, polygon=plain, diagram=[], crossings=0)
-    assert any("expected that of the chain" in difference for difference in found)
+    assert any("expected the chain's" in difference for difference in found)
     # Ends that are joined straight through the chain could tie any knot.
     through = [[float(value) for value in knot[0].folded_poses.positions.mean(axis=0)]]
     assert any("near the chain" in each for each in differences(knot, closings=[through]))
@@ -224,7 +224,7 @@ def test_a_fold_that_gives_up_is_verified_with_its_reason(
     assert found.as_dict()["reason"]["words"] == summary["stuck"]["words"]
     plan = Plan.load(tmp_path / "plan.npz")
     notes: list[str] = []
-    for name, value, said in (("words", "it is knotted", "words"), ("evidence", None, "")):
+    for name, value, said in (("words", "the chain is knotted", "words"), ("evidence", None, "")):
         told = {**summary["stuck"], name: value}
         tried = tuple({**attempt, "diagnosis": told} for attempt in plan.attempts)
         again = reason_of(tmp_path, changed(plan, attempts=tried), notes)

@@ -39,7 +39,7 @@ def asked(desk: Service, path: str = "/api/folds", **form: str) -> Any:
         ({"prefer": "time"}, "unsuited-world", "got the preference time"),
         ({"method": "exact"}, "unsuited-world", "got the path method exact"),
         ({"ends": "surface"}, "unsuited-world", "got the choice of ends surface"),
-        ({"start": "0,0,0"}, "unsuited-world", "got a cell to start in"),
+        ({"start": "0,0,0"}, "unsuited-world", "got a start cell"),
         ({"method": "snake"}, "unsuited-world", "got the path method snake"),
         ({"settings": "table_torque=0"}, "bad-settings", "got table_torque = '0'"),
         ({"shape": "tetra-ring"}, "unsuited-world", "got the module tetrahedron"),

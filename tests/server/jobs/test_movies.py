@@ -227,7 +227,7 @@ def test_the_command_films_a_directory(
     for name, words, said in (
         ("fold.avi", [], ".mp4 or .gif"),
         ("fold.gif", ["--width", "65"], "expected"),
-        ("none/fold.mp4", [], "folder does not exist"),
+        ("none/fold.mp4", [], "folder of the movie does not exist"),
     ):
         refused = film(directory, tmp_path / name, *words)
         assert refused.exit_code == 2 and said in refused.stderr

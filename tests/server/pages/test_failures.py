@@ -108,11 +108,11 @@ def test_what_blocks_what_is_listed_and_a_budget_told_in_numbers() -> None:
 
 
 def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:
-    stuck = {"kind": "stopped", "modules": [3, 8], "words": "it was on its way"}
+    stuck = {"kind": "stopped", "modules": [3, 8], "words": "the chain was still unfolding"}
     error = {"code": "time-limit", "detail": "the stage 'explode' took long.", "where": "explode"}
     told = failure(row(error=error), {"stuck": stuck})
     assert told is not None
-    assert told["text"] == "Exploding took long. It was on its way."
+    assert told["text"] == "Exploding took long. The chain was still unfolding."
     # What was complete by then is not told to be on its way.
     detail = {"detail": "the stage 'certify' failed: KeyError: 'x'"}
     told = failure(row(error=detail, stage="certify"), {"stuck": stuck})
