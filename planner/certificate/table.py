@@ -341,7 +341,7 @@ def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tu
         )
     if not on_table:
         said.append(
-            "The plan does not stand on a table. Each frame was laid down in the resting pose that "
+            "The plan was not made for a table. Each frame was laid down in the resting pose that "
             "needs the least torque; the motion from one pose to the next is not checked."
         )
     return tuple(said)

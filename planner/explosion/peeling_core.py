@@ -47,7 +47,7 @@ class Core:
             raise InputError(
                 "not-peelable",
                 "got a folded chain whose modules are off the cubic lattice, expected angles of 0 "
-                "or ±90°; take another strategy.",
+                "or ±90°; use another strategy.",
             )
         self.cells = cells
         self.rotations = np.rint(folded.rotations)

@@ -210,7 +210,7 @@ def _turned_to(path: Ints, start: Ints, low: Ints, sides: tuple[int, int, int]) 
 
 def _no_snake(box: bool) -> str:
     if box:
-        return "A snake begins in a corner of its box; start there or use another method."
+        return "A snake starts in a corner of its box; start there or use another method."
     return "The cells do not fill a box; a snake needs one. Use blocks or exact."
 
 

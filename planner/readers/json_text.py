@@ -73,7 +73,7 @@ def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         if key in found:
             raise InputError(
                 "duplicate-key",
-                f"the key {quote(key)!r} comes twice; keep one of them.",
+                f"the key {quote(key)!r} occurs twice; remove one of them.",
                 where=f"key {quote(key)!r}",
             )
         found[key] = value

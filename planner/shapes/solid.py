@@ -241,7 +241,7 @@ def _outside_out(solid: Solid, said: list[str]) -> Solid:
     if oriented.volume <= LEAST_FILLED * float(np.prod(solid.extents)):
         raise InputError(
             "no-volume",
-            "got a closed mesh that encloses nothing, expected a solid: its walls lie on each "
+            "got a closed mesh that encloses no volume, expected a solid: its walls lie on each "
             "other or cancel out.",
         )
     said += oriented.notes

@@ -355,7 +355,7 @@ def get_refolds(fold_id: str, context: Here) -> Shapes:
 def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
     """Cancel a fold. A gallery fold that other clients requested too keeps running.
 
-    The input is kept for up to an hour, so that the fold can be started again.
+    The input is stored for up to an hour, so that the fold can be started again.
     """
     store = context.store
     before = store.fold(fold_id)

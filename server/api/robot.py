@@ -422,7 +422,7 @@ class _Hand:
             window, count = second, (count + 1 if second == window else 1)
             if count > MOST_MESSAGES_A_SECOND:
                 raise TooMany(
-                    "too-fast", f"More than {MOST_MESSAGES_A_SECOND} messages in a second."
+                    "too-fast", f"More than {MOST_MESSAGES_A_SECOND} messages per second."
                 )
             if len(data) > 4096 + BYTES_A_JOINT * joints:
                 raise TooLarge("too-large", f"A message of {len(data)} bytes is too large.")

@@ -167,7 +167,7 @@ def storage(settings: Settings) -> Finding:
     """Whether the files of folds can be written, read, listed and deleted."""
     place = settings.storage_url or str(settings.folds_dir)
     if settings.storage_url is None and not settings.folds_dir.exists():
-        return Finding(name="storage", verdict="ok", found=f"{place} will be made")
+        return Finding(name="storage", verdict="ok", found=f"{place} will be created")
     try:
         _check_storage(settings)
     except Exception as error:  # each kind of storage has its own kinds of error

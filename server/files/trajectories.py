@@ -232,7 +232,7 @@ class Trajectories:
             self._clearances.keep(key, told)
         if told["overlap"]:
             enough = told["sufficient_rate_hz"]
-            advice = f"ask for rate={enough:g}" if enough else "request a higher rate, or no rate"
+            advice = f"use rate={enough:g}" if enough else "request a higher rate, or no rate"
             raise Unusable(
                 "rows-overlap",
                 f"got rows with a step in which modules overlap by {-told['min_clearance']:.2g} "

@@ -255,7 +255,7 @@ def test_a_sheet_without_thickness_has_no_inside() -> None:
     a, b, c, d = (r.ravel() for r in (rows[:-1, :-1], rows[1:, :-1], rows[1:, 1:], rows[:-1, 1:]))
     faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
     sheet = Solid(name="s", vertices=points, faces=faces, closed=False, oriented=False)
-    with pytest.raises(InputError, match="encloses nothing"):
+    with pytest.raises(InputError, match="encloses no volume"):
         voxelise(sheet, cells=100)
 
 
