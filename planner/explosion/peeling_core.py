@@ -38,7 +38,7 @@ class Core:
         if not chain.module.fills_cell or chain.module.rigid_links != 1:
             raise InputError(
                 "not-peelable",
-                f"got a chain of the module {chain.module.name}, expected cubes; take another "
+                f"got a chain of the module {chain.module.name}, expected cubes; use another "
                 "strategy.",
             )
         folded = forward_kinematics(chain.module, chain.folded_rad)

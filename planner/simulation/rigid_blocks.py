@@ -50,7 +50,7 @@ class Blocks:
         if not chain.module.fills_cell:
             raise InputError(
                 "no-blocks",
-                f"got a chain of the module {chain.module.name}, expected cubes; take another "
+                f"got a chain of the module {chain.module.name}, expected cubes; use another "
                 "strategy.",
             )
         stops = np.append(self.starts[1:], n)

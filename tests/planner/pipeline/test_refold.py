@@ -217,7 +217,7 @@ def tampered(directory: FilePath, **changes: Any) -> tuple[str, ...]:
 
 @pytest.mark.slow
 def test_another_beginning_is_noticed(copy: FilePath, plan: Plan) -> None:
-    assert "does not begin folded as mallet-24" in "".join(tampered(copy, start=plan.chain))
+    assert "does not start folded as mallet-24" in "".join(tampered(copy, start=plan.chain))
     assert tampered(copy, start=None)
     assert "not of the same modules" in "".join(tampered(copy, start=line(24 + 1)))
 
@@ -262,7 +262,7 @@ def test_a_simulation_that_began_elsewhere_is_refused(made: FilePath) -> None:
             joint_angles_rad=np.vstack([frames.joint_angles_rad[1:2], frames.joint_angles_rad[1:]]),
         ),
     ):
-        assert "does not begin folded as wrench-24" in judged(made, frames=other).verdict
+        assert "does not start folded as wrench-24" in judged(made, frames=other).verdict
 
 
 def test_a_refold_is_no_plain_fold(made: FilePath, plan: Plan) -> None:

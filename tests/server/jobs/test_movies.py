@@ -248,7 +248,7 @@ def test_without_opengl_it_says_what_to_install(
     directory = service.directory(finished["id"])
     failed = film(directory, tmp_path / "fold.mp4", **environment)
     assert failed.exit_code == 1
-    assert failed.stderr.count("no-gl: no OpenGL is there") == 1
+    assert failed.stderr.count("no-gl: there is no OpenGL") == 1
     assert "apt-get install libegl1" in failed.stderr
     assert not list(tmp_path.iterdir())
 
