@@ -47,7 +47,7 @@ def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
         (
             "torque",
             2,
-            "0.04 instead of 0.1 mN·m at the same folding time of 100 s, after 11 s more",
+            "0.04 instead of 0.1 mN·m at the same folding time of 100 s, after 11 s of further",
         ),
         (
             "clearance",
