@@ -257,7 +257,8 @@ class _Models:
         if len(self._units) > 1:
             units = " and ".join(sorted(map(quote, self._units)))
             raise InputError(
-                "unsupported", f"got models in {units}, expected one unit; export them in one."
+                "unsupported",
+                f"got models in {units}, expected one unit; export all parts in the same unit.",
             )
         names = {k.partition(":")[2]: v for k, v in fields.items() if k.startswith("xmlns:")}
         for prefix in fields.get("requiredextensions", "").split():

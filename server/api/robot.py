@@ -190,7 +190,7 @@ async def get_motors(
     ] = None,
     form: Annotated[Form, Query(alias="format")] = "json",
 ) -> Response:
-    """By inverse dynamics over the motion that `trajectory` gives for the same bounds."""
+    """Compute the torques by inverse dynamics for the motion that `trajectory` returns."""
     row, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
     if row.modules > MOST_MODULES:
         raise TooLarge(

@@ -108,7 +108,7 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     ]
     if record is not None:
         rows += [
-            ("Frames undone", quantity(record.taken_back)),
+            ("Frames taken back while unfolding", quantity(record.taken_back)),
             ("Torque limit while unfolding", _rose(record)),
         ]
     servos, named = _servos(table) if table.torque is not None else ("", [])

@@ -124,7 +124,7 @@ def test_a_fold_on_a_table_tells_what_it_asks(service: Service, resting: dict[st
     assert told["text"].endswith("frictionless")
     assert told["assumptions"] == table["assumptions"]
     assert ["Torque limit", "at most 9 w·p"] in told["rows"]
-    assert "Frames undone" in [label for label, _ in told["rows"]]
+    assert "Frames taken back while unfolding" in [label for label, _ in told["rows"]]
     assert "From" in told["servos"] and told["named"]
     (floating, other) = facts["compare"]
     assert floating["form"] == {"fold": resting["id"], "seed": 0, "settings": ""}
