@@ -16,7 +16,7 @@ from planner.plan.plan import Plan
 from server.cli.fold import compute, finish
 from server.cli.inputs import make_directory, refuse
 from server.cli.options import AsJson, FoldDirectory, PlanDirectory, Seed
-from server.pages.smoothing_words import note_of, rows_of
+from server.pages.properties import smoothing_note, smoothing_rows
 
 
 def smooth(
@@ -56,8 +56,8 @@ def compare(summary: dict[str, Any]) -> None:
     table = Table("", box=None, pad_edge=False)
     for heading in ("Before", "After", "Ratio"):
         table.add_column(heading, justify="right")
-    for told in rows_of(smoothing):
+    for told in smoothing_rows(smoothing):
         table.add_row(told["label"], told["before"], told["after"], told["ratio"])
     Console().print()
     Console().print(table)
-    Console().print(note_of(smoothing))
+    Console().print(smoothing_note(smoothing))

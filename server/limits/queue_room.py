@@ -43,7 +43,7 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
         raise _full(f"{len(own)} of your folds are waiting")
     if own and sum(own) + wanted.cost_s > settings.largest_queue_seconds_of_visitor:
         raise _full(
-            f"your {len(own)} waiting folds take about {sum(own):.0f} s and this one "
+            f"your waiting folds ({len(own)}) take about {sum(own):.0f} s and this one "
             f"{wanted.cost_s:.0f} s, more than {settings.largest_queue_seconds_of_visitor:g} s"
         )
     network = network_of(wanted.visitor)

@@ -86,7 +86,7 @@ def starting(what: str) -> Generator[None]:
         reason = f"{error}."
     except DBAPIError as error:
         line = str(error.orig).strip().partition("\n")[0]
-        reason = f"the database answers with an error ({line})."
+        reason = f"the database is not available ({line})."
     except OSError as error:
         reason = f"{error.filename or 'the data directory'} cannot be used ({error.strerror})."
     else:

@@ -49,10 +49,25 @@ def clearance(certificate: CertificateFigures) -> str | None:
 
 
 def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
-    """What a certificate says of the motion, as labels and values."""
+    """Return the figures of a motion as labels and values."""
+    return [*main_rows(certificate), *further_rows(certificate)]
+
+
+def main_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+    """Return the figures that say most of a motion."""
     return [
-        ("Module size", quantity(certificate.get("module_size"), "pitch")),
         ("Proved clearance", _at_least(certificate.get("clearance_bound"))),
+        ("Folding time", _folding_time(certificate)),
+        torque(certificate),
+        ("Torque on a table (statics)", _torque_of(certificate.get("table"))),
+        ("Largest joint error", _of_simulation(certificate, "max_angle_error_rad", DIGITS, "rad")),
+    ]
+
+
+def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+    """Return all figures besides ``main_rows``."""
+    return [
+        ("Module size in the clearance check", quantity(certificate.get("module_size"), "pitch")),
         ("Least clearance, plan", _pitches(certificate.get("min_clearance"))),
         (
             "Least clearance, simulated robots",
@@ -61,14 +76,16 @@ def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
         ("Least clearance, recorded explosion", _pitches(certificate.get("min_clearance_record"))),
         ("Robots", robots(certificate)),
         ("Final position error (RMS)", _of_simulation(certificate, "rms_position_error", DIGITS)),
-        ("Largest joint error", _of_simulation(certificate, "max_angle_error_rad", DIGITS, "rad")),
         ("Largest joint move per frame", quantity(certificate.get("max_joint_step_rad"), "rad")),
         ("Most hinges moving at once", quantity(certificate.get("hinges_moving_most"))),
-        torque(certificate),
-        ("Torque on a table (statics)", _torque_of(certificate.get("table"))),
-        ("Time to fold", quantity(certificate.get("fold_time_s"), "s")),
-        ("Assumed joint speed", quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")),
     ]
+
+
+def _folding_time(certificate: CertificateFigures) -> str | None:
+    """Return the folding time and the joint speed that it assumes."""
+    time = quantity(certificate.get("fold_time_s"), "s")
+    speed = quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")
+    return f"{time} at {speed}" if time and speed else time
 
 
 class TableTold(TypedDict):

@@ -12,12 +12,12 @@ from planner.errors import DamagedError
 from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
 from planner.verification.integrity import check
 from server.pages.certificate_words import rounded_down
-from server.pages.quantities import STRATEGIES, number, sentence
+from server.pages.quantities import STRATEGIES, number, quantity, sentence
 
 COLUMNS: Final = (
     "Plan",
     "Time, s",
-    "Torque, mN·m",
+    "Torque",
     "Torque at equal time",
     "Clearance, pitch",
     "Computing, s",
@@ -124,8 +124,8 @@ class _Plan:
         same = figures.torque_in(slowest)
         cells = (
             _told(figures.fold_time_s),
-            _told(figures.peak_torque_nm, MILLI),
-            _told(same, MILLI),
+            _torque(figures.peak_torque_nm),
+            _torque(same),
             _room(figures.clearance_bound),
             number(figures.seconds, 2),
         )
@@ -176,16 +176,20 @@ def _gained(
         after, before = (_told(each.fold_time_s) for each in both)
         of = "s of folding time"
     elif prefer == "torque":
-        after, before = (_told(each.torque_in(slowest), MILLI) for each in both)
-        of = f"mN·m at the same folding time of {number(slowest)} s"
+        after, before = (_torque(each.torque_in(slowest)) for each in both)
+        of = f"of torque at the same folding time of {number(slowest)} s"
     else:
         after, before = (_room(each.clearance_bound) for each in both)
         of = "pitch of proved clearance"
     return f"{after} instead of {before} {of}, {cost}."
 
 
-def _told(value: float | None, factor: float = 1.0) -> str:
-    return "–" if value is None else number(factor * value)
+def _told(value: float | None) -> str:
+    return "–" if value is None else number(value)
+
+
+def _torque(value: float | None) -> str:
+    return quantity(value, "N·m") or "–"
 
 
 def _room(value: float | None) -> str:

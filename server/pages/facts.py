@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import math
-import re
-from functools import lru_cache
 from pathlib import Path
 from typing import Final, NotRequired, TypedDict, cast
-from zipfile import ZipFile
 
 import numpy as np
 
 from planner.certificate.figures import (
     CertificateFigures,
-    ExplosionFigures,
     Fault,
     FoldSummary,
-    PlaybackFigures,
 )
 from planner.certificate.verdict import summary_told_honestly, told_honestly
-from planner.chain.module import CUBE, MODULES
-from planner.errors import UNREADABLE, TimelineError
+from planner.errors import UNREADABLE
 from planner.exports import exports_of
 from planner.files import json_of
 from planner.motion.record import TableRecord
-from planner.motion.timeline import Timeline
 from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.attempt_folders import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
@@ -40,25 +31,30 @@ from server.messages import message_for_people
 from server.pages import certificate_words
 from server.pages.certificate_words import TableTold
 from server.pages.choice_words import PREFERENCE_WORDS, Choice, choice_of, superlative
-from server.pages.failures import AttemptWords, Failure, attempts, exploding, failure
-from server.pages.quantities import PRESETS, STRATEGIES, length_m, quantity, sentence
-from server.pages.quantities import parameters as parameters_in_words
-from server.pages.setting_words import changed, in_a_line
-from server.pages.smoothing_words import Row, note_of, rows_of
+from server.pages.failures import (
+    AttemptWords,
+    Failure,
+    attempts,
+    failure,
+    modules_from_one,
+    reason_for_people,
+)
+from server.pages.properties import (
+    BeforeAfter,
+    Properties,
+    properties,
+    smoothing_note,
+    smoothing_rows,
+)
+from server.pages.quantities import PRESETS, sentence
+from server.pages.setting_words import in_a_line
 from server.pages.table_check import ruled_out_on_table
 from server.store.fold_files import frames_promised
 from server.store.shown import RUNNING, Found, ShownFold, has_motion
 
-VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
-
-
 RECORD: Final = "record.npz"
 SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
 """Files of a fold that its page shows."""
-PLAN: Final = "plan.npy"
-"""Part of a plan.npz: all that it says besides its frames, as JSON text."""
-LARGEST_SETTINGS: Final = 16 * 2**20
-"""Bytes of that part; a chain of 12 000 modules takes 3 MB."""
 FILES: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
     ("recording.viser", "Recording", ".viser: for the viser client"),
@@ -96,23 +92,9 @@ class Suggestion(TypedDict):
 class Smoothing(TypedDict):
     """What smoothing has changed, and where both plans play beside each other."""
 
-    rows: list[Row]
+    rows: list[BeforeAfter]
     note: str
     compare: str | None
-
-
-class Property(TypedDict):
-    """One value in words."""
-
-    label: str
-    value: str
-
-
-class Properties(TypedDict):
-    """A group of them."""
-
-    heading: str
-    rows: list[Property]
 
 
 class Download(TypedDict):
@@ -219,7 +201,7 @@ def fold_facts(
             for name, label, hint in FILES
             if not running and frames_promised(directory)
         ],
-        "properties": _properties(row, summary, certificate, directory),
+        "properties": properties(row, summary, certificate, directory),
         "downloads": downloads,
         "downloads_hint": "You can download the plan when the fold is finished."
         if running
@@ -266,7 +248,9 @@ def _verdict(
         parts = [sentence(told), certificate_words.baseline(strategy), best, modules]
         return {"tone": "good", "text": " · ".join(p for p in parts if p)}
     if row.status == "failed":
-        reason = _told(summary.get("reason") or (row.error or {}).get("detail") or "", summary)
+        reason = reason_for_people(
+            summary.get("reason") or (row.error or {}).get("detail") or "", summary
+        )
         parts = ["Not verified", reason, modules]
         return {"tone": "bad", "text": " · ".join(p for p in parts if p)}
     if row.status == "cancelled":
@@ -279,8 +263,8 @@ def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
     error = row.error or Fault()
     if row.status == "failed":
         text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
-        where = error.get("where")
-        text = message_for_people(_told(text, summary))
+        where = modules_from_one(error.get("where") or "")
+        text = message_for_people(reason_for_people(text, summary))
         if where and where not in text:
             text = f"{sentence(where)}: {text}"
         judged = error.get("code", "not-verified") == "not-verified" and "certificate" in summary
@@ -438,164 +422,7 @@ def _smoothing(found: Found | None, summary: FoldSummary) -> Smoothing | None:
         return None
     of = found and found.recorded
     return {
-        "rows": rows_of(smoothing),
-        "note": note_of(smoothing),
+        "rows": smoothing_rows(smoothing),
+        "note": smoothing_note(smoothing),
         "compare": f"/compare?a={of}&b={found.row.id}" if found and of else None,
     }
-
-
-def _not_simulated(playback: PlaybackFigures) -> str | None:
-    return certificate_words.NOT_SIMULATED if playback.get("kind") == "kinematic" else None
-
-
-def _limit(row: ShownFold) -> float:
-    """How far the hinges of a fold's modules turn."""
-    return MODULES.get(row.module, CUBE).angle_limit_rad
-
-
-def _joints(row: ShownFold) -> int | None:
-    if not row.modules:
-        return None
-    module = row.module
-    rigid = MODULES[module].rigid_links if module in MODULES else CUBE.rigid_links
-    return int(row.modules) - 1 - rigid
-
-
-def _properties(
-    row: ShownFold, summary: FoldSummary, certificate: CertificateFigures, directory: Path
-) -> list[Properties]:
-    """Groups of labels and values, each group with a heading."""
-    explosion = summary.get("explosion") or ExplosionFigures()
-    playback = summary.get("playback") or PlaybackFigures()
-    over = row.status not in RUNNING
-    chain = {} if over and damaged_among(directory, [CHAIN]) else json_of(result(directory, CHAIN))
-    plan = _settings_of(directory / "plan.npz") if row.status in ("verified", "failed") else {}
-    made = "Smoothing" if summary.get("smoothing") else "Explosion"
-    groups: list[tuple[str, list[tuple[str, object]]]] = [
-        (
-            "Fold",
-            [
-                ("Name", row.called),
-                ("Modules", row.modules or None),
-                ("Joints", _joints(row)),
-                ("Pitch", length_m(chain.get("pitch_m"))),
-                ("Preset", PRESETS.get(row.preset, row.preset)),
-                ("World", None if row.world == FLOATING else "On a table, with gravity"),
-                ("Seed", summary.get("seed", row.seed)),
-                ("Identifier", row.id),
-            ],
-        ),
-        ("Changed settings", [*changed(row.preset, row.settings)]),
-        (
-            "Certificate",
-            [
-                ("Verdict", sentence(_told(str(certificate.get("verdict") or ""), summary))),
-                *certificate_words.rows(certificate),
-                ("Linked modules", certificate_words.linked(certificate)),
-                ("Recording", certificate_words.record(certificate, limit_rad=_limit(row))),
-            ],
-        ),
-        (
-            "Computation",
-            [
-                ("Strategy", STRATEGIES.get(str(explosion.get("strategy")))),
-                (
-                    "Chosen for",
-                    None
-                    if row.prefer == COMPUTING
-                    else PREFERENCE_WORDS[preference_named(row.prefer)],
-                ),
-                (f"{made} steps", explosion.get("steps") or None),
-                (f"{made} frames", explosion.get("frames")),
-                (f"{made} wall time", quantity(explosion.get("seconds"), "s", 2)),
-                ("Playback steps", playback.get("steps") or _not_simulated(playback)),
-                ("Playback wall time", quantity(playback.get("seconds"), "s", 2)),
-                ("Certificate wall time", quantity(certificate.get("seconds"), "s", 2)),
-                ("Simulated time", quantity(_simulated_s(directory), "s")),
-            ],
-        ),
-    ]
-    parameters = plan.get("parameters", {})
-    for name, values in parameters.items():
-        if isinstance(values, dict):
-            plain = dict(cast("dict[str, object]", values))
-            robot = plain.pop("robot", None) if name == "playback" else None
-            groups.append((f"{name.capitalize()} parameters", [*parameters_in_words(plain)]))
-            if isinstance(robot, dict) and plain.get("controller") == "robot":
-                of_robot = parameters_in_words(cast("dict[str, object]", robot))
-                groups.append(
-                    ("Simulated robots (torques relative to the largest planned)", [*of_robot])
-                )
-    versions = plan.get("versions", {})
-    groups.append(("Versions", [(VERSIONS.get(k, k), str(v)) for k, v in versions.items()]))
-    shown = [(heading, _shown(rows)) for heading, rows in groups]
-    return [{"heading": heading, "rows": rows} for heading, rows in shown if rows]
-
-
-def _shown(rows: list[tuple[str, object]]) -> list[Property]:
-    """Rows that have a value, in words."""
-    found: list[Property] = []
-    for label, value in rows:
-        if value is None or value == "":
-            continue
-        found.append({"label": sentence(label), "value": str(value)})
-    return found
-
-
-def _told(reason: str, summary: FoldSummary) -> str:
-    """A reason in the page's words: frames are counted from 1, along the whole timeline."""
-    explosion = exploding(summary)
-
-    def on_the_timeline(found: re.Match[str]) -> str:
-        if explosion is None:
-            return ""  # the percentage before it says where
-        # Rounded as the page rounds the frame that it shows: half a frame counts up.
-        return f" (frame {math.floor(explosion + float(found[1]) + 0.5) + 1})"
-
-    return re.sub(
-        r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)", on_the_timeline, reason
-    )
-
-
-def _settings_of(path: Path) -> dict[str, dict[str, object]]:
-    """Parameters and versions of a plan, without its frames: those may be a hundred megabytes."""
-    try:
-        return _settings_at(path, path.stat().st_mtime_ns)
-    except OSError:
-        return {}
-
-
-@lru_cache(maxsize=512)
-def _settings_at(path: Path, changed_ns: int) -> dict[str, dict[str, object]]:
-    del changed_ns
-    try:
-        with ZipFile(path) as file:
-            if file.getinfo(PLAN).file_size > LARGEST_SETTINGS:
-                return {}
-        with np.load(path, allow_pickle=False) as arrays:
-            plan = json.loads(str(arrays["plan"]))
-        return {key: plan.get(key) or {} for key in ("parameters", "versions")}
-    except UNREADABLE:
-        return {}
-
-
-def _simulated_s(directory: Path) -> float | None:
-    """Simulated time of a timeline; looked up once for each length that it has had."""
-    try:
-        timeline = result(directory, TIMELINE)
-        changed_ns = (timeline / "zarr.json").stat().st_mtime_ns
-    except OSError:
-        return None
-    return _simulated_at(timeline, changed_ns)
-
-
-@lru_cache(maxsize=512)
-def _simulated_at(path: Path, changed_ns: int) -> float | None:
-    del changed_ns
-    try:
-        timeline = Timeline.open(path)
-        if not len(timeline):
-            return None
-        return float(timeline.frames(len(timeline) - 1).time_s[-1])
-    except (TimelineError, *UNREADABLE):
-        return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import Final, TypedDict, cast
@@ -52,6 +53,10 @@ MOVING: Final = ("explode", "play_back")
 """Stages that end with another frame than they were ended at."""
 MOST_LINES: Final = 24
 """Turns and moves that are told one by one."""
+MODULE_NUMBERS: Final = re.compile(
+    r"\bmodules? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?", re.IGNORECASE
+)
+"""Modules that a text names by their numbers, the rest of a long list included."""
 BESIDE: Final = re.compile(r"ends .* from the folded shape|does not end folded")
 """Verdicts on where a fold ends."""
 ENDS: Final = {
@@ -100,7 +105,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     frame: float | None = None
     evidence: EvidenceFigures | None = None
     if told := summary.get("stuck"):
-        kind, modules, text = told["kind"], told["modules"], told["words"]
+        kind, modules, text = told["kind"], told["modules"], modules_from_one(told["words"])
         if kind == "stopped":
             text = _stopped(row, text)
         if evidence := told.get("evidence"):
@@ -109,7 +114,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
         frame = overlap["frame"] + (exploding(summary) or 0)
     elif summary.get("certificate"):
-        modules, text = [], str(summary.get("reason") or "")
+        modules, text = [], modules_from_one(str(summary.get("reason") or ""))
         kind = "off" if BESIDE.search(text) else "refused"
     else:
         return None
@@ -130,15 +135,16 @@ def _blocks(told: BlockFigures) -> list[str]:
     for turn in told["turns"]:
         degrees, (a, b) = abs(np.rad2deg(turn["turned_rad"])), turn["modules"]
         lines.append(
-            f"Hinge {turn['hinge']} at module {turn['module']}, turned by {degrees:.0f}°: modules "
-            f"{a} and {b} overlap by {quantity(turn['overlap'], 'pitch', 2)}"
+            f"Hinge {turn['hinge']} at module {turn['module'] + 1}, turned by {degrees:.0f}°: "
+            f"modules {a + 1} and {b + 1} overlap by {quantity(turn['overlap'], 'pitch', 2)}"
         )
     for move in told["moves"]:
         axis = next(k for k, step in enumerate(move["direction"]) if step)
-        way, (a, b) = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}", move["modules"]
+        way = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}"
+        a, b = move["modules"]
         lines.append(
-            f"The next part, moved by {quantity(move['moved'], 'pitch')} along {way}: modules {a} "
-            f"and {b} overlap by {quantity(move['overlap'], 'pitch', 2)}"
+            f"The next part, moved by {quantity(move['moved'], 'pitch')} along {way}: "
+            f"modules {a + 1} and {b + 1} overlap by {quantity(move['overlap'], 'pitch', 2)}"
         )
     more = len(lines) - MOST_LINES
     return lines if more <= 0 else [*lines[:MOST_LINES], f"And {more} more"]
@@ -150,6 +156,32 @@ def exploding(summary: FoldSummary) -> int | None:
     if summary.get("refold") or summary.get("smoothing"):
         return 0
     return (summary.get("explosion") or ExplosionFigures()).get("frames")
+
+
+def reason_for_people(reason: str, summary: FoldSummary) -> str:
+    """Return a reason that counts modules and, along the whole timeline, frames from 1."""
+    explosion = exploding(summary)
+
+    def on_the_timeline(found: re.Match[str]) -> str:
+        if explosion is None:
+            return ""  # the percentage before it says where
+        # Rounded as the page rounds the frame that it shows: half a frame counts up.
+        return f" (frame {math.floor(explosion + float(found[1]) + 0.5) + 1})"
+
+    return modules_from_one(
+        re.sub(r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)", on_the_timeline, reason)
+    )
+
+
+def modules_from_one(text: str) -> str:
+    """Return a text of the planner, which counts modules from 0, counting them from 1.
+
+    ``modulesFromOne`` in ``lib/text.js`` does the same.
+    """
+    return MODULE_NUMBERS.sub(
+        lambda named: re.sub(r"\d+(?! more)\b", lambda index: str(int(index[0]) + 1), named[0]),
+        text,
+    )
 
 
 def _stopped(row: ShownFold, words: str) -> str:
@@ -176,7 +208,7 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
         if clearance is None or clearance >= 0.0 or not place:
             continue
         modules = place["modules"]
-        which = "modules" if not modules else f"modules {modules[0]} and {modules[1]}"
+        which = "modules" if not modules else f"modules {modules[0] + 1} and {modules[1] + 1}"
         size = quantity(certificate.get("module_size"))
         return {
             "modules": modules,
@@ -216,11 +248,13 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     elif status != "straight":
         steps = f"{ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
         told = attempt.get("diagnosis")
-        end, tone = f"{steps}: {told['words'].rstrip('.')}" if told else steps, "bad"
+        words = modules_from_one(told["words"].rstrip(".")) if told else ""
+        end, tone = f"{steps}: {words}" if words else steps, "bad"
     elif verdict.startswith("verified"):
         end, tone = verdict, "good"
     elif verdict:
-        end, tone = verdict.removeprefix("failed: ").partition(" (frame ")[0], "bad"
+        reason = verdict.removeprefix("failed: ").partition(" (frame ")[0]
+        end, tone = modules_from_one(reason), "bad"
     else:
         end = "unfolded, not checked"
     return {

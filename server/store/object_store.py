@@ -294,7 +294,7 @@ class Storage:
             if isinstance(error, OSError) and not isinstance(error, BaseError) and error.errno:
                 raise  # the disk of this machine
             line = str(error).strip().partition("\n")[0][:300]
-            raise StorageError(f"{self._name} answered with an error: {line}") from error
+            raise StorageError(f"a request to {self._name} failed: {line}") from error
 
 
 def open_storage(settings: Settings) -> Storage | None:

@@ -189,7 +189,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     page.locator("main.stage").click(position={"x": x, "y": y})
     heading = page.locator("#panel-module h2")
     expect(heading).to_contain_text("Module")
-    index = int(re.findall(r"\d+", heading.inner_text())[0])
+    index = int(re.findall(r"\d+", heading.inner_text())[0]) - 1
     keep(page, "fold-module")
     cell = np.rint(chain.folded_poses.positions[index]).astype(int)
     said = page.locator("#panel-module dd").nth(1).inner_text().replace("−", "-")
@@ -257,7 +257,7 @@ def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, wrench: str) -> No
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
     other = visit(f"/folds/{wrench}#frame=12&module=4", view=False, reduced_motion="no-preference")
     expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
-    expect(other.locator("#panel-module h2")).to_contain_text("Module 3")
+    expect(other.locator("#panel-module h2")).to_contain_text("Module 4")
 
 
 WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= text.clientHeight

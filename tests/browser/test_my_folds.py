@@ -74,10 +74,8 @@ def test_a_fold_is_named_taken_to_another_browser_and_deleted_there(
 
     other = holding(visit, new_token(), width=390, height=844, has_touch=True)
     expect(other.get_by_text("Nothing here yet")).to_be_visible()
-    for text, said in (
-        ("wrench", "This is not a key"),
-        (new_token(), "No folds found for this key"),
-    ):
+    refused = (("wrench", "This is not a key"), (new_token(), "No folds found for this key"))
+    for text, said in refused:
         other.get_by_label("A key from another browser").fill(text)
         other.get_by_role("button", name="Add", exact=True).click()
         expect(other.locator("#key-message")).to_contain_text(said)

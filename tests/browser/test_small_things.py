@@ -83,7 +83,7 @@ def test_the_baseline_is_offered_and_its_failure_is_shown(visit: Visit, service:
     expect(page.locator("#panel-properties")).to_contain_text("All joints at once (usually fails)")
     keep(page, "fold-direct-properties")
     label, value = (page.locator(f"#panel-properties .{part}").first for part in ("above", "below"))
-    expect(label).to_have_text("Preset")
+    expect(label).to_have_text("Verdict")
     assert label.bounding_box()["y"] < value.bounding_box()["y"]  # type: ignore[index]
     page.locator("#drawer-close").click()
     before = page.url

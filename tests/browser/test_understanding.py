@@ -93,7 +93,21 @@ def test_plots_show_the_figures_and_lead_into_the_fold(beside: Page, figures: Fi
     assert box
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 20)
     assert shown_frame(page) == pytest.approx(0.75 * (len(figures) - 1), abs=3)
+    page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 20)
+    where = plots.nth(0).locator(".plot-where")
+    expect(where).to_contain_text(re.compile(r"^frame \d+, [\d.]+ s$"))
+    assert shown_frame(page) > 0.5 * len(figures), "a reading moves nothing"
     keep(page, "plots")
+    larger = page.get_by_role("button", name="Larger view of least clearance")
+    larger.click()
+    large = page.locator("dialog.plot-dialog .plot svg[role=slider]")
+    before = shown_frame(page)
+    large.press("ArrowLeft")
+    expect(large).to_have_attribute("aria-valuenow", str(before))
+    page.keyboard.press("Escape")
+    expect(large).to_have_count(0)
+    expect(plots).to_have_count(4)
+    expect(larger).to_be_focused()
 
 
 @pytest.mark.long
@@ -145,10 +159,11 @@ def test_a_module_tells_what_is_near_it(beside: Page, figures: Figures) -> None:
     seek(page, frame)
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 5 })")
     nearest = page.locator("#panel-module [data-of=nearest]")
-    expect(nearest).to_contain_text(f"Module {figures.nearest[frame, 5]}, ")
-    expect(nearest).to_contain_text(f"{figures.clearance[frame, 5]:.3f}".rstrip("0"))
+    expect(nearest).to_contain_text(f"Module {figures.nearest[frame, 5] + 1}, ")
+    expect(nearest).to_contain_text(f"{figures.clearance[frame, 5]:.2g} pitch")
     nearest.locator("button").click()
-    expect(page.locator("#panel-module h2")).to_contain_text(f"Module {figures.nearest[frame, 5]}")
+    number = figures.nearest[frame, 5] + 1
+    expect(page.locator("#panel-module h2")).to_contain_text(f"Module {number} of ")
 
 
 @pytest.mark.long

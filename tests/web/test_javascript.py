@@ -29,6 +29,7 @@ from planner.chain.path import Path as CellPath
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError
 from planner.motion.timeline import chain_from_attributes
+from server.pages.failures import modules_from_one
 from server.pages.quantities import number, si
 from tests.planner import peels
 from tests.web import long_folds
@@ -312,6 +313,18 @@ def quantities() -> list[Vectors]:
     ]
 
 
+def module_texts() -> list[list[str]]:
+    """Return texts of the planner, and the same as the server's pages count modules."""
+    texts = (
+        "in the plan, modules 3 and 7 overlap by 0.02 pitch at module size 0.95",
+        "Modules 0, 12, 202, 262 and 12 more",
+        "modules 4 to 7, which come next: module 3 against 99, and 12 pairs more",
+        "joint of module 9 stays bent by 12°",
+        "160 modules, module size 0.95",
+    )
+    return [[text, modules_from_one(text)] for text in texts]
+
+
 def timeline(path: Path) -> Vectors:
     """A short fold, as its page gets it, and what Python says of three of its frames."""
     timeline = TimelineView(path)
@@ -393,6 +406,7 @@ def cases(
                 "colours": colours(),
                 "shipped": shipped(),
                 "quantities": quantities(),
+                "module_texts": module_texts(),
                 "timeline": timeline(timeline_path),
                 "peeled": timeline(peeled / "timeline.zarr"),
             },

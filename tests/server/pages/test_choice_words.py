@@ -47,7 +47,8 @@ def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
         (
             "torque",
             2,
-            "0.04 instead of 0.1 mN·m at the same folding time of 100 s, after 11 s of further",
+            "40 µN·m instead of 100 µN·m of torque at the same folding time of 100 s, "
+            "after 11 s of further computing.",
         ),
         (
             "clearance",
@@ -78,7 +79,7 @@ def test_each_plan_has_a_name_and_a_row(tmp_path: Path) -> None:
         ),
     ]
     assert [plan["verified"] for plan in choice["plans"]] == [True, True, True, False]
-    assert choice["plans"][1]["cells"] == ["20", "1", "0.04", "0.0312", "3"]
+    assert choice["plans"][1]["cells"] == ["20", "1 mN·m", "40 µN·m", "0.0312", "3"]
     assert choice["plans"][1]["torque_mnm"] == pytest.approx(0.04)
     assert all(len(plan["cells"]) == len(COLUMNS) - 1 for plan in choice["plans"])
 

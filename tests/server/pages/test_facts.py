@@ -27,6 +27,7 @@ from server.api.schemas import Fold
 from server.jobs.remaining import Remaining
 from server.pages import quantities
 from server.pages.facts import fold_facts
+from server.pages.properties import used_parameters
 from server.pages.quantities import length_m, number, parameters, quantity
 from server.settings import Settings
 from server.store.folds import Store
@@ -83,6 +84,32 @@ def test_a_parameter_without_words_shows_its_unit() -> None:
     assert parameters({"other_speed_rad_s": 2}) == [("Other speed", "2 rad/s")]
 
 
+@pytest.mark.parametrize(
+    ("changes", "strategy", "simulated", "headings", "row", "absent"),
+    [
+        ({}, "simultaneous", True, ["Explosion", "Playback", "Simulated"], "paced_by", "gain"),
+        ({}, "peel", False, ["Peeling", "Playback"], "steps_per_rad", "controller"),
+        ({}, "smoothed", True, ["Playback", "Simulated"], "step_s", "bandwidth"),
+        ({"world": "table"}, "peel", True, ["Table"], "refusals", "gain"),
+        ({"preset": "direct"}, "direct", True, ["Playback"], "direct_steps", "threshold_rad2"),
+    ],
+)
+def test_parameters_that_a_fold_has_not_used_are_left_out(
+    changes: dict[str, str],
+    strategy: str,
+    simulated: bool,
+    headings: list[str],
+    row: str,
+    absent: str,
+) -> None:
+    values = preset(changes.get("preset", "default")).as_dict() | changes
+    groups = used_parameters(values, strategy=strategy, simulated=simulated)
+    assert [heading.partition(" ")[0].rstrip(",") for heading, _ in groups] == headings
+    shown = groups[-1 if strategy == "peel" else headings.index("Playback")][1]
+    assert row in shown
+    assert absent not in shown
+
+
 def found(directory: Path, frames: int, **values: Any) -> Found:
     """A fold that failed with these frames of explosion."""
     if frames:
@@ -112,7 +139,8 @@ def test_what_a_page_says_is_read_from_something_small(
 ) -> None:
     shutil.copyfile(service.directory(finished["id"]) / "plan.npz", tmp_path / "plan.npz")
     (tmp_path / "plan.json").write_text("not for pages: its frames may take a hundred megabytes")
-    facts = fold_facts(found(tmp_path, 0, status="verified"))
+    summary = {"explosion": {"strategy": "simultaneous"}}
+    facts = fold_facts(found(tmp_path, 0, status="verified", summary=summary))
     groups = {group["heading"]: group["rows"] for group in facts["properties"]}
     assert {"Python", "MuJoCo"} <= {row["label"] for row in groups["Versions"]}
     assert groups["Explosion parameters"]
@@ -130,7 +158,7 @@ def test_a_reason_counts_frames_as_the_page_does(tmp_path: Path) -> None:
     error = {"code": "not-verified", "detail": REASON, "where": None}
     facts = fold_facts(found(tmp_path, 5, summary=summary, error=error))
     said = facts["problem"]["text"]
-    assert said.startswith("In the plan, modules 3 and 7 overlap")
+    assert said.startswith("In the plan, modules 4 and 8 overlap")
     assert "40 % into the fold (frame 225)" in said  # 211 + 12.5 rounds up, and 1 is the first
     for text in (said, facts["verdict"]["text"], json.dumps(facts["properties"])):
         assert "of the plan" not in text
@@ -261,12 +289,15 @@ def test_properties_of_a_real_fold_are_fit_to_read(
         for group in facts["properties"]
         for row in group["rows"]
     }
-    assert values["Fold: Preset"] == "Default"
+    assert values["In short: Preset"] == "Default"
     assert values["Explosion parameters: Time step"] == "0.004 to 0.1 s"
     assert values["Playback parameters: Controller"] == "Servos with feed-forward"
     assert values["Simulated robots (torques relative to the largest planned): Robots"] == "3"
     assert values["Certificate: Robots"].startswith("3 imperfect robots")
-    assert re.fullmatch(r"[\d.]+ [mµn]?N·m", values["Certificate: Peak torque"])
+    assert re.fullmatch(r"[\d.]+ [nµm]?N·m", values["In short: Peak torque"])
+    assert 8 <= len(facts["properties"][0]["rows"]) <= 12
+    assert not [key for key in values if re.match("(Peeling|Table) parameters", key)]
+    assert "Playback parameters: Servo stiffness" not in values
     for row in rows:
         assert "_" not in row["label"]
         assert row["label"][0].isupper()

@@ -96,8 +96,8 @@ def test_what_blocks_what_is_listed_and_a_budget_told_in_numbers() -> None:
     told = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
     assert told is not None and told["heading"] == "Stalled: modules blocked each other"
     assert told["blocks"] == [
-        "Hinge 7 at module 4, turned by 2°: modules 4 and 9 overlap by 0.012 pitch",
-        "The next part, moved by 0.5 pitch along −y: modules 5 and 2 overlap by 0.45 pitch",
+        "Hinge 7 at module 5, turned by 2°: modules 5 and 10 overlap by 0.012 pitch",
+        "The next part, moved by 0.5 pitch along −y: modules 6 and 3 overlap by 0.45 pitch",
     ]
     many = {**evidence, "turns": 30 * [turn]}
     told = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
@@ -133,7 +133,7 @@ def test_an_overlap_is_shown_where_it_is_along_the_timeline() -> None:
     told = failure(row(), summary)
     assert told == {
         "heading": "Modules overlap",
-        "text": "At a module size of 1, modules 3 and 7 overlap by 0.012 pitch.",
+        "text": "At a module size of 1, modules 4 and 8 overlap by 0.012 pitch.",
         "modules": [3, 7],
         "frame": 212.5,
         "blocks": [],

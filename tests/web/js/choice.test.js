@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { labels, layout, ticks } from "../../../web/static/js/panels/choice.js";
+import { ticks } from "../../../web/static/js/lib/ticks.js";
+import { labels, layout } from "../../../web/static/js/panels/choice.js";
 
 /**
  * @param {number | null} time

@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { radians } from "../../../web/static/js/lib/text.js";
 import { colouring, colouringsOf, ramped, roundUp } from "../../../web/static/js/player/colours.js";
 import { close, recorded, unpack, vectors } from "./vectors.js";
 
@@ -41,11 +42,11 @@ test("every colouring has a scale in numbers", async () => {
   }
   const { speed, error, ...others } = told;
   assert.deepEqual(others, {
-    "error-even": error, position: "0.05 pitch", torque: "2 N·m", clearance: "0.5 pitch", chain: "Module 15",
+    "error-even": error, position: "0.05 pitch", torque: "2 N·m", clearance: "0.5 pitch", chain: "Module 16",
   });
-  assert.match(speed, /^[\d.]+ rad\/s$/);
+  assert.match(speed, /^[\d.]+ m?rad\/s$/);
   const scale = timeline.errorScale;
-  assert.equal(error, `${1e3 * scale} mrad`);
+  assert.equal(error, radians(scale));
   // Red alone means error, or worse: two that overlap.
   const redness = (colours) => Array.from({ length: colours.length / 3 }, (_, i) => colours[3 * i] - Math.max(colours[3 * i + 1], colours[3 * i + 2]));
   assert.ok(Math.max(...redness(seen.error)) > 60);

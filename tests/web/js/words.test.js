@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { degrees, duration, newtonMetres, number, radians, refusal, remaining, si, whole } from "../../../web/static/js/lib/text.js";
+import { degrees, duration, modulesFromOne, newtonMetres, number, radians, refusal, remaining, si, whole } from "../../../web/static/js/lib/text.js";
+import { motorWords } from "../../../web/static/js/panels/motor_words.js";
 import { vectors } from "./vectors.js";
 
 test("numbers are told with two figures, and nothing as nothing", () => {
@@ -15,6 +16,11 @@ test("a quantity has the same text in scripts and on the server", () => {
   for (const { value, digits, si: withPrefix, number: plain } of vectors.quantities) {
     assert.deepEqual([si(value, "N·m", digits), number(value, digits)], [withPrefix, plain], `${value} to ${digits} digits`);
   }
+});
+
+test("modules in a text count from 1 in scripts as on the server", () => {
+  for (const [text, fromOne] of vectors.module_texts) assert.equal(modulesFromOne(text), fromOne);
+  assert.equal(refusal({ detail: "modules 0 and 9 overlap", where: "modules 0 and 9" }, 422), "Modules 1 and 10 overlap");
 });
 
 test("a torque that is not 0 is never shown as 0", () => {
@@ -32,4 +38,28 @@ test("a refusal says what and where", () => {
   assert.equal(refusal({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
   assert.equal(refusal({ detail: "got an empty file, expected cells.", message: "This file is empty." }, 422), "This file is empty.");
   assert.equal(refusal({}, 503), "The server answered 503.");
+});
+
+/**
+ * @param {number | null} torque
+ * @param {number} peak
+ */
+function motors(torque, peak) {
+  const joints = [["joint_1_y", 0.002], ["joint_2_y", peak]].map(([name, need]) => ({
+    name: String(name), peak_torque_nm: Number(need), peak_time_s: 0.47, would_do: torque === null ? null : Number(need) <= torque,
+  }));
+  return { would_do: torque === null ? null : peak <= torque, motor_torque_nm: torque, joints };
+}
+
+test("without a motor the answer is what is needed, not a refusal", () => {
+  assert.equal(motorWords(motors(null, 201)), "Motors of 201 N·m or more are strong enough. joint_2_y needs most: 201 N·m, 0.47 s into the motion.");
+});
+
+test("what is needed is rounded up", () => {
+  assert.match(motorWords(motors(null, 201.2)), /^Motors of 202 N·m or more/);
+});
+
+test("a motor is judged in a sentence with a capital", () => {
+  assert.match(motorWords(motors(3, 0.5)), /^Yes, 3 N·m is enough\. joint_2_y needs most: 500 mN·m/);
+  assert.match(motorWords(motors(3, 501)), /^No, 3 N·m is too weak for 1 of 2 hinges\. joint_2_y needs most: 501 N·m/);
 });

@@ -76,6 +76,12 @@ export function sentence(text) {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
+const MODULE_NUMBERS = /\bmodules? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?/gi;
+
+// A text of the planner, which counts modules from 0, counting them from 1: `modules_from_one` of server/pages/failures.py.
+/** @param {string} text */
+export const modulesFromOne = (text) => text.replace(MODULE_NUMBERS, (named) => named.replace(/\d+(?! more)\b/g, (index) => String(Number(index) + 1)));
+
 // What an error that was thrown says.
 /** @param {unknown} error */
 export const wordsOf = (error) => (error instanceof Error ? error.message : String(error));
@@ -86,8 +92,8 @@ export const wordsOf = (error) => (error instanceof Error ? error.message : Stri
  * @param {number} status
  */
 export function refusal(told, status) {
-  const text = told.message ?? told.detail ?? `The server answered ${status}.`;
-  const where = told.where ?? "";
+  const text = modulesFromOne(told.message ?? told.detail ?? `The server answered ${status}.`);
+  const where = modulesFromOne(told.where ?? "");
   const said = text.includes(where) || text.includes(where.replaceAll("_", " "));
   return sentence(said ? text : `${where}: ${text}`);
 }

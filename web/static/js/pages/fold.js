@@ -64,7 +64,7 @@ function show(now) {
   if (listing) downloads((it) => it.facts(now));
   if (now.failure || now.attempts.length > 1) failing((it) => it.facts(now));
   const { choice } = now;
-  if (choice) choosing(({ showChoice }) => showChoice(choice, drawer));
+  if (choice) choosing(({ showChoice }) => showChoice(choice, drawer, player));
   get("rests").hidden = !now.table;
   if (now.table) {
     get("rests").dataset.tone = now.table.good ? "good" : "bad";

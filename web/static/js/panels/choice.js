@@ -1,13 +1,12 @@
 // The plans that a fold with a wish had to choose from: a scatter plot, and the same as a table.
-import { element, get } from "../lib/text.js";
+import { element, get, newtonMetres } from "../lib/text.js";
+import { round, ticks } from "../lib/ticks.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const WIDE = 336;
 const HIGH = 220;
-const INSET = { left: 46, right: 14, top: 18, bottom: 34 };
+const INSET = { left: 64, right: 14, top: 18, bottom: 34 };
 const SPARE = 0.08; // of the span, so that no dot lies on the edge
-const MOST_TICKS = 5;
-const DIGITS = 3;
 const NEAR = { x: 26, y: 12 }; // dots nearer than this share one label, which would be on another
 /**
  * @typedef {"torque_mnm" | "room"} Axis
@@ -15,36 +14,11 @@ const NEAR = { x: 26, y: 12 }; // dots nearer than this share one label, which w
  * @typedef {{ x: number, y: number, plan: PlanDot }} Dot
  */
 
-/** @type {Record<Axis, { name: string, label: (seconds: number) => string, log: boolean }>} */
+/** @type {Record<Axis, { name: string, label: (seconds: number) => string, text: (value: number) => string, log: boolean }>} */
 const AXES = {
-  torque_mnm: { name: "Torque", label: (seconds) => `Torque, mN·m, at a folding time of ${round(seconds)} s`, log: true },
-  room: { name: "Clearance", label: () => "Clearance, pitch", log: false },
+  torque_mnm: { name: "Torque", label: (seconds) => `Torque at a folding time of ${round(seconds)} s`, text: (value) => newtonMetres(value / 1000), log: true },
+  room: { name: "Clearance", label: () => "Clearance, pitch", text: String, log: false },
 };
-
-const round = (/** @type {number} */ value) => Number(value.toPrecision(DIGITS));
-
-// Round numbers from low to high, a few of them; powers of ten and their halves on a log scale.
-/**
- * @param {number} low
- * @param {number} high
- * @param {boolean} log
- */
-export function ticks(low, high, log) {
-  if (log) {
-    const found = [];
-    for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power += 1) {
-      for (const digit of [1, 2, 5]) found.push(round(digit * 10 ** power));
-    }
-    const inside = found.filter((value) => value >= low && value <= high);
-    const tens = inside.filter((value) => Number.isInteger(round(Math.log10(value))));
-    return inside.length > MOST_TICKS && tens.length > 1 ? tens : inside;
-  }
-  const rough = (high - low) / MOST_TICKS;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((digit) => digit * power).find((wide) => wide >= rough) ?? rough;
-  const first = Math.ceil(low / step);
-  return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, k) => round((first + k) * step));
-}
 
 // Where a value lies between two places, and round values on the way.
 /**
@@ -59,7 +33,7 @@ function scale(values, places, log) {
   const spare = SPARE * (high - low) || Math.abs(high) * SPARE || 1;
   const [from, to] = [low - spare, high + spare];
   const at = (/** @type {number} */ value) => places[0] + ((of(value) - from) / (to - from)) * (places[1] - places[0]);
-  return { at, ticks: ticks(back(from), back(to), log).map((value) => ({ at: at(value), text: String(value) })) };
+  return { at, ticks: ticks(back(from), back(to), log).map((value) => ({ at: at(value), value })) };
 }
 
 // Where dots and ticks are; only plans that have both figures have a dot.
@@ -79,8 +53,8 @@ export function layout(plans, axis) {
   const y = scale(known.map(({ value }) => value), [HIGH - INSET.bottom, INSET.top], AXES[axis].log);
   return {
     dots: known.map(({ plan, time, value }) => ({ x: x.at(time), y: y.at(value), plan })),
-    across: x.ticks,
-    up: y.ticks,
+    across: x.ticks.map(({ at, value }) => ({ at, text: String(value) })),
+    up: y.ticks.map(({ at, value }) => ({ at, text: AXES[axis].text(value) })),
   };
 }
 
@@ -140,13 +114,21 @@ function picture({ plans, seconds }, axis) {
   return [element("p", { class: "choice-axis" }, said), drawn];
 }
 
-/** @param {Choice} choice */
-function table({ plans, columns }) {
+/**
+ * @param {Choice} choice
+ * @param {() => void} play
+ */
+function table({ plans, columns }, play) {
+  const playing = () => {
+    const button = element("button", { class: "inline", type: "button" }, "Play this plan");
+    button.onclick = play;
+    return button;
+  };
   const ends = (/** @type {PlanDot} */ { chosen, verified }) => (chosen ? "chosen" : verified ? "verified" : "refused");
   return element("div", { class: "choice-table" }, element("table", { class: "joints" },
     element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text)))),
     element("tbody", {}, ...plans.map((plan) => element("tr", { "data-end": ends(plan) },
-      element("th", { scope: "row" }, plan.label, element("small", {}, ends(plan))),
+      element("th", { scope: "row" }, plan.label, element("small", {}, ends(plan)), plan.chosen ? playing() : null),
       ...plan.cells.map((text) => element("td", {}, text)))))));
 }
 
@@ -154,8 +136,9 @@ function table({ plans, columns }) {
 /**
  * @param {Choice} choice
  * @param {import("./drawer.js").Drawer} drawer
+ * @param {Pick<Playing, "send">} player
  */
-export function showChoice(choice, drawer) {
+export function showChoice(choice, drawer, player) {
   const plot = element("figure", { class: "choice-plot" });
   const buttons = /** @type {Axis[]} */ (Object.keys(AXES)).map((axis) => {
     const button = element("button", { class: "chip", type: "button" }, AXES[axis].name);
@@ -170,6 +153,7 @@ export function showChoice(choice, drawer) {
   get("choice").replaceChildren(element("h2", {}, `${choice.wish}: ${choice.plans.length} plans`),
     element("p", {}, choice.text),
     element("div", { class: "choice-axes", role: "group", "aria-label": "Vertical axis" }, ...buttons.map(({ button }) => button)),
-    plot, table(choice));
+    plot, table(choice, () => { player.send({ do: "seek", frame: 0 }); player.send({ do: "play" }); }),
+    ...(choice.plans.length > 1 ? [element("p", { class: "hint" }, "Only the chosen plan is stored and can be played. The others have only these figures.")] : []));
   drawer.choose("attempts");
 }

@@ -1,4 +1,5 @@
 // What can be downloaded of a fold: files, a movie, and what a robot needs.
+import { motorWords } from "./motor_words.js";
 import { ownKey, proof, tokenOf } from "../lib/keys.js";
 import { element, wordsOf } from "../lib/text.js";
 
@@ -36,9 +37,10 @@ function choice(label, name, options) {
  * @param {string} label
  * @param {string} name
  * @param {string} value
+ * @param {boolean} required
  */
-function number(label, name, value) {
-  return element("label", {}, label, element("input", { name, type: "number", value, step: "any", min: "0", required: true, inputmode: "decimal" }));
+function number(label, name, value, required = true) {
+  return element("label", {}, label, element("input", { name, type: "number", value, step: "any", min: "0", required, inputmode: "decimal" }));
 }
 
 // What is filled in, by its name.
@@ -183,8 +185,8 @@ export class Downloads {
     const form = element("form", { class: "options" },
       number("Joint speed, rad/s", "max_speed", "1"), number("Acceleration, rad/s²", "max_acceleration", "2"),
       number("Module mass, kg", "module_mass", "0.1"), number("Pitch, m", "pitch", "0.05"),
-      number("Motor torque, N·m", "motor_torque", "3"),
-      choice("The chain", "held", [["held", "Held in the middle"], ["floating", "In zero gravity"]]),
+      number("Motor torque, N·m (optional)", "motor_torque", "", false),
+      choice("The chain", "held", [["floating", "In zero gravity"], ["held", "Held in the middle"]]),
       element("div", { class: "wide" },
         element("button", { class: "button", type: "submit" }, "Check motors")));
     const links = element("ul", { class: "downloads" });
@@ -200,14 +202,15 @@ export class Downloads {
     fill();
     form.onsubmit = async (event) => {
       event.preventDefault();
-      const { held, ...asked } = fieldsOf(form);
+      const { held, ...given } = fieldsOf(form);
+      const asked = Object.fromEntries(Object.entries(given).filter(([, value]) => value !== ""));
       if (held === "floating") Object.assign(asked, { floating: "true", gravity: "0" });
       verdict.replaceChildren("Computing…");
       try {
-        /** @type {{ verdict: string }} */
+        /** @type {import("./motor_words.js").MotorsTold} */
         const told = await this.ask(`${this.api}/motors?${new URLSearchParams(asked)}`);
         const table = file({ label: "Torque table, CSV", hint: "Peak and RMS torque of each joint", href: `${this.api}/motors?${new URLSearchParams({ ...asked, format: "csv" })}` });
-        verdict.replaceChildren(told.verdict);
+        verdict.replaceChildren(motorWords(told));
         links.querySelector("[data-table]")?.remove();
         table.dataset.table = "";
         links.append(table);

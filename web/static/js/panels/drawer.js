@@ -6,22 +6,26 @@ const BEFORE_AFTER = "Before and after smoothing";
 const ON_TABLE = "On a table";
 const TABS = ["attempts", "module", "plots", "properties", "downloads"];
 
+// A list of labels and values; a long value stands below its label.
+/** @param {{ label: string, value: string }[]} rows */
+function listed(rows) {
+  return element("dl", { class: "rows" }, ...rows.flatMap(({ label, value }) => {
+    const long = value.length > LONG;
+    return [element("dt", { class: long && "above" }, label), element("dd", { class: long && "below" }, value)];
+  }));
+}
+
 // What a fold on a table asks, what that leans on, and which servos would do.
 /** @param {TableWords} table */
 function onTable({ text, rows, assumptions, servos, named }) {
-  const list = element("dl", { class: "rows" });
-  for (const [label, value] of rows) {
-    const long = value.length > LONG;
-    list.append(element("dt", { class: long && "above" }, label), element("dd", { class: long && "below" }, value));
-  }
   const links = named.map(({ name, href }) => element("li", {}, element("a", { href, target: "_blank", rel: "noopener noreferrer" }, name)));
   return element("div", { class: "group", id: "on-table" }, element("h3", {}, ON_TABLE),
     element("p", { class: "on-table-text" }, text),
     element("details", { class: "assumptions" }, element("summary", {}, `${assumptions.length} assumptions`),
       element("ul", {}, ...assumptions.map((said) => element("li", {}, said)))),
-    list,
+    listed(rows.map(([label, value]) => ({ label, value }))),
     servos ? element("p", { class: "hint" }, servos) : null, links.length ? element("ul", { class: "servos" }, ...links) : null,
-    servos ? element("p", { class: "hint" }, "For other pitches and materials, run the command `foldback servos`.") : null);
+    servos ? element("p", { class: "hint" }, `${links.length ? "Each link leads to the maker's figures. " : ""}For other pitches and materials, run the command \`foldback servos\`.`) : null);
 }
 
 export class Drawer {
@@ -87,18 +91,17 @@ export class Drawer {
 
   /** @param {Facts} facts */
   facts(facts) {
-    const groups = facts.properties.map(({ heading, rows }) => {
-      const list = element("dl", { class: "rows" });
-      for (const { label, value } of rows) {
-        const long = value.length > LONG;
-        list.append(element("dt", { class: long && "above" }, label), element("dd", { class: long && "below" }, value));
-      }
-      return element("div", { class: "group" }, element("h3", {}, heading), list);
-    });
     const { smoothing, table } = facts;
+    const [{ heading: first, rows: main }, ...rest] = facts.properties;
+    const opened = new Set([...get("panel-properties").querySelectorAll("details[open][data-group]")].map((group) => /** @type {HTMLElement} */ (group).dataset.group));
+    const groups = [
+      element("div", { class: "group" }, element("h3", {}, first), listed(main)),
+      ...(smoothing ? [this.smoothing(smoothing)] : []),
+      ...(table ? [onTable(table)] : []),
+      ...rest.map(({ heading, rows }) => element("details", { class: "group", "data-group": heading, open: opened.has(heading) },
+        element("summary", {}, heading, element("small", {}, String(rows.length))), listed(rows))),
+    ];
     const rests = table ? [{ heading: ON_TABLE, rows: [{ label: "Summary", value: table.text }, ...table.rows.map(([label, value]) => ({ label, value }))] }] : [];
-    if (smoothing) groups.unshift(this.smoothing(smoothing));
-    if (facts.table) groups.unshift(onTable(facts.table));
     const copy = element("button", { class: "button", type: "button" }, "Copy all");
     copy.onclick = () => {
       const changed = smoothing ? [{ heading: BEFORE_AFTER, rows: smoothing.rows.map(({ label, before, after, ratio }) => ({ label, value: `${before} → ${after} (${ratio})` })) }] : [];

@@ -79,7 +79,7 @@ export class Failure {
       if (failure.blocks.length) parts.push(element("ul", { class: "blocks" }, ...failure.blocks.map((line) => element("li", {}, line))));
       if (failure.modules.length) {
         const links = failure.modules.map((module) => {
-          const link = element("button", { class: "inline", type: "button" }, String(module));
+          const link = element("button", { class: "inline", type: "button" }, String(module + 1));
           link.onclick = () => { this.go(); this.player.send({ do: "select", module }); };
           return link;
         });
@@ -108,6 +108,6 @@ function drawing({ side, strokes, label }) {
 
 /** @param {number[]} modules */
 function named(modules) {
-  const some = modules.slice(0, NAMED).join(", ");
+  const some = modules.slice(0, NAMED).map((module) => module + 1).join(", ");
   return `Modules ${some}${modules.length > NAMED ? ", …" : ""}`;
 }

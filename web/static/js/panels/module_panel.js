@@ -1,9 +1,5 @@
 // The selected module: chosen by its number, where it belongs, its joint now, what is near it.
-import { degrees, element } from "../lib/text.js";
-
-// Two figures; what is as good as nothing is 0.
-const plain = (/** @type {number} */ value) => (Math.abs(value) < 1e-6 ? "0" : String(Number(value.toPrecision(2))).replace("-", "−"));
-const pitches = (/** @type {number} */ value) => `${Number(value.toFixed(3))} pitch`.replace("-", "−");
+import { degrees, element, newtonMetres, number, pitches, radians, si } from "../lib/text.js";
 
 // The name of a hinge within its joint.
 const hingeOf = (/** @type {string} */ name) => name.split("_").slice(2).join(" ") || name;
@@ -60,7 +56,7 @@ export class ModulePanel {
     this.index = module.index;
     if (before !== module.index || module.index === null) this.number();
     if (module.index === null) {
-      this.told.replaceChildren(element("p", { class: "hint" }, "Click a module, or type its number, to see its joint."));
+      this.told.replaceChildren(element("p", { class: "hint" }, "Click a module, or type its number, to see its joint. Modules count from 1."), this.ends());
       return;
     }
     if (before !== module.index) { this.build(module); this.opened(); this.say(module); }
@@ -68,18 +64,28 @@ export class ModulePanel {
     this.measure();
   }
 
+  // Leads to both ends of the chain, and says how the view marks them.
+  ends() {
+    const links = /** @type {[string, () => number][]} */ ([["first module", () => 0], ["last module", () => this.modules - 1]]).map(([text, module]) => {
+      const link = element("button", { class: "inline", type: "button" }, text);
+      link.onclick = () => this.player.send({ do: "select", module: module() });
+      return link;
+    });
+    return element("p", { class: "hint" }, "A white stud marks the ", links[0], " of the chain, a dark one the ", links[1], ".");
+  }
+
   // How many there are to choose from.
   /** @param {number} modules */
   count(modules) {
     this.modules = modules;
-    this.field.placeholder = `0–${modules - 1}`;
+    this.field.placeholder = `1–${modules}`;
     this.number();
   }
 
   // Which one is chosen, in the field.
   number() {
     const { index, modules } = this;
-    this.field.value = index === null ? "" : String(index);
+    this.field.value = index === null ? "" : String(index + 1);
     this.refuse("");
     this.before.disabled = index === null || index === 0;
     this.after.disabled = !modules || index === modules - 1;
@@ -90,9 +96,9 @@ export class ModulePanel {
   /** @param {boolean} asked */
   choose(asked) {
     const text = this.field.value.trim();
-    const number = /^\d{1,9}$/.test(text) ? Number(text) : Infinity;
-    if (number < this.modules) this.player.send({ do: "select", module: number });
-    else if (asked) this.refuse(`Got “${text}”, expected a whole number from 0 to ${this.modules - 1}.`);
+    const typed = /^\d{1,9}$/.test(text) ? Number(text) : 0;
+    if (typed >= 1 && typed <= this.modules) this.player.send({ do: "select", module: typed - 1 });
+    else if (asked) this.refuse(`Type a whole number from 1 to ${this.modules}.`);
   }
 
   /** @param {string} why */
@@ -139,7 +145,7 @@ export class ModulePanel {
   /** @param {ModuleTold} module */
   say({ index, modules, joints }) {
     const turned = joints.map(({ name, angle_rad: angle }) => `${hingeOf(name)} ${degrees(angle)}`);
-    this.line.textContent = [`Module ${index}, ${index + 1} of ${modules}`, ...turned].join(", ");
+    this.line.textContent = [`Module ${index + 1} of ${modules}`, ...turned].join(", ");
   }
 
   /** @param {ModuleTold} module */
@@ -149,25 +155,27 @@ export class ModulePanel {
     const joint = module.joints.length
       ? element("div", {}, table(
         element("thead", {}, element("tr", {},
-          ...["Hinge", "Now", "Folded", "Error, rad"].map((text) => element("th", { scope: "col" }, text)))),
+          ...["Hinge", "Now", "Folded", "Error"].map((text) => element("th", { scope: "col" }, text)))),
         element("tbody", {}, ...module.joints.map(({ name }) =>
           element("tr", { "data-joint": name }, element("th", { scope: "row" }, hingeOf(name)),
             column("now"), column("target"), column("error"))))), table(
         element("thead", {}, element("tr", {},
-          ...["Hinge", "Speed, rad/s", "Torque, N·m"].map((text) => element("th", { scope: "col" }, text)))),
+          ...["Hinge", "Speed", "Torque"].map((text) => element("th", { scope: "col" }, text)))),
         element("tbody", {}, ...module.joints.map(({ name }) =>
           element("tr", { "data-motion": name }, element("th", { scope: "row" }, hingeOf(name)),
             column("speed"), column("torque"))))))
       : element("p", { class: "hint no-joint" }, "This module has no joint.");
     /** @type {Record<number, string>} */
-    const ends = { 0: " · first", [module.modules - 1]: " · last" };
+    const ends = { 0: "first module of the chain", [module.modules - 1]: "last module of the chain" };
+    const end = ends[module.index];
     this.near = element("dd", { "data-of": "nearest" }, "–");
     this.off = element("dd", { "data-of": "position" }, "–");
     this.presses.textContent = "–";
     this.told.replaceChildren(
-      element("h2", {}, element("i", { class: "swatch", "aria-hidden": "true" }), `Module ${module.index}${ends[module.index] ?? ""}`),
+      element("h2", {}, element("i", { class: "swatch", "aria-hidden": "true" }), `Module ${module.index + 1} of ${module.modules}`),
       element("dl", { class: "rows" },
-        element("dt", {}, "Place in the chain"), element("dd", {}, `${module.index + 1} of ${module.modules}`),
+        ...(end ? [element("dt", {}, "End"), element("dd", {}, end)] : []),
+        element("dt", {}, "Index in files"), element("dd", { "data-of": "index" }, String(module.index)),
         ...(module.cell ? [element("dt", {}, "Cell when folded"), element("dd", {}, module.cell.join(", ").replaceAll("-", "−"))] : []),
         element("dt", {}, "Nearest module"), this.near,
         element("dt", {}, "Position error"), this.off,
@@ -183,8 +191,8 @@ export class ModulePanel {
     for (const { name, column, angle_rad: angle, target_rad: target, error_rad: error } of module.joints) {
       this.put(`[data-joint="${name}"]`, "now", degrees(angle));
       this.put(`[data-joint="${name}"]`, "target", degrees(target, 0));
-      this.put(`[data-joint="${name}"]`, "error", error === null ? "–" : plain(error));
-      this.put(`[data-motion="${name}"]`, "speed", Number.isNaN(speeds[column]) ? "–" : plain(speeds[column]));
+      this.put(`[data-joint="${name}"]`, "error", error === null ? "–" : radians(error));
+      this.put(`[data-motion="${name}"]`, "speed", Number.isNaN(speeds[column]) ? "–" : si(speeds[column], "rad/s"));
     }
     this.joints = module.joints;
   }
@@ -197,14 +205,14 @@ export class ModulePanel {
     for (const { name, column } of this.joints) {
       const unit = this.figures.plots?.table?.unit_nm ?? NaN;
       const torque = row.torque?.[column] ?? (row.joint_torque?.[column] ?? NaN) * unit;
-      this.put(`[data-motion="${name}"]`, "torque", Number.isFinite(torque) ? plain(torque) : "–");
+      this.put(`[data-motion="${name}"]`, "torque", Number.isFinite(torque) ? newtonMetres(torque) : "–");
     }
     if (row.nearest && row.clearance) this.showNearest(row.nearest[this.index], row.clearance[this.index]);
     const pressed = row.pressed?.[this.index];
     for (const part of [this.presses, this.pressing]) part.hidden = pressed === undefined;
-    this.presses.textContent = pressed !== undefined && Number.isFinite(pressed) ? `${Number(pressed.toPrecision(2))} × its weight` : "–";
+    this.presses.textContent = pressed !== undefined && Number.isFinite(pressed) ? `${number(pressed)} × its weight` : "–";
     const off = row.position_error?.[this.index] ?? NaN;
-    this.off.textContent = Number.isFinite(off) ? `${Number(off.toPrecision(2))} pitch` : "–";
+    this.off.textContent = Number.isFinite(off) ? pitches(off) : "–";
   }
 
   /**
@@ -213,7 +221,7 @@ export class ModulePanel {
    */
   showNearest(nearest, clearance) {
     if (nearest < 0) { this.near.replaceChildren("none within a pitch"); return; }
-    const link = element("button", { class: "inline", type: "button" }, `Module ${nearest}`);
+    const link = element("button", { class: "inline", type: "button" }, `Module ${nearest + 1}`);
     link.onclick = () => this.player.send({ do: "select", module: nearest });
     this.near.replaceChildren(link, clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);
   }

@@ -1,10 +1,11 @@
 // Figures along the whole fold, with the playhead in them; a click goes there, and keys move it.
-import { round } from "../player/colours.js";
-import { element, newtonMetres, radians, whole } from "../lib/text.js";
+import { element, newtonMetres, number, pitches, radians, seconds, whole } from "../lib/text.js";
+import { ticks } from "../lib/ticks.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const COLUMNS = 360;
 const HIGH = 100;
+const TICKS = { up: 3, across: 4 }; // about so many
 const HEADROOM = 1.06; // of a plot above its highest bound
 const FAR = 10; // frames
 const KEPT_MS = 60_000; // what is being downloaded
@@ -21,7 +22,7 @@ const KEPT_MS = 60_000; // what is being downloaded
 /** @type {Plot[]} */
 const PLOTS = [
   { name: "max_error_rad", label: "Largest joint error", text: radians, worst: Math.max },
-  { name: "min_clearance", label: "Least clearance", text: (v) => `${Number(v.toPrecision(2))} pitch`, worst: Math.min },
+  { name: "min_clearance", label: "Least clearance", text: pitches, worst: Math.min },
   { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
   { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
 ];
@@ -34,7 +35,7 @@ const TORQUES = ["table_torque", "peak_torque_nm"]; // whichever there is
  */
 function onTable(table) {
   if (!table) return [];
-  const wp = (/** @type {number} */ v) => `${round(v)} w·p`;
+  const wp = (/** @type {number} */ v) => `${number(v)} w·p`;
   const bounds = [{ at: table.kept, what: "limit while unfolding" }, { at: table.bound, what: "limit" }];
   return [{
     name: "table_torque", label: "Largest torque on the table", text: (v) => `${wp(v)} (${newtonMetres(v * table.unit_nm)})`, worst: Math.max,
@@ -68,6 +69,18 @@ function columns(values, worst) {
     }
     return found;
   });
+}
+
+// Where the axes of a plot have their ticks, as shares of its height from below and of its width.
+/**
+ * @param {{ low: number, high: number, frames: number, text: (value: number) => string }} plot
+ */
+export function axes({ low, high, frames, text }) {
+  const span = high - low || 1;
+  const up = ticks(low, low + span, false, TICKS.up).map((value) => ({ at: (value - low) / span, text: text(value) }));
+  const inner = ticks(1, Math.max(frames, 2), false, TICKS.across).filter((frame) => Number.isInteger(frame) && frame > 1 && frame <= frames);
+  const across = [1, ...inner].map((frame) => ({ at: (frame - 1) / Math.max(1, frames - 1), text: whole(frame) }));
+  return { up: up.filter(({ text: said }, k) => said !== up[k - 1]?.text), across };
 }
 
 // A plot as text: each frame and its value, nothing where there is none.
@@ -149,7 +162,8 @@ export class Plots {
     const title = document.createElement("span");
     title.textContent = label;
     const now = document.createElement("b");
-    caption.append(title, now);
+    const where = element("small", { class: "plot-where" });
+    caption.append(title, now, where);
     const picture = svg("svg", { viewBox: `0 0 1000 ${HIGH}`, preserveAspectRatio: "none", role: "slider", tabindex: 0, "aria-label": label, "aria-valuemin": 1, "aria-valuemax": values.length });
     if (low < 0) picture.append(svg("rect", { class: "plot-bad", x: 0, width: 1000, y: y(0), height: HIGH - y(0) }));
     const line = svg("line", { class: "plot-head", y1: 0, y2: HIGH });
@@ -158,17 +172,91 @@ export class Plots {
     const scale = document.createElement("small");
     scale.textContent = [`${text(Math.min(...known, 0))} to ${text(Math.max(...known, 0))}`, said].filter(Boolean).join(", ");
     if (name === "peak_torque_nm" && this.figures.plots?.torque_at_some_frames) scale.textContent += `, ${SOME_FRAMES}`;
-    box.append(caption, picture, element("div", { class: "plot-foot" }, scale, link(name, label, values)));
+    const hair = svg("line", { class: "plot-hair", y1: 0, y2: HIGH, visibility: "hidden" });
+    picture.append(hair);
+    const larger = element("button", { class: "inline", type: "button", "aria-label": `Larger view of ${label.toLowerCase()}` }, "Larger");
+    larger.onclick = () => this.enlarge(box, larger);
+    box.append(caption, this.framed(picture, axes({ low, high, frames: values.length, text })),
+      element("div", { class: "plot-foot" }, scale, larger, link(name, label, values)));
     if (bounds.length) box.append(element("small", { class: "plot-bounds" }, element("i", { "aria-hidden": "true" }), bounds.map(({ what }) => what).join("; ")));
-    const go = (/** @type {MouseEvent} */ event) => {
+    const made = { box, values, text, now, where, line, hair, label, picture };
+    const frameAt = (/** @type {MouseEvent} */ event) => {
       const { left, width } = picture.getBoundingClientRect();
-      const share = Math.min(1, Math.max(0, (event.clientX - left) / width));
-      this.player.send({ do: "seek", frame: Math.round(share * (values.length - 1)) });
+      return Math.round(Math.min(1, Math.max(0, (event.clientX - left) / width)) * (values.length - 1));
     };
+    const go = (/** @type {MouseEvent} */ event) => this.player.send({ do: "seek", frame: frameAt(event) });
     picture.addEventListener("pointerdown", (event) => { picture.setPointerCapture(event.pointerId); go(event); });
-    picture.addEventListener("pointermove", (event) => { if (event.buttons) go(event); });
+    picture.addEventListener("pointermove", (event) => { this.point(made, frameAt(event)); if (event.buttons) go(event); });
+    picture.addEventListener("pointerleave", () => this.point(made, null));
     picture.addEventListener("keydown", (event) => this.key(event));
-    return { box, values, text, now, line, label, picture };
+    return made;
+  }
+
+  // A picture with its axes: values at the left, frames below.
+  /**
+   * @param {SVGElement} picture
+   * @param {ReturnType<typeof axes>} marks
+   */
+  framed(picture, { up, across }) {
+    const labels = (/** @type {"bottom" | "left"} */ side, /** @type {{ at: number, text: string }[]} */ list) => list.map(({ at, text }) => {
+      const made = element("span", {}, text);
+      made.style[side] = `${100 * at}%`;
+      return made;
+    });
+    for (const { at } of up) picture.prepend(svg("line", { class: "plot-grid", x1: 0, x2: 1000, y1: HIGH * (1 - at), y2: HIGH * (1 - at) }));
+    return element("div", { class: "plot-framed" },
+      element("div", { class: "plot-up", "aria-hidden": "true" }, ...labels("bottom", up)), picture,
+      element("div", { class: "plot-across", "aria-hidden": "true" }, ...labels("left", across)),
+      element("span", { class: "plot-unit", "aria-hidden": "true" }, "Frame"));
+  }
+
+  // Reads the value at the pointer instead of the one at the playhead; null when the pointer has left.
+  /**
+   * @param {NonNullable<ReturnType<Plots["plot"]>>} made
+   * @param {number | null} frame
+   */
+  point(made, frame) {
+    made.hair.setAttribute("visibility", frame === null ? "hidden" : "visible");
+    const shown = frame ?? Math.min(made.values.length - 1, Math.round(this.player.playhead.frame));
+    const x = String((1000 * shown) / Math.max(1, made.values.length - 1));
+    made.hair.setAttribute("x1", x);
+    made.hair.setAttribute("x2", x);
+    this.read(made, shown);
+  }
+
+  // Shows the value at a frame, and when that is.
+  /**
+   * @param {Pick<NonNullable<ReturnType<Plots["plot"]>>, "values" | "text" | "now" | "where">} made
+   * @param {number} frame
+   */
+  read({ values, text, now, where }, frame) {
+    const value = values[frame];
+    const time = this.player.timeline.row(frame)?.time_s;
+    now.textContent = Number.isFinite(value) ? text(value) : "–";
+    where.textContent = [`frame ${whole(frame + 1)}`, time === undefined ? null : seconds(time)].filter(Boolean).join(", ");
+  }
+
+  // Shows a plot in a dialog as wide as the page; it goes back to its place when that closes.
+  /**
+   * @param {HTMLElement} box
+   * @param {HTMLElement} button
+   */
+  enlarge(box, button) {
+    const place = document.createComment("");
+    const close = element("button", { class: "icon-button dialog-close", type: "button", "aria-label": "Close" }, "✕");
+    const dialog = element("dialog", { class: "dialog plot-dialog", "aria-label": button.getAttribute("aria-label") }, close);
+    close.onclick = () => dialog.close();
+    dialog.onclose = () => {
+      place.replaceWith(box);
+      dialog.remove();
+      button.hidden = false;
+      button.focus();
+    };
+    box.replaceWith(place);
+    button.hidden = true;
+    dialog.append(box);
+    document.body.append(dialog);
+    dialog.showModal();
   }
 
   /** @param {{ frame: number }} state */
@@ -177,21 +265,25 @@ export class Plots {
     if (!frames) return;
     const x = (1000 * Math.min(frame, frames - 1)) / Math.max(1, frames - 1);
     const shown = Math.min(frames - 1, Math.round(frame));
-    for (const { values, text, now, line, label, picture } of this.made) {
+    for (const made of this.made) {
+      const { values, text, line, hair, label, picture } = made;
       line.setAttribute("x1", String(x));
       line.setAttribute("x2", String(x));
       const value = values[shown];
       const told = Number.isFinite(value) ? text(value) : null;
-      now.textContent = told ?? "–";
+      if (hair.getAttribute("visibility") === "hidden") this.read(made, shown);
       picture.setAttribute("aria-valuenow", String(shown + 1));
       picture.setAttribute("aria-valuetext", `Frame ${shown + 1}, ${label.toLowerCase()} ${told ?? "unknown"}`);
     }
   }
 
-  // The keys of the page move a playhead by frames, and to either end; these by ten.
+  // The keys of the page move a playhead by frames, and to either end; these by ten. In a dialog the
+  // page's keys rest, so that arrows are here, too.
   /** @param {KeyboardEvent} event */
   key(event) {
-    const by = event.key === "PageUp" ? FAR : event.key === "PageDown" ? -FAR : 0;
+    const inDialog = event.currentTarget instanceof Element && event.currentTarget.closest("dialog") !== null;
+    const arrow = inDialog ? Number(event.key === "ArrowRight") - Number(event.key === "ArrowLeft") : 0;
+    const by = event.key === "PageUp" ? FAR : event.key === "PageDown" ? -FAR : arrow;
     if (!by || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     this.player.send({ do: "step", by });

@@ -1,6 +1,6 @@
 // What a module's colour says. Red alone means error, one blue alone means selected, grey means that
 // nothing was recorded; all else is told by an even ramp that colour-blind people read as well.
-import { newtonMetres, radians } from "../lib/text.js";
+import { newtonMetres, number, pitches, radians, si } from "../lib/text.js";
 
 const SAMPLES = 48; // moments that a scale is found from
 const NEAR = 0.5; // pitches; modules farther apart all look alike
@@ -159,10 +159,10 @@ export function colouring(key, timeline, figures) {
   const makers = {
     error: () => per((shown) => timeline.moduleErrors(shown.errors), radians, { high: () => timeline.errorScale, ramp: "ramp_error" }),
     "error-even": () => per((shown) => timeline.moduleErrors(shown.errors), radians, { high: () => timeline.errorScale }),
-    position: () => per((shown) => figures?.row(shown.low)?.position_error ?? unknown(), (v) => `${round(v)} pitch`, {
+    position: () => per((shown) => figures?.row(shown.low)?.position_error ?? unknown(), pitches, {
       high: () => roundUp(measured("position_error")), none: lacking ?? "no data in this phase",
     }),
-    speed: () => per((shown) => timeline.carried(timeline.speeds(shown.frame), (a, b) => Math.max(Math.abs(a), Math.abs(b))), (v) => `${round(v)} rad/s`),
+    speed: () => per((shown) => timeline.carried(timeline.speeds(shown.frame), (a, b) => Math.max(Math.abs(a), Math.abs(b))), (v) => si(v, "rad/s")),
     torque: () => per((shown) => {
       const torques = figures?.row(shown.low)?.torque;
       return torques ? timeline.carried(torques, (a, b) => Math.max(Math.abs(a), Math.abs(b))) : unknown();
@@ -171,13 +171,13 @@ export function colouring(key, timeline, figures) {
       const torques = figures?.row(shown.low)?.joint_torque;
       return torques ? timeline.carried(torques, Math.max) : unknown();
     }, (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), { high: () => roundUp(measured("joint_torque")), none: "not computed here" }),
-    pressed: () => per((shown) => figures?.row(shown.low)?.pressed ?? unknown(), (v) => (v ? `${round(v)} × its weight` : "0"), {
+    pressed: () => per((shown) => figures?.row(shown.low)?.pressed ?? unknown(), (v) => (v ? `${number(v)} × its weight` : "0"), {
       high: () => roundUp(measured("pressed")), none: "not computed here",
     }),
-    clearance: () => per((shown) => figures?.row(shown.low)?.clearance ?? unknown(), (v) => `${round(v)} pitch`, {
+    clearance: () => per((shown) => figures?.row(shown.low)?.clearance ?? unknown(), pitches, {
       high: NEAR, bad: (v) => v < 0, none,
     }),
-    chain: () => per(() => Float32Array.from({ length: chain.modules }, (_, i) => i), (v) => `Module ${Math.round(v)}`, { high: chain.modules - 1, none: null }),
+    chain: () => per(() => Float32Array.from({ length: chain.modules }, (_, i) => i), (v) => `Module ${Math.round(v) + 1}`, { high: chain.modules - 1, none: null }),
   };
   const made = (makers[key] ?? makers.error)();
   made.figures = figures ?? null;
@@ -189,6 +189,4 @@ export function colouring(key, timeline, figures) {
  * @param {number} torque
  * @param {number} unit_nm
  */
-export const withUnit = (torque, unit_nm) => (torque ? `${round(torque)} w·p, ${newtonMetres(torque * unit_nm)}` : "0");
-
-export const round = (/** @type {number} */ v) => Number(v.toPrecision(2));
+export const withUnit = (torque, unit_nm) => (torque ? `${number(torque)} w·p, ${newtonMetres(torque * unit_nm)}` : "0");

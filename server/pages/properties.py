@@ -1,0 +1,323 @@
+"""Properties: the rows that a fold's page shows of it, the most wanted first, in words."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, TypedDict, cast
+from zipfile import ZipFile
+
+import numpy as np
+
+from planner.certificate.figures import (
+    CertificateFigures,
+    ExplosionFigures,
+    FoldSummary,
+    PlaybackFigures,
+    SmoothingFigures,
+)
+from planner.chain.module import CUBE, MODULES
+from planner.errors import UNREADABLE, TimelineError
+from planner.files import json_of
+from planner.motion.timeline import Timeline
+from planner.pipeline.attempt_folders import CHAIN, TIMELINE, result
+from planner.pipeline.preference import COMPUTING, preference_named
+from planner.robot import RECORDED, SOFTENED
+from planner.simulation.parameters import FLOATING
+from planner.verification.integrity import damaged_among
+from server.pages import certificate_words
+from server.pages.choice_words import PREFERENCE_WORDS
+from server.pages.failures import reason_for_people
+from server.pages.quantities import PRESETS, STRATEGIES, length_m, number, quantity, sentence
+from server.pages.quantities import parameters as parameters_in_words
+from server.pages.setting_words import changed
+from server.store.shown import RUNNING, ShownFold
+
+VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
+PLAN: Final = "plan.npy"
+"""Part of a plan.npz: all that it says besides its frames, as JSON text."""
+LARGEST_SETTINGS: Final = 16 * 2**20
+"""Bytes of that part; a chain of 12 000 modules takes 3 MB."""
+SUMMARY: Final = "In short"
+"""Heading of the first group, which pages show unfolded."""
+FOLLOWING: Final = ("spacing_rad", "distance_weight", "steps_per_rad", "step_s", "dynamic_up_to")
+"""Playback parameters of all that follows the smooth curve through a record."""
+SERVOING: Final = ("step_s", "friction", "damping", "gain", "stiffness", "torque_limit")
+"""Playback parameters of the servos without feed-forward."""
+CONTROLLER_PARAMETERS: Final[dict[str, tuple[str, ...]]] = {
+    "robot": (*FOLLOWING, "paced_by"),
+    "computed-torque": (*FOLLOWING, "paced_by", "bandwidth", "encoder_rad", "friction", "damping"),
+    "paper": (*SERVOING, "threshold_rad2", "least_steps", "dynamic_up_to"),
+    "direct": (*SERVOING, "direct_steps", "dynamic_up_to"),
+}
+"""Playback parameters that each controller uses, besides itself and its limit of steps."""
+EXPLODING: Final = ("simultaneous", "blocks")
+"""Strategies that use the parameters of the explosion; peeling has parameters of its own."""
+SMOOTHED: Final[dict[str, tuple[str, str, int]]] = {
+    "frames": ("Frames", "", 3),
+    "fold_time_s": ("Folding time", "s", 3),
+    "length_rad": ("Path length", "rad", 3),
+    "hinges_moving_mean": ("Hinges moving at once, mean", "", 3),
+    "hinges_moving_most": ("Hinges moving at once, most", "", 3),
+    "peak_speed_rad_s": ("Fastest hinge", "rad/s", 2),
+    "peak_torque_nm": ("Largest torque", "N·m", 2),
+    "tail_way": ("Distance travelled by an end", "pitch", 3),
+    "tail_speed": ("Fastest end", "pitch/s", 2),
+    "clearance": ("Clearance", "pitch", 2),
+}
+"""Label, unit and digits of each figure that smoothing changes."""
+SMOOTHING_NOTES: Final = {
+    SOFTENED: "More smoothing would have left too little clearance.",
+    RECORDED: "Any shorter motion would have left too little clearance, so only the timing is new.",
+}
+
+Rows = list[tuple[str, object]]
+Values = Mapping[str, Any]
+
+
+class Property(TypedDict):
+    """One value in words."""
+
+    label: str
+    value: str
+
+
+class Properties(TypedDict):
+    """A group of rows; pages fold all groups but the first."""
+
+    heading: str
+    rows: list[Property]
+
+
+class BeforeAfter(TypedDict):
+    """One figure before and after smoothing, in words; the ratio of two numbers."""
+
+    label: str
+    before: str
+    after: str
+    ratio: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fold:
+    """A fold with everything that its properties are made of."""
+
+    row: ShownFold
+    summary: FoldSummary
+    certificate: CertificateFigures
+    directory: Path
+
+    @property
+    def explosion(self) -> ExplosionFigures:
+        return self.summary.get("explosion") or ExplosionFigures()
+
+    @property
+    def playback(self) -> PlaybackFigures:
+        return self.summary.get("playback") or PlaybackFigures()
+
+    @property
+    def chain(self) -> Values:
+        over = self.row.status not in RUNNING
+        damaged = over and damaged_among(self.directory, [CHAIN])
+        return {} if damaged else json_of(result(self.directory, CHAIN))
+
+    @property
+    def plan(self) -> dict[str, dict[str, Any]]:
+        over = self.row.status in ("verified", "failed")
+        return _settings_of(self.directory / "plan.npz") if over else {}
+
+    def summary_rows(self) -> Rows:
+        row = self.row
+        verdict = str(self.certificate.get("verdict") or "")
+        return [
+            ("Verdict", sentence(reason_for_people(verdict, self.summary))),
+            *certificate_words.main_rows(self.certificate),
+            ("Modules", row.modules or None),
+            ("Module width", length_m(self.chain.get("pitch_m"))),
+            ("Method", STRATEGIES.get(str(self.explosion.get("strategy")))),
+            ("Preset", PRESETS.get(row.preset, row.preset)),
+            ("World", "In zero gravity" if row.world == FLOATING else "On a table, with gravity"),
+        ]
+
+    def fold_rows(self) -> Rows:
+        row = self.row
+        chosen = None if row.prefer == COMPUTING else PREFERENCE_WORDS[preference_named(row.prefer)]
+        return [
+            ("Name", row.called),
+            ("Joints", _joints(row)),
+            ("Chosen for", chosen),
+            ("Seed", self.summary.get("seed", row.seed)),
+            ("Identifier", row.id),
+        ]
+
+    def certificate_rows(self) -> Rows:
+        certificate = self.certificate
+        limit_rad = MODULES.get(self.row.module, CUBE).angle_limit_rad
+        return [
+            *certificate_words.further_rows(certificate),
+            ("Linked modules", certificate_words.linked(certificate)),
+            ("Recording", certificate_words.record(certificate, limit_rad=limit_rad)),
+        ]
+
+    def computation_rows(self) -> Rows:
+        explosion, playback = self.explosion, self.playback
+        made = "Smoothing" if self.summary.get("smoothing") else "Explosion"
+        kinematic = playback.get("kind") == "kinematic"
+        not_simulated = certificate_words.NOT_SIMULATED if kinematic else None
+        return [
+            (f"{made} steps", explosion.get("steps") or None),
+            (f"{made} frames", explosion.get("frames")),
+            (f"{made} wall time", quantity(explosion.get("seconds"), "s", 2)),
+            ("Playback steps", playback.get("steps") or not_simulated),
+            ("Playback wall time", quantity(playback.get("seconds"), "s", 2)),
+            ("Certificate wall time", quantity(self.certificate.get("seconds"), "s", 2)),
+            ("Simulated time", quantity(_simulated_s(self.directory), "s")),
+        ]
+
+
+def properties(
+    row: ShownFold, summary: FoldSummary, certificate: CertificateFigures, directory: Path
+) -> list[Properties]:
+    """Return groups of labels and values, the rows that most visitors want in the first."""
+    fold = _Fold(row=row, summary=summary, certificate=certificate, directory=directory)
+    plan = fold.plan
+    versions = plan.get("versions", {})
+    groups: list[tuple[str, Rows]] = [
+        (SUMMARY, fold.summary_rows()),
+        ("Fold", fold.fold_rows()),
+        ("Changed settings", [*changed(row.preset, row.settings)]),
+        ("Certificate", fold.certificate_rows()),
+        ("Computation", fold.computation_rows()),
+        *[
+            (heading, [*parameters_in_words(values)])
+            for heading, values in used_parameters(
+                plan.get("parameters", {}),
+                strategy=str(fold.explosion.get("strategy")),
+                simulated=fold.playback.get("kind") != "kinematic",
+            )
+        ],
+        ("Versions", [(VERSIONS.get(name, name), str(v)) for name, v in versions.items()]),
+    ]
+    shown = [(heading, _shown(rows)) for heading, rows in groups]
+    return [{"heading": heading, "rows": rows} for heading, rows in shown if rows]
+
+
+def used_parameters(
+    parameters: Values, *, strategy: str, simulated: bool
+) -> list[tuple[str, Values]]:
+    """Return headings and values of the parameters that a fold has used, and of no others.
+
+    Args:
+        parameters: All parameters in a plan, nested as ``Parameters.as_dict`` has them.
+        strategy: Strategy of the explosion that the plan is made of.
+        simulated: False for a kinematic playback, which has no controller.
+    """
+    on_table = parameters.get("world") == "table"
+    groups: list[tuple[str, Values]] = []
+    if strategy in EXPLODING:
+        groups.append(("Explosion parameters", parameters.get("explosion") or {}))
+    elif strategy == "peel":
+        name = "table" if on_table else "peeling"
+        groups.append((f"{name.capitalize()} parameters", parameters.get(name) or {}))
+    playback = parameters.get("playback")
+    if on_table or not playback:
+        return groups
+    controller = str(playback.get("controller"))
+    used = FOLLOWING if not simulated else (CONTROLLER_PARAMETERS.get(controller, ()))
+    if simulated:
+        used = ("controller", *used, "max_steps")
+        # A motor either has a stiffness or a limit: planner.playback.course.
+        limited = playback.get("torque_limit") is not None
+        used = [name for name in used if name != ("stiffness" if limited else "torque_limit")]
+    groups.append(
+        ("Playback parameters", {name: playback[name] for name in used if name in playback})
+    )
+    robot = playback.get("robot")
+    if simulated and controller == "robot" and robot:
+        heading = "Simulated robots (torques relative to the largest planned)"
+        groups.append((heading, robot))
+    return groups
+
+
+def smoothing_rows(smoothing: SmoothingFigures) -> list[BeforeAfter]:
+    """Return figures of a plan before and after smoothing; none when smoothing changed nothing."""
+    before, after = smoothing["before"], smoothing["after"] or {}
+    return [
+        {
+            "label": label,
+            "before": str(quantity(before[key], unit, digits)),
+            "after": str(quantity(after[key], unit, digits)),
+            "ratio": f"× {after[key] / before[key]:.2f}" if before[key] else "",
+        }
+        for key, (label, unit, digits) in SMOOTHED.items()
+        if key in after
+    ]
+
+
+def smoothing_note(smoothing: SmoothingFigures) -> str:
+    """Return the folding time at which both plans are compared, and the limit of smoothing."""
+    seconds = number(smoothing["seconds"], 3)
+    text = f"Speeds and torques are compared at the same folding time, {seconds} s."
+    return f"{SMOOTHING_NOTES.get(smoothing['way'], '')} {text}".strip()
+
+
+def _joints(row: ShownFold) -> int | None:
+    return int(row.modules) - 1 - MODULES.get(row.module, CUBE).rigid_links if row.modules else None
+
+
+def _shown(rows: Rows) -> list[Property]:
+    """Return rows that have a value, in words."""
+    return [
+        {"label": sentence(label), "value": str(value)}
+        for label, value in rows
+        if value is not None and value != ""
+    ]
+
+
+def _settings_of(path: Path) -> dict[str, dict[str, Any]]:
+    """Return parameters and versions of a plan without its frames, which may take 100 MB."""
+    try:
+        return _settings_at(path, path.stat().st_mtime_ns)
+    except OSError:
+        return {}
+
+
+@lru_cache(maxsize=512)
+def _settings_at(path: Path, changed_ns: int) -> dict[str, dict[str, Any]]:
+    del changed_ns
+    try:
+        with ZipFile(path) as file:
+            if file.getinfo(PLAN).file_size > LARGEST_SETTINGS:
+                return {}
+        with np.load(path, allow_pickle=False) as arrays:
+            plan = json.loads(str(arrays["plan"]))
+        return {
+            key: cast("dict[str, Any]", plan.get(key) or {}) for key in ("parameters", "versions")
+        }
+    except UNREADABLE:
+        return {}
+
+
+def _simulated_s(directory: Path) -> float | None:
+    """Return the simulated time of a timeline; looked up once for each length that it has had."""
+    try:
+        timeline = result(directory, TIMELINE)
+        changed_ns = (timeline / "zarr.json").stat().st_mtime_ns
+    except OSError:
+        return None
+    return _simulated_at(timeline, changed_ns)
+
+
+@lru_cache(maxsize=512)
+def _simulated_at(path: Path, changed_ns: int) -> float | None:
+    del changed_ns
+    try:
+        timeline = Timeline.open(path)
+        if not len(timeline):
+            return None
+        return float(timeline.frames(len(timeline) - 1).time_s[-1])
+    except (TimelineError, *UNREADABLE):
+        return None

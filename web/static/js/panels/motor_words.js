@@ -1,0 +1,31 @@
+// Whether given motors are strong enough for a fold, as a sentence for people.
+import { newtonMetres, seconds, si } from "../lib/text.js";
+
+const DIGITS = 3;
+
+/**
+ * An answer of `/api/folds/ID/motors`.
+ * @typedef {object} MotorsTold
+ * @property {boolean | null} would_do null where no motor torque was given
+ * @property {number | null} motor_torque_nm
+ * @property {{ name: string, peak_torque_nm: number, peak_time_s: number, would_do: boolean | null }[]} joints
+ */
+
+// A torque rounded up, so that a motor of what is shown is enough.
+/** @param {number} value */
+function roundedUp(value) {
+  if (!(value > 0)) return 0;
+  const [mantissa, exponent] = value.toExponential(9).split("e").map(Number);
+  return Number(`${Math.ceil(mantissa * 10 ** (DIGITS - 1))}e${exponent - DIGITS + 1}`);
+}
+
+/** @param {MotorsTold} told */
+export function motorWords({ would_do: enough, motor_torque_nm: given, joints }) {
+  const neediest = joints.reduce((most, joint) => (joint.peak_torque_nm > most.peak_torque_nm ? joint : most));
+  const need = si(roundedUp(neediest.peak_torque_nm), "N·m", DIGITS);
+  const most = `${neediest.name} needs most: ${need}, ${seconds(neediest.peak_time_s)} into the motion.`;
+  if (given === null || enough === null) return `Motors of ${need} or more are strong enough. ${most}`;
+  if (enough) return `Yes, ${newtonMetres(given)} is enough. ${most}`;
+  const weak = joints.filter((joint) => joint.would_do === false).length;
+  return `No, ${newtonMetres(given)} is too weak for ${weak} of ${joints.length} hinges. ${most} Choose stronger motors, lighter modules or less acceleration.`;
+}
