@@ -72,7 +72,7 @@ async def batch(
     stride: Annotated[int, Query(ge=1, le=1_000_000)] = 1,
     wait: Annotated[float, Query(ge=0, le=LONGEST_WAIT_S)] = 0.0,
 ) -> Response:
-    """Frames of a fold's timeline; with ``wait``, seconds, not before there are any from there.
+    """Return frames of a fold's timeline; ``wait`` is how many seconds to wait for the first one.
 
     Raises:
         TooMany: If too many requests of the visitor, its network or in all wait.

@@ -77,7 +77,10 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
         ("Robots", robots(certificate)),
         ("Final position error (RMS)", _of_simulation(certificate, "rms_position_error", DIGITS)),
         ("Largest joint move per frame", quantity(certificate.get("max_joint_step_rad"), "rad")),
-        ("Largest number of hinges moving at once", quantity(certificate.get("hinges_moving_most"))),
+        (
+            "Largest number of hinges moving at once",
+            quantity(certificate.get("hinges_moving_most")),
+        ),
     ]
 
 

@@ -134,7 +134,7 @@ def test_modules_that_block_each_other_are_confirmed(spirals: Stuck) -> None:
     evidence = told["evidence"]
     assert (evidence["kind"], evidence["module_size"]) == ("blocks", 0.95)
     assert len(evidence["turns"]) == 11
-    assert "11 hinges" in told["words"] and "cannot turn towards straight" in told["words"]
+    assert "11 hinges" in told["words"] and "cannot straighten" in told["words"]
     assert "module 0 against 23" in told["words"]
     assert differences(spirals) == ()
 

@@ -26,7 +26,7 @@ def of(network: int, visitor: int, cost_s: float, count: int = 1) -> list[Waitin
         ([], (0, 0, 1200.0), None),
         ([], (0, 0, 1300.0), "0 folds are waiting"),
         (of(0, 0, 300.0), (0, 0, 90.0), None),
-        (of(0, 0, 300.0), (0, 0, 110.0), "your waiting folds (1)"),
+        (of(0, 0, 300.0), (0, 0, 110.0), "your waiting folds"),
         (of(0, 0, 1.0, 4), (0, 0, 1.0), "4 of your folds"),
         # A network alone fills half of the queue, whoever its visitors are.
         (of(0, 0, 300.0) + of(0, 1, 200.0), (0, 2, 90.0), None),
