@@ -21,7 +21,7 @@ COLUMNS = (
 
 def table() -> str:
     """The table, in Markdown: a servo a line, with a link to what its figures are from."""
-    lines = [f"| {' | '.join((*COLUMNS, 'compared'))} |", "|---" * (len(COLUMNS) + 1) + "|"]
+    lines = [f"| {' | '.join((*COLUMNS, 'checked against'))} |", "|---" * (len(COLUMNS) + 1) + "|"]
     return "\n".join([*lines, *map(row, servos())]) + "\n"
 
 

@@ -42,6 +42,11 @@ JS_CONCATENATION = re.compile(r"(?<=[^\\])([\"'])\s*\+\s*\1")
 JS_INSERTION = re.compile(r"\$\{((?:[^{}`]|`[^`]*`|\{[^{}]*\})*)\}", re.DOTALL)
 JINJA = re.compile(r"\{#.*?#\}|\{%.*?%\}|\{\{.*?\}\}", re.DOTALL)
 QUOTED = re.compile(r"\"([^\"]*)\"|'([^']*)'")
+MARKDOWN_CODE = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
+MARKDOWN_START = re.compile(r"\s*([#|<>]|[-*] |\d+\. )")
+"""Beginning of a line that continues no paragraph."""
+
+SENTENCE_END = re.compile(r"(?<=[.!?]) +(?=[A-Z*`\[(])")
 SENTENCE = re.compile(r"[A-Za-z]{2,}[,;:]? +[(\"]?[a-z0-9{…]|^[A-Z][a-z]+( [a-z]+)*[.:?!…]?$")
 """Two words in a row, or one capitalised word: a text for people, not a key or a path."""
 
@@ -155,11 +160,20 @@ def in_script(source: str) -> Iterator[tuple[int, str]]:
 
 
 def in_markdown(source: str) -> Iterator[tuple[int, str]]:
-    """Find the lines of a document outside of its code blocks."""
-    for block in re.split(r"(?m)^```.*?^```$", source, flags=re.DOTALL):
-        start = source.index(block)
-        for line in re.finditer(r"[^\n]+", block):
-            yield source.count("\n", 0, start + line.start()) + 1, line[0]
+    """Find the sentences of a document outside of its code blocks; a row of a table is one text."""
+    lines = MARKDOWN_CODE.sub(lambda block: "\n" * block[0].count("\n"), source).split("\n")
+    paragraphs: list[tuple[int, str]] = []
+    open_paragraph = False
+    for number, line in enumerate(lines, start=1):
+        if open_paragraph and line.strip() and not MARKDOWN_START.match(line):
+            first, words = paragraphs[-1]
+            paragraphs[-1] = first, f"{words} {line.strip()}"
+        elif line.strip():
+            paragraphs.append((number, line.strip()))
+        open_paragraph = bool(line.strip()) and not line.startswith(("#", "|", "<"))
+    for number, words in paragraphs:
+        whole = words.startswith("|")
+        yield from ((number, text) for text in ([words] if whole else SENTENCE_END.split(words)))
 
 
 READERS = {".py": in_python, ".html": in_html, ".js": in_script, ".md": in_markdown}

@@ -174,7 +174,9 @@ class Client:
                     raise Problem.of(answer)
                 yield answer
         except httpx.TransportError as error:
-            raise ConnectionError(f"{self.base_url} broke off ({error}).") from error
+            raise ConnectionError(
+                f"the connection to {self.base_url} was lost ({error})."
+            ) from error
 
     def _post(
         self,
@@ -238,7 +240,9 @@ class Client:
     def _inside(self, path: str) -> str:
         """The path; what the service tells must not lead elsewhere."""
         if not path.startswith("/"):
-            raise Problem("bad-link", f"got the link {path[:100]!r}, expected one of the service.")
+            raise Problem(
+                "bad-link", f"got the link {path[:100]!r}, expected a link of the service."
+            )
         return path
 
 

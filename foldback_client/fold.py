@@ -53,7 +53,7 @@ class Fold:
         self.existing = existing
 
     def __repr__(self) -> str:
-        return f"Fold({self.id!r}, {self._state['status'] if self._state else 'not looked at'})"
+        return f"Fold({self.id!r}, {self._state['status'] if self._state else 'state unknown'})"
 
     @property
     def state(self) -> dict[str, Any]:
@@ -209,7 +209,7 @@ class Fold:
             movie = self._client.ask("GET", here)
         if movie["status"] == "failed":
             told = movie["problem"] or {}
-            detail = told.get("detail", "no reason was told.")
+            detail = told.get("detail", "the service gave no reason.")
             raise Problem(told.get("code", "failed"), detail, where=told.get("where"))
         return self._client.save(f"{here}/file", Path(to), f"{self.id}.{movie['format']}")
 

@@ -1,4 +1,4 @@
-"""The application: routes, what they share, and what every answer goes through."""
+"""The application: routes, their shared state, and the middleware of every answer."""
 
 from __future__ import annotations
 

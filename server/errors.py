@@ -1,4 +1,4 @@
-"""Errors of the service: why it does not do what it was asked for.
+"""Errors of the service: reasons why it refuses or cannot complete a request.
 
 They know no protocol: ``server.http.problems`` says what each is over HTTP.
 """

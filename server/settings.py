@@ -1,4 +1,4 @@
-"""Settings: what an operator can change, all by environment variables ``FOLDBACK_…``."""
+"""Settings of the operator, all given by environment variables ``FOLDBACK_…``."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ class Settings(BaseSettings):
     )
     data_dir: Path = Field(default=Path("data"), description="Directory of folds and database.")
     database_url: str | None = Field(
-        default=None, description="Database, as postgresql://…. Default: SQLite in data_dir."
+        default=None,
+        description="Database address, as postgresql://…. Default: SQLite in data_dir.",
     )
     jobs_url: str | None = Field(
         default=None,
-        description="Database of the job system. Default: the one above if it is PostgreSQL, "
-        "else SQLite.",
+        description="Database of the job system. Default: database_url if set, else SQLite.",
     )
     storage_url: str | None = Field(
         default=None,
-        description="Store for the files of folds, as s3://bucket/prefix; the usual AWS_… "
-        "variables configure it. Needs pip install 'foldback[storage]'. Default: data_dir.",
+        description="Object store for the files of folds, as s3://bucket/prefix, configured by "
+        "the usual AWS_… variables. Needs pip install 'foldback[storage]'. Default: data_dir.",
     )
     cache_bytes: int = Field(
         default=2048 * MIB,
         ge=MIB,
-        description="Disk space for copies of files that are stored elsewhere.",
+        description="Disk space for local copies of files from the object store.",
     )
     storage_bytes: int | None = Field(
         default=None,
@@ -63,8 +63,8 @@ class Settings(BaseSettings):
     storage_of_visitor_bytes: int | None = Field(
         default=None,
         ge=MIB,
-        description="Storage for the folds of one visitor, counted from when they are accepted, "
-        "without exports, pictures and movies.",
+        description="Storage for the folds of one visitor, waiting folds included. Exports, "
+        "pictures and movies do not count.",
     )
     keep_days: float | None = Field(
         default=None,
@@ -74,27 +74,27 @@ class Settings(BaseSettings):
     )
     imprint_url: str | None = Field(
         default=None,
-        description="Page that names the operator of the service, as https://…; linked on "
-        "`/privacy`.",
+        description="Address of a page about the operator of the service, as https://…. The page "
+        "`/privacy` links to it.",
     )
     origins: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Further origins (scheme://host) whose pages may use this service, "
-        "separated by commas.",
+        description="Other origins (scheme://host), separated by commas, whose pages may change "
+        "folds of this service.",
     )
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Host names that the service answers to, separated by commas; * allows any, "
-        "*.example.org all subdomains. This machine's own names are always allowed. Default: "
-        "only those and `host` on a loopback address, any name on a public address. Set it on "
-        "public addresses and behind a proxy too, against DNS rebinding.",
+        description="Host names that requests may use, separated by commas; * allows any name, "
+        "*.example.org all subdomains. This machine's own names are always allowed. Default: no "
+        "others on a loopback address, any name on a public address. Set it on public "
+        "addresses and behind proxies, against DNS rebinding.",
     )
 
     log_format: Literal["text", "json"] = Field(
         default="text", description="Format of log lines: text for people, or JSON."
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
-        default="info", description="Lowest level that is logged."
+        default="info", description="Lowest level of logged messages."
     )
     metrics_public: bool = Field(
         default=False,
@@ -102,14 +102,14 @@ class Settings(BaseSettings):
     )
     metrics_token: SecretStr | None = Field(
         default=None,
-        description="Token (16 characters or more) for `/metrics`, sent as `Authorization: "
-        "Bearer …`. Without a token, `/metrics` is closed, on this machine too.",
+        description="Token (at least 16 characters) for `/metrics`, sent as `Authorization: "
+        "Bearer …`. Without a token, `/metrics` is closed, even to this machine.",
     )
     leave_s: float = Field(
         default=0.0,
         ge=0,
-        description="Time for which `serve` still answers after it was asked to stop, while "
-        "`/ready` returns 503, so that a load balancer stops sending requests.",
+        description="Time between a request to stop and the end of `serve`. Meanwhile `/ready` "
+        "returns 503, so that a load balancer stops sending requests.",
     )
     otlp_endpoint: str | None = Field(
         default=None,
@@ -118,197 +118,218 @@ class Settings(BaseSettings):
     )
     trusted_proxies: Annotated[tuple[str, ...], NoDecode] = Field(
         default=("127.0.0.0/8", "::1"),
-        description="Addresses or networks, separated by commas, whose X-Forwarded-For and "
-        "X-Forwarded-Proto are trusted; these headers are ignored from all others.",
+        description="Addresses or networks of proxies, separated by commas. X-Forwarded-For and "
+        "X-Forwarded-Proto are trusted from these proxies and ignored from other senders.",
     )
 
-    workers: int = Field(default=1, ge=0, le=64, description="Worker processes that `serve` runs.")
+    workers: int = Field(default=1, ge=0, le=64, description="Worker processes started by `serve`.")
     folds_per_worker: int = Field(
         default=1,
         ge=1,
         le=64,
-        description="Folds that a worker computes at once, plus as many quick ones (10 s).",
+        description="Folds that a worker computes at once. It also runs as many folds of up to 10 "
+        "s.",
     )
     prewarm: bool = Field(
         default=True,
-        description="At start, run all compiled loops once and prepare the first page, before "
-        "the first request. Without it an idle service takes about 500 MB less, and the first "
-        "visitor waits some seconds longer. Start a new version with it once: that compiles the "
-        "loops.",
+        description="Prepare the compiled solvers and the first page at start. `false` saves "
+        "about 500 MB while the service is idle, but the first visitor waits some seconds longer. "
+        "Start each new version once with `true`, which compiles the solvers.",
     )
     finished_folds: bool = Field(
         default=True,
-        description="Whether a new database gets the finished folds that come with the package. "
-        "One that is deleted does not come back.",
+        description="Add the package's finished folds to a new database. They do not come back "
+        "after they were deleted.",
     )
     lease_s: float = Field(
         default=15.0,
         gt=0,
-        description="A worker that sends no heartbeat for this time counts as dead; others take "
-        "over.",
+        description="Time without a heartbeat after which a worker counts as dead. Other workers "
+        "then take over its folds.",
     )
     drain_s: float = Field(
         default=0.0,
         ge=0,
-        description="Time for which a stopping worker may continue its folds; the rest goes "
-        "back to the queue.",
+        description="Time for which a stopping worker may finish its folds. Folds that are not "
+        "finished by then go back to the queue.",
     )
     largest_queue: int = Field(
         default=256,
         ge=1,
-        description="Folds that may wait, of all visitors. One network may use half of the free "
-        "places if it is alone, a third if there are two networks, and so on.",
+        description="Maximum number of waiting folds. A network may use half of the free places "
+        "if no other network waits, a third if one other network waits, and so on.",
     )
     largest_queue_of_visitor: int = Field(
-        default=16, ge=1, description="Folds of one visitor that may wait."
+        default=16, ge=1, description="Maximum number of one visitor's waiting folds."
     )
     largest_queue_seconds: float = Field(
         default=7200.0,
         gt=0,
-        description="Expected computing time of all waiting folds, s; shared between networks "
-        "in the same way.",
+        description="Maximum estimated computing time of all waiting folds, s. Networks share "
+        "it like the places in the queue.",
     )
     largest_queue_seconds_of_visitor: float = Field(
         default=1800.0,
         gt=0,
-        description="Expected computing time of one visitor's waiting folds, s; the first fold "
-        "may take longer.",
+        description="Maximum estimated computing time of one visitor's waiting folds, s. A single "
+        "fold may take longer.",
     )
 
     slice_seconds: float = Field(
         default=30.0,
         gt=0,
-        description="Computing time after which a fold pauses for cheaper ones that wait; three "
-        "times as long after each pause.",
+        description="Computing time after which a fold pauses if shorter ones wait, s. It "
+        "triples after each pause.",
     )
 
-    max_upload_bytes: int = Field(default=64 * MIB, ge=1024, description="Largest upload.")
+    max_upload_bytes: int = Field(
+        default=64 * MIB, ge=1024, description="Maximum size of an upload."
+    )
     max_uploads: int = Field(
-        default=24, ge=1, description="Uploads that may be received or processed at once, in all."
+        default=24, ge=1, description="Maximum number of uploads that are received or read at once."
     )
     max_uploads_of_visitor: int = Field(
-        default=6, ge=1, description="Uploads of one visitor at once."
+        default=6, ge=1, description="Maximum number of one visitor's uploads at once."
     )
-    upload_seconds: float = Field(default=120.0, gt=0, description="Longest time for one upload.")
+    upload_seconds: float = Field(default=120.0, gt=0, description="Maximum duration of an upload.")
     upload_idle_s: float = Field(
-        default=15.0, gt=0, description="An upload that sends nothing for this time is cancelled."
+        default=15.0, gt=0, description="Time without data after which an upload is cancelled."
     )
     header_seconds: float = Field(
-        default=20.0, gt=0, description="Time within which a connection must send its request."
+        default=20.0, gt=0, description="Maximum time until a new connection has sent its request."
     )
     unread_seconds: float = Field(
-        default=60.0, gt=0, description="A connection that reads nothing for this time is closed."
+        default=60.0,
+        gt=0,
+        description="Time after which a connection is closed if its client reads nothing.",
     )
     max_connections: int = Field(
-        default=2000, ge=1, description="Connections that may be open at once."
+        default=2000, ge=1, description="Maximum number of open connections."
     )
     max_connections_of_visitor: int = Field(
-        default=256, ge=1, description="Connections of one visitor; a trusted proxy may use all."
+        default=256,
+        ge=1,
+        description="Maximum number of one visitor's open connections. A trusted proxy may use all "
+        "connections.",
     )
     requests_per_second_of_visitor: float = Field(
         default=100.0,
         gt=0,
-        description="Requests of one visitor per second, on average; up to 40 chunks, frames or "
-        "other protocol events are read for each.",
+        description="Maximum average number of one visitor's requests per second. Each request "
+        "allows 40 protocol events, such as chunks or HTTP/2 frames.",
     )
     requests_at_once_of_visitor: int = Field(
         default=2000,
         ge=1,
-        description="Requests that one visitor may make at once after a pause.",
+        description="Maximum number of requests that one visitor may send at once after a pause.",
     )
     lists_per_second_of_visitor: float = Field(
         default=5.0,
         gt=0,
-        description="Lists (`/api/mine`, `/api/folds`, `/gallery`, `/`) that one visitor may "
-        "load per second, on average; 20 times as many at once.",
+        description="Maximum average number of lists (`/api/mine`, `/api/folds`, `/gallery`, `/`) "
+        "that one visitor may load per second. After a pause, 20 times as many at once.",
     )
-    max_modules: int = Field(default=12_000, ge=3, description="Longest chain.")
+    max_modules: int = Field(
+        default=12_000, ge=3, description="Maximum number of modules of a chain."
+    )
     min_free_disk_bytes: int = Field(
         default=64 * MIB, ge=0, description="Free disk space below which uploads are refused."
     )
-    read_seconds: float = Field(default=10.0, gt=0, description="Time to read one upload.")
-    preview_seconds: float = Field(default=10.0, gt=0, description="Time to prepare a preview.")
+    read_seconds: float = Field(default=10.0, gt=0, description="Maximum time to read an upload.")
+    preview_seconds: float = Field(
+        default=10.0, gt=0, description="Maximum time to prepare a preview."
+    )
     preview_search_seconds: float = Field(
-        default=4.0, gt=0, description="Part of it for finding a path through exact cells."
+        default=4.0,
+        gt=0,
+        description="Part of preview_seconds for the search for a path through unsplit cells.",
     )
     files_waiting: int = Field(
-        default=8, ge=1, description="Exports and pictures that may be made at once."
+        default=8,
+        ge=1,
+        description="Maximum number of exports and pictures that are created or wait.",
     )
     files_waiting_of_visitor: int = Field(
-        default=3, ge=1, description="Exports and pictures of one visitor at once."
+        default=3, ge=1, description="Maximum number of one visitor's exports and pictures."
     )
     answers_waiting: int = Field(
         default=12,
         ge=1,
-        description="Large answers (frames, trajectories, motors) that may be prepared or "
-        "waited for.",
+        description="Maximum number of large answers (frames, trajectories, motors) that are "
+        "prepared or wait.",
     )
     answers_waiting_of_visitor: int = Field(
-        default=4, ge=1, description="Large answers of one visitor."
+        default=4, ge=1, description="Maximum number of one visitor's large answers."
     )
-    previews_waiting: int = Field(default=8, ge=1, description="Previews that may wait at once.")
+    previews_waiting: int = Field(
+        default=8, ge=1, description="Maximum number of waiting previews."
+    )
     previews_waiting_of_visitor: int = Field(
-        default=3, ge=1, description="Waiting previews of one visitor."
+        default=3, ge=1, description="Maximum number of one visitor's waiting previews."
     )
     retime_seconds: float = Field(
-        default=60.0, gt=0, description="Time to compute one trajectory or a table of motors."
+        default=60.0, gt=0, description="Maximum time to compute a trajectory or a table of motors."
     )
     preview_keep_s: float = Field(
-        default=86400.0, gt=0, description="A preview that is not used for this time is deleted."
+        default=86400.0, gt=0, description="Time after which an unused preview is deleted."
     )
-    previews_bytes: int = Field(default=512 * MIB, ge=MIB, description="Disk space for previews.")
+    previews_bytes: int = Field(
+        default=512 * MIB, ge=MIB, description="Maximum disk space for previews."
+    )
     previews_of_visitor_bytes: int = Field(
-        default=128 * MIB, ge=MIB, description="Disk space for the previews of one visitor."
+        default=128 * MIB, ge=MIB, description="Maximum disk space for one visitor's previews."
     )
     most_previews: int = Field(
-        default=10_000, ge=1, description="Previews that are stored at once."
+        default=10_000, ge=1, description="Maximum number of stored previews."
     )
     most_previews_of_visitor: int = Field(
-        default=1_000, ge=1, description="Stored previews of one visitor."
+        default=1_000, ge=1, description="Maximum number of one visitor's stored previews."
     )
     stage_seconds: float = Field(
-        default=1800.0, gt=0, description="Wall time of one stage of a fold."
+        default=1800.0, gt=0, description="Maximum wall time of one stage of a fold."
     )
-    stage_cpu_seconds: float = Field(default=3600.0, gt=0, description="CPU time of one fold.")
+    stage_cpu_seconds: float = Field(
+        default=3600.0, gt=0, description="Maximum CPU time of a fold."
+    )
     child_memory_bytes: int = Field(
-        default=2048 * MIB, ge=128 * MIB, description="Memory of one fold."
+        default=2048 * MIB, ge=128 * MIB, description="Maximum memory of a fold."
     )
     niceness: int = Field(
         default=19,
         ge=0,
         le=19,
-        description="Priority of computing below that of pages, as for `nice`.",
+        description="`nice` value of computing processes; higher values leave more time for pages.",
     )
 
-    movies_waiting: int = Field(default=6, ge=1, description="Movies that may wait at once.")
+    movies_waiting: int = Field(default=6, ge=1, description="Maximum number of waiting movies.")
     movies_waiting_of_visitor: int = Field(
-        default=2, ge=1, description="Waiting movies of one visitor."
+        default=2, ge=1, description="Maximum number of one visitor's waiting movies."
     )
     movies_of_fold: int = Field(
         default=12,
         ge=1,
-        description="Movies of one fold that are stored for its owner, and as many for everyone "
-        "else; the oldest are deleted first.",
+        description="Maximum number of stored movies that a fold's owner requested, and of those "
+        "that others requested. The oldest are deleted first.",
     )
-    movie_seconds: float = Field(default=600.0, gt=0, description="Time to make one movie.")
+    movie_seconds: float = Field(default=600.0, gt=0, description="Maximum time to create a movie.")
 
     max_streams: int = Field(
-        default=512, ge=1, description="Event streams (`/events`) that may be open at once."
+        default=512, ge=1, description="Maximum number of open event streams (`/events`)."
     )
     max_streams_of_visitor: int = Field(
-        default=16, ge=1, description="Event streams open to one address."
+        default=16, ge=1, description="Maximum number of open event streams to one address."
     )
     max_waits: int = Field(
-        default=512, ge=1, description="Requests that may wait for frames (`?wait=`) at once."
+        default=512, ge=1, description="Maximum number of requests that wait for frames (`?wait=`)."
     )
     max_waits_of_visitor: int = Field(
-        default=32, ge=1, description="Waiting requests of one address."
+        default=32, ge=1, description="Maximum number of waiting requests from one address."
     )
     max_robots: int = Field(
-        default=32, ge=1, description="Robots (`/play`) that may be connected at once."
+        default=32, ge=1, description="Maximum number of connected robots (`/play`)."
     )
     max_robots_of_visitor: int = Field(
-        default=8, ge=1, description="Robots connected from one address."
+        default=8, ge=1, description="Maximum number of robots connected from one address."
     )
     embed_origins: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
@@ -316,10 +337,10 @@ class Settings(BaseSettings):
         "allows all.",
     )
     frames_per_answer: int = Field(
-        default=2000, ge=1, description="Frames in one answer of the API."
+        default=2000, ge=1, description="Maximum number of frames in an answer of the API."
     )
     numbers_per_answer: int = Field(
-        default=2_000_000, ge=1000, description="Numbers in one such answer."
+        default=2_000_000, ge=1000, description="Maximum count of numbers in such an answer."
     )
 
     @field_validator("log_format", "log_level", mode="before")
@@ -336,7 +357,7 @@ class Settings(BaseSettings):
             try:
                 return json.loads(value)
             except ValueError:
-                raise ValueError(f"got {value!r}, expected names with commas between.") from None
+                raise ValueError(f"got {value!r}, expected names separated by commas.") from None
         return tuple(name.strip() for name in value.split(",") if name.strip())
 
     @field_validator("origins", "embed_origins")
@@ -369,7 +390,9 @@ class Settings(BaseSettings):
     def _url(cls, value: str | None) -> str | None:
         # What stands in it may be secret: what is wrong with it is not repeated.
         if value and not _is_database(value):
-            raise ValueError("got another, expected an address like postgresql://user@host/name.")
+            raise ValueError(
+                "got another address, expected an address like postgresql://user@host/name."
+            )
         return value
 
     @field_validator("imprint_url")

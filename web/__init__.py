@@ -1,1 +1,1 @@
-"""Web: turns timelines into scenes and pages."""
+"""Web: scenes and pages from timelines."""

@@ -1,1 +1,1 @@
-"""The certificate: what is verified of a motion, apart from the simulation that made it."""
+"""Certificates: verification of a motion, independent of the simulation that computed it."""

@@ -354,7 +354,7 @@ def _unusable(
             try:
                 check_windows(chain, frames)
             except InputError as error:
-                return f"the {name} cannot be looked at: {error.detail}"
+                return f"the {name} cannot be checked: {error.detail}"
             numbers = (frames.time_s, frames.base_position, frames.base_wxyz)
         else:
             if frames.joint_angles_rad.shape != (len(frames), joints):
@@ -366,7 +366,7 @@ def _unusable(
                 frames.root_wxyz,
             )
         if not all(np.isfinite(values).all() for values in numbers):
-            return f"the {name} holds numbers that are not finite"
+            return f"the {name} has numbers that are not finite"
         if (np.diff(frames.time_s) < 0.0).any():
             return f"the times of the {name} run backwards"
     return ""
@@ -385,11 +385,11 @@ def _unusable_angles(playback: Playback, joints: int) -> str:
     else:
         expected, of = (len(frames), joints), f"frames of {joints} joint angles"
         if reference is None:
-            return "there is no plan beside the frames"
+            return "the frames have no plan"
     if reference.shape != expected:
         return f"the plan has the shape {reference.shape}, expected {expected[0]} {of}"
     if not np.isfinite(reference).all():
-        return "the plan holds numbers that are not finite"
+        return "the plan has numbers that are not finite"
     if told is not None and (told.shape[1:] != expected or not np.isfinite(told).all()):
         return "the playbacks of other robots do not have the plan's frames"
     return ""
@@ -636,21 +636,21 @@ def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> 
     if not np.array_equal(frames.phase, expected) or straight == len(frames):
         return "the phases of the playback are out of order"
     if np.abs(_angles_at(chain, plan, straight)).max() > ENDS_WITHIN_RAD:
-        passes = "begin" if start is None else "become"
+        passes = "start" if start is None else "become"
         return f"the plan does not {passes} straight"
     if start is None:
         return ""
     if isinstance(plan, Windows) or isinstance(frames, Windows):
-        return f"a playback of windows does not begin folded as {start.name}"
+        return f"a playback of windows does not start folded as {start.name}"
     if not straight or np.abs(plan[0] - start.folded_rad).max() > ENDS_WITHIN_RAD:
-        return f"the plan does not begin folded as {start.name}"
+        return f"the plan does not start folded as {start.name}"
     simulated = frames.joint_angles_rad
     first = chain.poses(simulated[0], frames.root_position[0], frames.root_wxyz[0])
     if (
         np.abs(simulated[0] - start.folded_rad).max() > ENDS_WITHIN_RAD
         or np.abs(first.positions - start.folded_poses.positions).max() > CELLS_WITHIN
     ):
-        return f"the playback does not begin folded as {start.name}"
+        return f"the playback does not start folded as {start.name}"
     still, identity = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     passed = chain.poses(simulated[straight], still, identity).positions
     line = chain.poses(np.zeros_like(plan[0]), still, identity).positions

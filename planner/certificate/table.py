@@ -286,61 +286,62 @@ def _verdict(found: TableCertificate) -> str:
     if found.unbalanced:
         count, first = len(found.unbalanced), found.unbalanced[0]
         return (
-            f"failed: nothing balances in {count} of {len(found.torques)} frames, first in frame "
-            f"{first} ({words})"
+            f"failed: the chain would tip over in {count} of {len(found.torques)} frames, first in "
+            f"frame {first} ({words})"
         )
     asked = f"{found.torque:.3g} w·p in frame {found.frame} ({words})"
     if not found.on_table:
         return (
-            "failed: it does not rest on a table, it floats; laid down anew in every frame it asks "
-            f"{asked}"
+            "failed: the chain floats and does not rest on a table; laid down in each frame, it "
+            f"needs {asked}"
         )
     if found.clearance < -ENTERED:
         return (
-            f"failed: modules go {-found.clearance:.3g} of a pitch into the table in frame "
+            f"failed: modules sink {-found.clearance:.3g} pitch into the table in frame "
             f"{found.clearance_frame}, expected at most {ENTERED:g}"
         )
     if found.bound is not None and (found.torque or 0.0) > found.bound:
-        return f"failed: it asks {asked}, expected at most {found.bound:g} w·p"
+        return f"failed: the chain needs {asked}, expected at most {found.bound:g} w·p"
     return f"rests on a table within {asked}"
 
 
 def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tuple[str, ...]:
     """All that the figures lean on."""
     said = [
-        "The torque of a frame is the smallest largest one of all ways to balance: a lower bound "
-        "of limit analysis, right for motors that saturate and give way, optimistic for servos "
-        "that hold their position stiffly.",
-        "Quasi-static: what it takes to speed modules up comes on top.",
-        f"Corners up to {FLOOR_GAP:g} of a pitch above the table stand on it; modules up to "
-        f"{MODULE_GAP:g} from each other, at full size, touch and push without friction. Linked "
-        "cubes don't: they lack what would touch.",
-        f"The modules are rigid, all of the same weight, {size:g} of the pitch wide where they "
-        "touch; joints bear any force and any moment across their hinges.",
-        f"Torques up to {LEAST:g} w·p are told as none.",
-        "Every frame is looked at; what is between frames is not.",
+        "The torque of a frame is the largest joint torque, minimised over all distributions of "
+        "contact forces. This lower bound is exact for motors that yield at their limit. Servos "
+        "that hold their position stiffly need more.",
+        "Statics only: accelerating the modules needs additional torque.",
+        f"Corners up to {FLOOR_GAP:g} pitch above the table count as standing on it. Full-size "
+        f"modules up to {MODULE_GAP:g} pitch apart count as touching and push each other without "
+        "friction. Linked cubes do not: the parts that would touch are cut away.",
+        f"Modules are rigid, have the same weight and are {size:g} pitch wide at contacts. Joints "
+        "bear any force, and any moment across their hinges.",
+        f"Torques up to {LEAST:g} w·p count as zero.",
+        "Every frame is checked, but not the motion between frames.",
     ]
     if friction == 0.0:
-        said.append("Frictionless: the table holds nothing along its plane and drags at nothing.")
+        said.append("No friction: the table exerts no forces along its plane.")
     else:
         said.append(
-            f"Coulomb friction of {friction:g} with the table, against the way to the next frame, "
-            f"which is the direction of play; a corner that does not slip is held in a pyramid of "
-            f"{SIDES} sides inside the cone."
+            f"Coulomb friction of {friction:g} with the table, against the motion to the next "
+            "frame. At corners that do not slip, the friction cone is replaced by an inscribed "
+            f"pyramid with {SIDES} sides."
         )
     if base == "clamped":
-        said.append("The first module is clamped to the table and held by whatever that takes.")
+        said.append("The first module is clamped to the table, which bears any force and moment.")
     elif friction == 0.0:
         said.append("The chain lies free on the table.")
     else:
         said.append(
-            "The chain lies free on the table and drifts so that it rubs least, for the pressures "
-            f"without friction; corners may be pushed back up to {FANS[0]:g} rad "
-            f"either side of their way, {FANS[1]:g} where nothing balances else."
+            "The chain lies free on the table. It drifts so that friction does the least work, "
+            "computed with the contact forces without friction. Friction forces may deviate from "
+            f"the slip direction by {FANS[0]:g} rad, or by {FANS[1]:g} rad if there is no balance "
+            "otherwise."
         )
     if not on_table:
         said.append(
-            "The frames don't stand on a table: each was laid into that of its resting poses which "
-            "asks least. How it gets from one to the next is not looked at."
+            "The plan was not made for a table. Each frame was laid down in the resting pose that "
+            "needs the least torque; the motion from one pose to the next is not checked."
         )
     return tuple(said)

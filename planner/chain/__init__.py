@@ -1,1 +1,1 @@
-"""Chains of modules: their geometry, kinematics and dynamics, and the paths they come from."""
+"""Chains of modules: geometry, kinematics, dynamics, and the paths that define them."""

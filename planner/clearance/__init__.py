@@ -1,1 +1,1 @@
-"""Clearance: how far apart modules stay, exactly, at one moment and over a whole motion."""
+"""Clearance: exact distances between modules, at one time and over a whole motion."""

@@ -265,7 +265,7 @@ def _extents(chain: Chain, motion: Array | Windows) -> tuple[Ints, Ints]:
         raise InputError(
             "bad-windows",
             f"got windows that are not within {hinges} hinges or not as long as they say, "
-            "expected those of this chain.",
+            "expected windows of this chain.",
         )
     if not np.isfinite(motion.angles_rad).all():
         raise InputError("bad-windows", "got angles that are not finite, expected numbers.")

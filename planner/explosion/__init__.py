@@ -1,1 +1,1 @@
-"""Explosion: the folded chain is let go until it is straight, in one of several ways."""
+"""Explosion: strategies that unfold a folded chain until it is straight."""

@@ -86,7 +86,7 @@ class BlockEvidence:
                 + (f"{np.rad2deg(self.bent_above_rad):.0f}°")
             )
             parts.append(
-                f"{what} at {_listed(modules)} cannot turn towards straight"
+                f"{what} at {_listed(modules)} cannot straighten"
                 f"{'' if one else ', each by itself'}: {_pairs(self.turns)}"
             )
         if self.moves and self.unit is not None:

@@ -51,13 +51,13 @@ MOST_MODULES: Final = 200
 LARGEST_KNOT: Final = 4096
 """Modules up to which a knot is looked for: it takes time by their square."""
 WORDS: Final[dict[str, str]] = {
-    "knot": "it is knotted",
-    "buried": "what comes next lies under modules that come later",
-    "contacts": "too many modules press on each other at once",
+    "knot": "the chain is knotted",
+    "buried": "the next modules to move are covered by modules that move later",
+    "contacts": "too many modules press against each other at once",
     "joints": "some joints are held by their neighbours",
-    "broken": "the simulation broke off",
-    "limit": "it was on its way when the steps it may take were used up",
-    "stopped": "it was still on its way",
+    "broken": "the simulation failed",
+    "limit": "the chain was still unfolding when the step limit was reached",
+    "stopped": "the chain was still unfolding",
 }
 
 

@@ -22,10 +22,10 @@ from planner.motion.stuck_figures import (
 
 Point = tuple[float, float, float]
 USED_UP: Final[dict[Spent, str]] = {
-    "steps": "{allowed} steps were allowed and were used",
-    "pushes": "{allowed} pushes in a row were allowed and moved nothing on",
-    "retries": "the simulation broke off after it had gone back {used} times to a sound state",
-    "snapshots": "{allowed} snapshots were allowed and were used",
+    "steps": "the limit of {allowed} steps was reached",
+    "pushes": "{allowed} random pushes in a row, the limit, made no progress",
+    "retries": "the simulation failed after {used} restarts from an earlier state",
+    "snapshots": "the limit of {allowed} snapshots was reached",
     "motion": "nothing moved any more after {used} of {allowed} steps",
 }
 
@@ -70,8 +70,8 @@ class KnotEvidence:
         """The same in plain words."""
         which = "" if self.determinant is None else f" (determinant {self.determinant})"
         return (
-            f"it is knotted{which}: drawn where it stopped, with its ends led straight out, it has "
-            f"{len(self.diagram)} crossings"
+            f"the chain is knotted{which}: drawn as it stalled, with its ends extended outwards, "
+            f"it has {len(self.diagram)} crossings"
         )
 
     def as_dict(self) -> KnotFigures:

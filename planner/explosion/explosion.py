@@ -199,7 +199,7 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
                     if moved and self.depth < self.allowed.back_off:
                         self.commit()
                     if cancelled():
-                        status, reason = "cancelled", "it was cancelled."
+                        status, reason = "cancelled", "the explosion was cancelled."
                         break
                     if (rate := reports.steps_per_second(self.steps)) is not None:
                         progress(self._progress(rate))
@@ -208,7 +208,7 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
                     reason = "" if ended == "straight" else self.stall_reason()
                     break
         except SimulationError as error:
-            status, reason = "diverged", f"the simulation broke off: {error}"
+            status, reason = "diverged", f"the simulation failed: {error}"
         self.recorder.commit(end=status != "straight")
         return Record(
             status=status,

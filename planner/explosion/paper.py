@@ -100,8 +100,8 @@ def explode_as_published(
                     recorder.commit()
             if len(snapshots) * len(state.angles) > MOST_ANGLES:
                 reason = (
-                    f"{len(snapshots)} snapshots are more than are kept of so long a chain, and it "
-                    "was not straight; set a longer snapshot_interval."
+                    f"{len(snapshots)} snapshots are the limit for a chain of this length, which "
+                    "was not straight by then; set a longer snapshot_interval."
                 )
                 break
             if steps % CHECK_EVERY == 0:
@@ -113,7 +113,7 @@ def explode_as_published(
                     status, reason = "straight", ""
                     break
                 if cancelled():
-                    status, reason = "cancelled", "it was cancelled."
+                    status, reason = "cancelled", "the explosion was cancelled."
                     break
                 if (rate := reports.steps_per_second(steps)) is not None:
                     left = float(np.abs(state.angles).sum()) / bent
@@ -143,7 +143,7 @@ def explode_as_published(
             state.advance(p.step_s)
             steps += 1
     except SimulationError as error:
-        status, reason = "diverged", f"the simulation broke off: {error}"
+        status, reason = "diverged", f"the simulation failed: {error}"
     recorder.commit(end=True)
     if status == "straight":
         state.angles[:] = 0.0

@@ -519,13 +519,12 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         let_go = (
             f"with modules 0 to {self.first + 1} still folded"
             if self.first
-            else "with all of it let go"
+            else "with all modules released"
         )
         return (
-            f"the chain is stuck {let_go}: {self.pushes} pushes in a row moved nothing on, and the "
-            f"joint of module {self.first + 1 + worst} stays bent by "
-            f"{np.rad2deg(angles[worst]):.0f}°. Try to begin at the "
-            "other end, or a path whose units come off in its order."
+            f"the chain is stuck {let_go}: {self.pushes} random pushes in a row made no progress. "
+            f"The joint of module {self.first + 1 + worst} is still bent by "
+            f"{np.rad2deg(angles[worst]):.0f}°. Try to start at the other end, or try another path."
         )
 
     def unfolded(self) -> float:

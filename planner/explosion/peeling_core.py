@@ -38,7 +38,7 @@ class Core:
         if not chain.module.fills_cell or chain.module.rigid_links != 1:
             raise InputError(
                 "not-peelable",
-                f"got a chain of the module {chain.module.name}, expected cubes; take another "
+                f"got a chain of the module {chain.module.name}, expected cubes; use another "
                 "strategy.",
             )
         folded = forward_kinematics(chain.module, chain.folded_rad)
@@ -47,7 +47,7 @@ class Core:
             raise InputError(
                 "not-peelable",
                 "got a folded chain whose modules are off the cubic lattice, expected angles of 0 "
-                "or ±90°; take another strategy.",
+                "or ±90°; use another strategy.",
             )
         self.cells = cells
         self.rotations = np.rint(folded.rotations)

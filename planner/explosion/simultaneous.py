@@ -370,7 +370,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         angles = np.abs(self.state.angles).reshape(-1, self.chain.module.hinges_per_joint)
         worst = int(np.argmax(angles.max(axis=1))) + self.chain.module.rigid_links
         return (
-            f"the chain is stuck: {self.pushes} pushes in a row moved nothing on, and the joint of "
-            f"module {worst} stays bent by {np.rad2deg(angles.max()):.0f}°. Try "
-            "another seed, or another path through the same cells."
+            f"the chain is stuck: {self.pushes} random pushes in a row made no progress. The joint "
+            f"of module {worst} is still bent by {np.rad2deg(angles.max()):.0f}°. Try another "
+            "seed, or another path through the same cells."
         )

@@ -70,7 +70,7 @@ def strategies_for(
         raise InputError(
             "unsuited-world",
             f"got a chain of {chain.module.name}s that do not fold into cells for a fold on a "
-            "table, expected cubes that do; take the world floating.",
+            "table, expected cubes that do; use the world floating.",
         )
     if wished == AUTO:
         return tuple(name for name in _preferred(chain) if name in possible) or possible[:1]

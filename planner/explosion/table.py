@@ -395,7 +395,7 @@ class TablePeeling(Peeling):
         if self._exhausted:
             return (
                 f"the chain is stuck with modules 0 to {self.first + 1} still folded: "
-                f"{self.guard.why}, and the bound may not become larger than "
-                f"{self.table.most_torque:g} w·p. Try another path, or stronger motors."
+                f"{self.guard.why}, and the torque limit is {self.table.most_torque:g} w·p. Try "
+                "another path, or stronger motors."
             )
         return super().stall_reason()

@@ -146,10 +146,10 @@ class Guard:
         lowest = float(floor_clearances(self._chain.module, positions, rotations))
         self._too_weak = False
         if lowest < -SUNK:
-            self.why = f"a module lay {-lowest:.3f} pitches in the table"
+            self.why = f"a module would sink {-lowest:.3f} pitch into the table"
             return False
         if self._loops(placed):
-            self.why = "the chain lay over itself, in a loop that never opens"
+            self.why = "the chain would lie across itself in a loop that cannot open"
             return False
         how: dict[str, Any] = {"clamped": 0} if self._parameters.base == "clamped" else {}
         if self._parameters.friction and earlier is not None:
@@ -160,6 +160,6 @@ class Guard:
             )
         if not self._balance.within(self.bound, positions, rotations, placed.angles, **how):
             self._too_weak = True
-            self.why = f"some hinge had to bear more than {self.bound:.2f} w·p"
+            self.why = f"a hinge would need more than {self.bound:.2f} w·p"
             return False
         return True

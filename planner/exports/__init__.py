@@ -64,7 +64,7 @@ EXPORTS: Final = (
     Export(
         name="urdf",
         label="Robot model",
-        hint="URDF for ROS and others, in metres; tetrahedra need module.obj beside it",
+        hint="URDF for ROS and others, in metres; tetrahedra also need module.obj",
         media_type="application/xml",
         filename="model.urdf",
         write=_by("urdf"),

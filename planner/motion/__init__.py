@@ -1,1 +1,1 @@
-"""Motion: what a chain does over time, as frames, windows and a timeline on disk."""
+"""Motion: joint angles over time, as frames, windows and a timeline on disk."""

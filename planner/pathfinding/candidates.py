@@ -34,9 +34,9 @@ TRIES: Final = 4
 LARGEST_KNOT: Final = 10_000
 """Cells up to which a candidate is tested for a knot; block paths and snakes have none."""
 NO_ASSEMBLY: Final = (
-    "No path whose cells come off one after the other was found: the cells are no box and no "
-    "2×2×2 blocks, or their layers fall into parts, or such a path has other ends. Use blocks or "
-    "exact."
+    "No path was found whose cells can be removed one by one. The cells may be neither a box nor "
+    "2×2×2 blocks, their layers may have several parts, or such a path may need other ends. Use "
+    "blocks or exact."
 )
 LARGEST_CHOICE: Final = 20_000
 """Cells up to which several candidates are made; a larger shape gets one path."""
@@ -210,7 +210,7 @@ def _turned_to(path: Ints, start: Ints, low: Ints, sides: tuple[int, int, int]) 
 
 def _no_snake(box: bool) -> str:
     if box:
-        return "A snake begins in a corner of its box; start there or use another method."
+        return "A snake starts in a corner of its box; start there or use another method."
     return "The cells do not fill a box; a snake needs one. Use blocks or exact."
 
 
@@ -248,9 +248,9 @@ def _opened(cycle: Ints, options: _Options) -> Ints | None:
 
 def _no_blocks(connected: bool) -> str:
     if not connected:
-        return "The cells form several parts that share no face; keep one or join them."
+        return "The cells form several parts that share no face; keep one part or join them."
     return (
-        "The cells do not consist of 2×2×2 blocks whose path has such ends; double the shape or "
+        "The cells are not 2×2×2 blocks with a path that has such ends; double the shape or "
         "use exact."
     )
 
@@ -281,6 +281,6 @@ def _exact(shape: Shape, options: _Options, candidates: int) -> PathSearch:
     made = _search(shape, found, candidates, "exact", "No path was found in the time given.")
     wanted = min(candidates, options.tries)
     if made.paths and len(found) < wanted:
-        note = f"The time was enough for {len(found)} of {wanted} candidates."
+        note = f"Only {len(found)} of {wanted} paths were found within the time limit."
         return replace(made, notes=(*made.notes, note))
     return made

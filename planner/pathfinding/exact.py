@@ -92,8 +92,8 @@ def exact_path(
 _REASONS: Final[dict[str, Callable[[float], str]]] = {
     "infeasible": lambda _: "The search proved that no path with such ends visits every cell once.",
     "undecided": lambda limit: (
-        f"No path was found in {limit:g} s, and none ruled out; "
-        "give it more time, repair the shape or double it."
+        f"No path was found in {limit:g} s, but there may be one; give it more time, repair the "
+        "shape or double it."
     ),
 }
 
@@ -108,14 +108,17 @@ def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> str | None:
     excess = len(cells) - 2 * int(shades.sum())
     more = 0 if excess > 0 else 1
     if start is not None and not ends[start]:
-        return "The cell to start with does not lie on the surface."
+        return "The start cell is not on the surface."
     if start is not None and excess and shades[start] != more:
         return (
-            "A path through an odd number of cells begins with the chessboard colour that there "
-            "is more of; start with a neighbour of that cell."
+            "With an odd number of cells, a path starts on the chessboard colour with more cells. "
+            "The start cell has the other colour; start with one of its neighbours."
         )
     if excess and int((ends & (shades == more)).sum()) < 2:
-        return "Fewer than two cells of the colour that the ends need lie on the surface."
+        return (
+            "Both ends need the same chessboard colour, but fewer than two such cells are on "
+            "the surface."
+        )
     return None
 
 

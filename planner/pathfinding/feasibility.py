@@ -211,11 +211,11 @@ def _repair(before: Cells, after: Cells) -> Repair:
 
 def _doubling(before: Cells, whole: Cells) -> Repair:
     add, drop = tuple(sorted(whole - before)), tuple(sorted(before - whole))
-    words = "Make 2×2×2 cells of each cell"
+    words = "Split each cell into 2×2×2 cells"
     if add:
-        words = f"Add {_count(len(add), 'cell')} as a bridge, then make 2×2×2 cells of each"
+        words = f"Add {_count(len(add), 'cell')} as a bridge, then split each into 2×2×2 cells"
     elif drop:
-        words = f"Drop {_count(len(drop), 'cell')}, then make 2×2×2 cells of each"
+        words = f"Remove {_count(len(drop), 'cell')}, then split each into 2×2×2 cells"
     return Repair(
         detail=f"{words}: {8 * len(whole)} modules of half the size, which always have a path.",
         add=add,

@@ -24,7 +24,7 @@ BLOCK: Final = 8
 DOUBLING_REACH: Final = 1.25
 """Factor of the modules asked for up to which doubling is offered as a repair."""
 DOUBLED: Final = "Each voxel became 2×2×2 modules."
-FOR_A_PATH: Final = " So there is a path in any case."
+FOR_A_PATH: Final = " There is always a path through them."
 START_SHARE: Final = 0.7
 """Share of the time for paths that begin in the cell asked for."""
 
@@ -108,11 +108,12 @@ class Cubes:
             ways.append(f"fold it with 'repair' ({state.repairs[0].detail})")
         if not any(problem.code == "disconnected" for problem in state.problems):
             ways.append(
-                "the method 'blocks' makes 2×2×2 modules of each cell, which always has a path"
+                "use the method 'blocks', which splits each cell into 2×2×2 modules and always has "
+                "a path"
             )
         raise InputError(
             "no-path",
-            f"got cells without a path through them. {why} Expected others"
+            f"got cells without a path through them. {why} Expected cells with a path"
             f"{'; ' if ways else ''}{', or '.join(ways)}.",
         )
 
@@ -137,7 +138,7 @@ def _searched(
     )
     if options.start is None or search.paths:
         return search, ""
-    why = f"No path that begins in the cell {options.start} was found. {search.reason}".strip()
+    why = f"No path that starts in the cell {options.start} was found. {search.reason}".strip()
     left = time_limit_s - (time.monotonic() - begun)
     return find_paths(
         shape, method=method, ends=options.ends, seed=seed, time_limit_s=max(0.5, left)
@@ -166,8 +167,8 @@ def only_doubling(shape: Shape, repair: Repair) -> str:
     """What to say where only doubling helps and was not asked for."""
     count = modules_after(shape, repair)
     return (
-        f"Only one repair was found, which makes {count} modules of {len(shape)} cells: "
-        f"{repair.detail} Ask for {count} modules with the repair, or for the method 'blocks'."
+        f"The only repair that was found makes {count} modules from {len(shape)} cells: "
+        f"{repair.detail} Request {count} modules with the repair, or use the method 'blocks'."
     )
 
 

@@ -82,7 +82,7 @@ class Tetrahedra:
             why = " ".join(problem.detail for problem in state.problems)
             raise InputError(
                 "no-path",
-                f"got cells without a trail through them. {why} Expected cells that hang together; "
+                f"got cells without a trail through them. {why} Expected connected cells; "
                 f"fold it with 'repair' ({state.repairs[0].detail})",
             )
 
@@ -106,7 +106,7 @@ def _feasibility(shape: Shape) -> Feasibility:
         ),
         repairs=(
             Repair(
-                detail=f"Keep the largest part and drop the other {len(cells)} "
+                detail=f"Keep the largest part and remove the other {len(cells)} "
                 f"cell{'' if len(cells) == 1 else 's'}.",
                 drop=cells,
             ),

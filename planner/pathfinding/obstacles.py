@@ -104,8 +104,8 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
         most = max(len(pieces.sums[cell]) for cell in split)
         yield Problem(
             code="cut-cells",
-            detail=f"up to {most} parts are joined by a single cell; a path that has left a "
-            "part through it cannot come back, so there may be two.",
+            detail=f"a single cell joins {most} parts; a path that leaves a part through this "
+            "cell cannot come back, so at most two parts are possible.",
             cells=tuples(cells[sorted(split)]),
             amount=sum(_beyond_two(pieces.sizes[cell]) for cell in split),
         )
@@ -113,9 +113,9 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
     if branching:
         yield Problem(
             code="cut-cells",
-            detail=f"a part has {max(map(len, branching.values()))} arms that each hang on a "
-            "single cell; "
-            "a path can begin in one arm and end in another, not more.",
+            detail=f"a part has {max(map(len, branching.values()))} arms, each connected by a "
+            "single cell; a path can start in one arm and end in another, so at most two arms are "
+            "possible.",
             cells=tuples(cells[sorted({cell for cuts in branching.values() for cell in cuts})]),
             amount=sum(_beyond_two(pieces.arms[piece]) for piece in branching),
         )
@@ -130,8 +130,8 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
     if uneven:
         yield Problem(
             code="parity",
-            detail="a part that hangs on a single cell has too many cells of one chessboard "
-            "colour; a path through it takes turns between the colours.",
+            detail="a part that is connected by a single cell has too many cells of one "
+            "chessboard colour; a path through it alternates between the colours.",
             cells=tuples(cells[sorted(cell for cell, _ in uneven)]),
             amount=max(amount for _, amount in uneven),
         )

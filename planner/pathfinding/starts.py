@@ -25,7 +25,8 @@ def cell_of(text: str) -> Cell:
     """
     if not re.fullmatch(TEXT, text, re.ASCII):
         raise InputError(
-            "bad-start", f"got {text[:40]!r} to start with, expected a cell as x,y,z: 3,0,12."
+            "bad-start",
+            f"got the start {text[:40]!r}, expected a cell as x,y,z, for example 3,0,12.",
         )
     x, y, z = (int(word) for word in text.split(","))
     return x, y, z
@@ -50,7 +51,7 @@ def started(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
     if start is None:
         return chain, ""
     if not chain.module.fills_cell:
-        return chain, "The order is given: this chain begins where it begins."
+        return chain, "The file gives the order of this chain, so its start cannot be chosen."
     cells = np.rint(chain.folded_poses.positions).astype(np.int64)
     at = index_of(cells, start)
     if not at:
@@ -61,9 +62,9 @@ def started(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
         turned = np.roll(cells, -at, axis=0)
     else:
         return chain, (
-            f"The order is given: this path begins in {_words(cells[0])} or in "
-            f"{_words(cells[-1])}, not in {_words(cells[at])}; its ends do not touch. Take the "
-            "cells as voxels to look for other paths."
+            f"The file gives the order of this path, which can start in {_words(cells[0])} or "
+            f"{_words(cells[-1])}, but not in {_words(cells[at])}. Read the cells as voxels to "
+            "find other paths."
         )
     path = Path.from_cells(turned, name=chain.name, pitch_m=chain.pitch_m)
     return Chain.from_path(path, module=chain.module), ""

@@ -63,8 +63,8 @@ def find_trails(
     if parts(shape.cells)[0] > 1:
         raise InputError(
             "no-trail",
-            f"the cells are in {parts(shape.cells)[0]} parts, expected one: rings pass from cell "
-            "to cell through their faces.",
+            f"the cells are in {parts(shape.cells)[0]} parts, expected one: the trail passes from "
+            "cell to cell through their faces.",
         )
     pairs = ring_pairs(shape.cells)
     made = CHOICE if len(pairs) <= LARGEST_CHOICE else 1
@@ -89,7 +89,7 @@ def find_trails(
 def _index(cells: Ints, start: Cell) -> int:
     at = np.flatnonzero((cells == np.array(start)).all(axis=1))
     if not len(at):
-        raise InputError("not-a-cell", f"got {start} to start with, expected one of the cells.")
+        raise InputError("not-a-cell", f"got the start {start}, expected one of the cells.")
     return int(at[0])
 
 
@@ -104,7 +104,8 @@ def _cuts(nodes: Ints, pairs: Ints, free: NDArray[np.bool_], first: int | None, 
         allowed &= free
     elif ends == "surface":
         raise InputError(
-            "no-start", "no tetrahedron there has an end that no other one uses; start elsewhere."
+            "no-start",
+            "the chain cannot start in this cell, whose hinges are all shared; start elsewhere.",
         )
     return np.flatnonzero(allowed)
 

@@ -1,1 +1,1 @@
-"""From an input to a plan: stages, attempts, and what is written on the way."""
+"""Pipeline from an input to a plan: stages, attempts, and their files."""

@@ -158,7 +158,7 @@ def _direct(modules: int, playback: PlaybackParameters) -> ExpectedCost:
         expected_s=expected_seconds(modules) + steps * modules * CONTACT_STEP_S,
         least_s=playback.direct_steps * modules * SERVO_STEP_S,
         stage="play_back",
-        cause=f"{modules} modules that go straight to their shape",
+        cause=f"{modules} modules with the preset direct",
         remedy="Use fewer modules, or the preset default.",
     )
 

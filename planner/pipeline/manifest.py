@@ -111,7 +111,7 @@ def changed_fields(directory: FilePath) -> list[str] | None:
     found: list[str] = []
     for name in dict.fromkeys((*told, *here)):
         if name not in here:
-            found.append(f"{name}: it is not there")
+            found.append(f"{name}: it is missing")
             continue
         mine, theirs = here[name], told.get(name, {})
         found += [

@@ -79,7 +79,7 @@ class Preparation:
                 there are others than those that were wished for.
         """
         if self.not_started:
-            raise InputError("no-start", f"{self.not_started} Start elsewhere, or anywhere.")
+            raise InputError("no-start", f"{self.not_started} Choose another start, or none.")
         if self.chains:
             return self.chains[0]
         problems = [] if self.feasibility is None else list(self.feasibility.problems)
@@ -241,7 +241,7 @@ def prepare_in_any_order(
     except InputError as error:
         if error.code != "not-adjacent":
             raise
-        why = f"Read as voxels, since {error.where} are not neighbours."
+        why = f"Read as voxels, because {error.where} are not neighbours."
     options = replace(options, as_voxels=True)
     made = prepare(data, filename, options, **how)
     return replace(made, notes=(why, *made.notes))
@@ -259,8 +259,8 @@ def check_for_table(chain: Chain) -> None:
     if chain.module.name != CUBE.name:
         raise InputError(
             "unsuited-world",
-            f"got the module {chain.module.name} for a fold on a table, expected {CUBE.name}; take "
-            "the world floating for others.",
+            f"got the module {chain.module.name} for a fold on a table, expected {CUBE.name}; use "
+            "the world floating for other modules.",
             where="world",
         )
     faults = faults_of(np.rint(chain.folded_poses.positions).astype(np.int64))
@@ -270,7 +270,7 @@ def check_for_table(chain: Chain) -> None:
             told += f" There are {len(faults) - MOST_FAULTS} more problems."
         raise InputError(
             "not-for-a-table",
-            f"got a path in which a chain cannot fold on a table: {told} "
+            f"got a path along which a chain cannot fold on a table: {told} "
             "Expected one that rises layer by layer; read the cells as voxels to find one.",
         )
 
@@ -286,7 +286,7 @@ def filling_of(options: PathOptions) -> Filling:
 def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparation:
     notes = ()
     if options.modules is not None and options.modules != len(chain):
-        notes = (f"A {kind} is folded as it is: it has {len(chain)} modules.",)
+        notes = (f"A {kind} is not resampled: it has {len(chain)} modules.",)
     chain, not_started = started(chain, options.start)
     return Preparation(
         kind=kind,

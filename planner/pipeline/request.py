@@ -107,9 +107,9 @@ class Request:
             if self.prefer != plain.prefer and self._one_plan:
                 raise InputError(
                     "unsuited-prefer",
-                    f"got the preference {self.prefer} for the {self._one_plan}, of which there is "
-                    f"one plan, expected {plain.prefer}; take the default preset and a strategy "
-                    "that is no baseline to choose among plans.",
+                    f"got the preference {self.prefer} for the {self._one_plan}, which has only "
+                    f"one plan, expected {plain.prefer}; use the default preset and strategy to "
+                    "choose among plans.",
                 )
             if self.world == "table":
                 self._check_table()
@@ -117,8 +117,8 @@ class Request:
                 if getattr(self, name) != getattr(plain, name):
                     raise InputError(
                         f"smooth-{name}",
-                        f"got the {name} {getattr(self, name)} for a plan that is smoothed, "
-                        f"expected {getattr(plain, name)}; it is not recorded again.",
+                        f"got the {name} {getattr(self, name)} for a plan to be smoothed, expected "
+                        f"{getattr(plain, name)}; smoothing runs no new explosion.",
                     )
         except InputError as error:
             raise _placed(error) from None
@@ -141,25 +141,25 @@ class Request:
                 raise InputError(
                     "unsuited-world",
                     f"got the {what} {got} for a fold on a table, expected "
-                    f"{getattr(plain, name)}; take the world floating for others.",
+                    f"{getattr(plain, name)}; use the world floating for other values.",
                 )
         if self.method not in ("auto", "blocks"):
             raise InputError(
                 "unsuited-world",
                 f"got the path method {self.method} for a fold on a table, expected auto or "
-                "blocks; take the world floating for others.",
+                "blocks; use the world floating for other methods.",
             )
         if self.start is not None:
             raise InputError(
                 "unsuited-world",
-                "got a cell to start in for a fold on a table, expected none: its path is chosen "
-                "so that it rests; take the world floating for that.",
+                "got a start cell for a fold on a table, expected none, because the path is chosen "
+                "for stability; use the world floating to choose a start.",
             )
         if self.refold or self.smooth:
             raise InputError(
                 "unsuited-world",
-                "got a plan that is folded anew or smoothed for a fold on a table, expected a "
-                "shape; take the world floating for those.",
+                "got a plan to be refolded or smoothed for a fold on a table, expected a shape; "
+                "use the world floating for refolds and smoothing.",
             )
 
     @property

@@ -223,7 +223,7 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
     if record is not None and record.status != "straight":
         return {
             "status": "skipped",
-            "reason": "the explosion did not end straight",
+            "reason": "the chain was not straight after the explosion",
             "steps": 0,
             "seconds": 0.0,
             "rms_position_error": None,
@@ -273,7 +273,9 @@ def _play_on_table(
     # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.
     timeline = place / TIMELINE
     exploded = record.frames.dense(chain)
-    progress(Progress(stage="play_back", fraction=0.0, message="balancing what was recorded"))
+    progress(
+        Progress(stage="play_back", fraction=0.0, message="computing the balance of each frame")
+    )
     standing = table_certificate(
         chain,
         record.frames[::-1],

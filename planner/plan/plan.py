@@ -179,8 +179,8 @@ class Plan:
             raise InputError(
                 "plan-too-long",
                 f"got {len(self.motion)} frames of {len(self.chain.folded_rad)} hinges, expected "
-                f"at most {MOST_ANGLES} angles at once; take the plan's own file (plan.npz), which "
-                "holds only those that are neither folded nor straight.",
+                f"at most {MOST_ANGLES} angles at once; use plan.npz, which stores only the angles "
+                "of hinges that are neither folded nor straight.",
             )
         return self.motion.dense(self.chain)
 
@@ -202,8 +202,8 @@ class Plan:
         ):
             raise InputError(
                 "refold-not-folded",
-                f"got a plan of {self.chain.name} that does not lead from straight to folded, "
-                "expected one that does; fold that shape again, with another seed or preset.",
+                f"got a plan of {self.chain.name} that does not start straight and end folded, "
+                "expected one that does; fold that shape again with another seed or preset.",
             )
         return Unfolding(chain=self.chain, time_s=times - times[0], folding_rad=angles)
 
@@ -399,7 +399,7 @@ def read_values(path: FilePath) -> dict[str, Any]:
 
 
 def _unreadable(name: str, error: Exception) -> InputError:
-    return InputError("not-a-plan", f"{name} holds no plan that can be read ({error}).")
+    return InputError("not-a-plan", f"{name} contains no readable plan ({error}).")
 
 
 _VALUES: Final = (

@@ -1,1 +1,1 @@
-"""Playback: the straight chain follows a record back into its folded state."""
+"""Playback: the straight chain follows the reversed record into its folded shape."""

@@ -206,7 +206,8 @@ def play_back(
         if unfolding is not None:
             raise InputError(
                 "cannot-refold",
-                "a chain that is peeled cannot begin folded otherwise; fold it from straight.",
+                "a chain that is peeled cannot be refolded from another shape; fold it from "
+                "straight.",
             )
         if not simulates(chain, recorded, parameters):
             return _reversed_windows(chain, recorded, parameters, sink, start_s)

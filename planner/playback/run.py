@@ -134,7 +134,7 @@ class Run:
                 self.steps += 1
                 if self.steps % CHECK_EVERY == 0:
                     if cancelled():
-                        return "cancelled", "it was cancelled."
+                        return "cancelled", "the playback was cancelled."
                     now = time.perf_counter()
                     if now - reported >= REPORT_EVERY_S:
                         rate = (self.steps - reported_steps) / (now - reported)
@@ -150,10 +150,10 @@ class Run:
                         )
                         reported, reported_steps = now, self.steps
         except SimulationError as broken:
-            return "diverged", f"the simulation broke off: {broken}"
+            return "diverged", f"the simulation failed: {broken}"
         return "timeout", (
-            f"the chain had not come to rest in its folded shape after {most_steps} "
-            f"steps: it is {self.final_error():.2g} pitches (RMS) from there, and "
+            f"the chain was not at rest in its folded shape after {most_steps} "
+            f"steps: it is {self.final_error():.2g} pitches (RMS) away, and "
             f"{self.bent_wrong()} of {len(self.chain.folded_rad)} hinges are off by more than "
             "0.1 rad."
         )
@@ -181,8 +181,8 @@ class Run:
         worst = int(np.abs(target.angles - angles).argmax())
         return (
             f"a robot lost its target: {self.chain.joint_names[worst]} is off by "
-            f"{abs(target.angles[worst] - angles[worst]):.2g} rad, more than its motor can bring "
-            f"back, {100.0 * target.fraction:.0f} % into the fold."
+            f"{abs(target.angles[worst] - angles[worst]):.2g} rad, more than its motor can "
+            f"correct, {100.0 * target.fraction:.0f} % into the fold."
         )
 
     def _keep(

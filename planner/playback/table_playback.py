@@ -194,7 +194,7 @@ class _Run:
         try:
             self.status, self.reason = self._simulated(progress, cancelled)
         except SimulationError as broken:
-            self.status, self.reason = "diverged", f"the simulation broke off: {broken}"
+            self.status, self.reason = "diverged", f"the simulation failed: {broken}"
 
     def _simulated(self, progress: Report, cancelled: Cancelled) -> tuple[PlaybackStatus, str]:
         course, body = self.course, self.body
@@ -213,7 +213,7 @@ class _Run:
                 if self.steps % CHECK_EVERY:
                     continue
                 if cancelled():
-                    return "cancelled", "it was cancelled."
+                    return "cancelled", "the playback was cancelled."
                 if (now := time.perf_counter()) - reported >= REPORT_EVERY_S:
                     reported = now
                     progress(
@@ -257,7 +257,7 @@ class _Run:
         off = np.abs(target - self.body.angles)
         worst = int(off.argmax())
         return (
-            f"{self.chain.joint_names[worst]} gave way: it is off by {off[worst]:.2g} rad with "
+            f"{self.chain.joint_names[worst]} yielded: it is off by {off[worst]:.2g} rad with "
             f"motors of {self.limit:.3g} w·p, {100.0 * self.steps / len(self.course):.0f} % into "
             "the fold."
         )
@@ -285,7 +285,7 @@ class _Run:
         status, reason = self.status, self.reason
         if status == "folded" and errors[-1] > ARRIVED_WITHIN:
             status = "missed"
-            reason = f"the chain ended {errors[-1]:.2g} pitches (RMS) from where it should be."
+            reason = f"the chain ended {errors[-1]:.2g} pitches (RMS) from its target."
         return TablePlayback(
             status=status,
             reason=reason,

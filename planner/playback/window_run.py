@@ -74,7 +74,7 @@ class WindowRun:
         try:
             self.status, self.reason = self._simulated(progress, cancelled)
         except SimulationError as broken:
-            self.status, self.reason = "diverged", f"the simulation broke off: {broken}"
+            self.status, self.reason = "diverged", f"the simulation failed: {broken}"
 
     def _simulated(self, progress: Report, cancelled: Cancelled) -> tuple[PlaybackStatus, str]:
         course, robot = self.course, self._robot
@@ -92,7 +92,7 @@ class WindowRun:
                 if self.steps % CHECK_EVERY:
                     continue
                 if cancelled():
-                    return "cancelled", "it was cancelled."
+                    return "cancelled", "the playback was cancelled."
                 now = time.perf_counter()
                 if now - reported >= REPORT_EVERY_S:
                     progress(
@@ -137,5 +137,5 @@ class WindowRun:
         name = self.course.chain.joint_names[stretch.hinges(self.course.chain).start + worst]
         return (
             f"a robot lost its target: {name} is off by {off[worst]:.2g} rad, more than its motor "
-            f"can bring back, {100.0 * self.steps / len(self.course):.0f} % into the fold."
+            f"can correct, {100.0 * self.steps / len(self.course):.0f} % into the fold."
         )

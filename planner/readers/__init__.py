@@ -107,7 +107,7 @@ def read(
         check_size(data, most_cells)
     text = decode(data, FORMATS)
     if not text.strip():
-        raise InputError("empty", f"got a file of nothing but white space, expected {FORMATS}.")
+        raise InputError("empty", f"got a file with only white space, expected {FORMATS}.")
     if is_json(text):
         return read_json(text, source)
     if is_angle_string(text):

@@ -65,7 +65,7 @@ def check_filled(fields: Sequence[str], headers: Sequence[str], line: int) -> No
         if header.casefold() in OCCUPANCY and is_number(field) and float(field) == 0.0:
             raise InputError(
                 "empty-cell",
-                f"got 0 in the column {quote(header)!r}, expected filled cells alone; leave out "
-                "the rows of empty ones.",
+                f"got 0 in the column {quote(header)!r}, expected only filled cells; remove "
+                "the rows of empty cells.",
                 where=f"line {line}",
             )

@@ -125,7 +125,7 @@ def _check_width(fields: list[str], line: int) -> None:
         raise InputError(
             "wrong-count",
             f"got {len(fields)} field{'' if len(fields) == 1 else 's'} "
-            f"({quote(', '.join(fields[:6]))}), expected x, y, z; with more columns, name them in "
+            f"({quote(', '.join(fields[:6]))}), expected x, y, z; name further columns in "
             "a header line.",
             where=f"line {line}",
         )

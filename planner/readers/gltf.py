@@ -170,7 +170,9 @@ class _Scene:
         _check_version(document["asset"])
         _check_extensions(document, self._notes)
         if document.get("animations"):
-            self._notes["animations were left alone: every part is where it rests."] = None
+            self._notes["animations were ignored; the parts are in their original positions."] = (
+                None
+            )
         for key in ("buffers", "images"):
             for index, entry in enumerate(document.get(key, [])):
                 uri = entry.get("uri")
@@ -235,11 +237,11 @@ class _Scene:
             raise InputError("too-large", f"got {len(nodes)} nodes, expected {MOST_NODES} at most.")
         scenes = self._document.get("scenes", [])
         if len(scenes) > 1 and "scene" not in self._document:
-            self._notes[f"got {len(scenes)} scenes; the first one is the shape."] = None
+            self._notes[f"the file has {len(scenes)} scenes; the first one was read."] = None
         if scenes:
             scene = self._document.get("scene", 0)
             if not 0 <= scene < len(scenes):
-                raise _damaged(f"it shows scene {scene} of {len(scenes)}")
+                raise _damaged(f"it refers to scene {scene}, but has {len(scenes)} scenes")
             roots = scenes[scene].get("nodes", [])
         else:
             children = {c for node in nodes for c in node.get("children", [])}
@@ -250,16 +252,16 @@ class _Scene:
         while waiting:
             index, above, visible = waiting.pop()
             if index in seen or index < 0:
-                raise _damaged(f"node {index} is reached twice or is none")
+                raise _damaged(f"node {index} is missing or is used twice")
             seen.add(index)
             node = nodes[index]
             with np.errstate(all="ignore"):
                 transform = above @ _transform(node)
             if not np.isfinite(transform).all():
-                raise _damaged(f"node {index} is moved by numbers that are not finite")
+                raise _damaged(f"the transform of node {index} has numbers that are not finite")
             extensions = node.get("extensions", {})
             if not extensions.get(VISIBILITY, {}).get("visible", True):
-                self._notes["hidden nodes were left out."] = None
+                self._notes["hidden nodes were ignored."] = None
                 visible = False
             if "mesh" in node and visible:
                 places = [transform]
@@ -285,7 +287,7 @@ class _Scene:
         meshes = {nodes[index].get("mesh") for index in seen} - {None}
         others = any("mesh" in node for i, node in enumerate(nodes) if i not in seen)
         if others or len(meshes) < len(self._document.get("meshes", [])):
-            self._notes["meshes outside of the scene were left out."] = None
+            self._notes["meshes outside of the scene were ignored."] = None
 
     def _instances(self, attributes: Document, node: Floats) -> list[Floats]:
         """Return the places of a mesh that a node repeats, (4, 4) each."""
@@ -302,16 +304,16 @@ class _Scene:
         with np.errstate(all="ignore"):
             places = [node @ _transform(row) for row in rows]
         if not np.isfinite(places).all():
-            raise _damaged("instances are moved by numbers that are not finite")
+            raise _damaged("the transforms of instances have numbers that are not finite")
         return places
 
     def _note_deformation(self, node: Document) -> None:
         """Notes that a mesh is read as it was made, where the scene bends it."""
         mesh = self._document["meshes"][int(node["mesh"])]
         if "skin" in node:
-            self._notes["a skeleton was ignored; the mesh is in its original pose."] = None
+            self._notes["the skeleton was ignored; the mesh is in its original pose."] = None
         if any(node.get("weights", mesh.get("weights", []))):
-            self._notes["morph targets were left alone: the mesh is as it was made."] = None
+            self._notes["morph targets were ignored; the mesh is in its original shape."] = None
 
     def _primitives(self, mesh: int) -> list[Document]:
         if mesh < 0:
@@ -319,7 +321,7 @@ class _Scene:
         every = self._document["meshes"][mesh]["primitives"]
         kept = [p for p in every if p.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)]
         if len(kept) < len(every):
-            self._notes["points and lines were left out."] = None
+            self._notes["points and lines were ignored."] = None
         return [p for p in kept if self._triangles(p) and self._points(p)]
 
     def _points(self, primitive: Document) -> int:
@@ -360,12 +362,13 @@ class _Scene:
         """(count, width) values of an accessor, every bound checked before they are touched."""
         accessor = self._document["accessors"][index]
         if "sparse" in accessor:
-            raise InputError("unsupported", "the mesh has sparse data; export it without.")
+            raise InputError(
+                "unsupported", "the mesh has sparse data; export it without sparse data."
+            )
         if "bufferView" not in accessor:
             raise InputError(
                 "unsupported",
-                "the mesh has no plain data, only what an extension may hold; export it without "
-                "compression.",
+                "the mesh has no uncompressed data; export it without compression.",
                 where=f"accessors[{index}]",
             )
         if accessor["type"] != expected:
@@ -385,7 +388,7 @@ class _Scene:
         if end > len(buffer) or end > start - inner + int(view["byteLength"]):
             raise InputError(
                 "truncated",
-                f"an accessor announces {count} values and its buffer holds fewer; export the "
+                f"an accessor announces {count} values, but its buffer has fewer; export the "
                 "scene again.",
                 where=f"accessors[{index}]",
             )
@@ -441,10 +444,10 @@ def _check_extensions(document: Document, notes: dict[str, None]) -> None:
         if name in required:
             raise InputError(
                 "unsupported",
-                f"the scene requires the extension {quote(str(name))!r}, which is not read; export "
-                "it without.",
+                f"the scene requires the extension {quote(str(name))!r}, which is not supported; "
+                "export it without this extension.",
             )
-        notes[f"the extension {quote(str(name))!r} was left alone."] = None
+        notes[f"the extension {quote(str(name))!r} was ignored."] = None
 
 
 def _count(accessor: Document) -> int:

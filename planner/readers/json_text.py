@@ -56,7 +56,7 @@ def parse(text: str, most_cells: int = MOST_CELLS) -> object:
         ) from error
     except RecursionError as error:
         raise InputError(
-            "too-deep", "lists within lists too deep to follow; expected a list of cells."
+            "too-deep", "got lists nested too deeply, expected a list of cells."
         ) from error
 
 
@@ -73,7 +73,7 @@ def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         if key in found:
             raise InputError(
                 "duplicate-key",
-                f"the key {quote(key)!r} comes twice; keep one of them.",
+                f"the key {quote(key)!r} occurs twice; remove one of them.",
                 where=f"key {quote(key)!r}",
             )
         found[key] = value
@@ -94,8 +94,8 @@ def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None
         if key not in known and KEYS_OF_FORM.match(key.casefold()):
             raise InputError(
                 "unknown-key",
-                f"got the key {quote(key)!r}, which is not read, expected {', '.join(known)}; "
-                "convert the values to that, or take the key out.",
+                f"got the key {quote(key)!r}, which is unknown, expected {', '.join(known)}; "
+                "convert the values, or remove the key.",
                 where=quote(key),
             )
 

@@ -45,13 +45,13 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
         raise InputError(
             "wrong-type",
             f"got an array of {dtype}, expected whole numbers (N, 3), or a grid of voxels "
-            "(X, Y, Z) of truth values.",
+            "(X, Y, Z) with True in filled cells.",
         )
     if not is_grid and (len(shape) != 2 or shape[1] != 3):
         raise InputError(
             "wrong-shape",
-            f"got an array of shape {shape}, expected (N, 3): one cell a row, or a grid of voxels "
-            "(X, Y, Z) of truth values.",
+            f"got an array of shape {shape}, expected (N, 3), one cell per row, or a grid of "
+            "voxels (X, Y, Z) with True in filled cells.",
         )
     if not is_grid and shape[0] > source.most_cells:
         raise too_many(shape[0], source.most_cells)

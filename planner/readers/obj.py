@@ -47,7 +47,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
     if other is not None:
         raise InputError(
             "unsupported",
-            f"the statement {other[1].decode()!r} is not read; export the model as polygons.",
+            f"the statement {other[1].decode()!r} is not supported; export the model as polygons.",
             where=f"line {data.count(NEWLINE, 0, other.start(1)) + 1}",
         )
     lines = POINTS_OR_LINES.search(data) is not None
@@ -57,7 +57,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
     triangles = text.count(b" ") - 3 * vertices - 2 * polygons
     if polygons == 0:
         found = "points and lines" if lines else "points"
-        raise InputError("no-triangles", f"got an OBJ file of {found} alone, expected polygons.")
+        raise InputError("no-triangles", f"got an OBJ file with only {found}, expected polygons.")
     check_triangles(max(triangles, min(polygons, 1)), source.most_triangles)
     try:
         # trimesh skips bytes of no text, joins the numbers of all lines, leaves out polygons of
@@ -75,7 +75,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
         points,
         faces,
         name=source.name or "solid",
-        notes=("points and lines were left out.",) if lines else (),
+        notes=("points and lines were ignored.",) if lines else (),
         most_triangles=source.most_triangles,
     )
 
@@ -83,7 +83,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
 def _damaged(found: str, line: int | None = None) -> InputError:
     return InputError(
         "damaged",
-        f"{found}; expected 'v x y z', or 'f' and the numbers of vertices.",
+        f"got {found}, expected 'v x y z', or 'f' and the numbers of vertices.",
         where=None if line is None else f"line {line}",
     )
 

@@ -61,7 +61,7 @@ def read_off(data: bytes, source: Source) -> Solid:
         points,
         fans(corners, counts),
         name=source.name or "solid",
-        notes=("lines after the last polygon were left alone.",) if more else (),
+        notes=("lines after the last polygon were ignored.",) if more else (),
         most_triangles=source.most_triangles,
     )
 

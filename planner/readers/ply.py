@@ -94,9 +94,9 @@ def read_ply(data: bytes, source: Source) -> Solid:
             f"got a PLY file without faces ({found}), expected a closed surface of polygons.",
         )
     triangles = np.concatenate(parts)
-    notes = [f"the element {quote(name)!r} was left out." for name in lists]
+    notes = [f"the element {quote(name)!r} was ignored." for name in lists]
     if body.has_more():
-        notes.append("data after the last element was left alone.")
+        notes.append("data after the last element was ignored.")
     return Solid.from_triangles(
         points,
         triangles,

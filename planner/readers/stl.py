@@ -25,7 +25,7 @@ LENGTHS: Final = (1e-9, 1e9)
 """What coordinates lie between; of numbers made of random bytes about a quarter does."""
 MOST_LENGTHS: Final = 0.6
 PART_BYTES: Final = 4 << 20
-REST: Final = "bytes after the last triangle were left alone."
+REST: Final = "bytes after the last triangle were ignored."
 FACET_END: Final = b"endfacet"
 NAME: Final = re.compile(rb"(?m)^[ \t]*(?:end)?solid\b(?:(?!\bfacet\b).)*")
 VERTEX: Final = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
@@ -107,8 +107,8 @@ def _binary(data: bytes, source: Source) -> Solid:
     if len(data) > expected + (LONGEST_TAIL if count else 0):
         raise InputError(
             "damaged",
-            f"the header announces {count} triangles and {len(data) - expected} bytes follow them; "
-            "save the file again.",
+            f"the header announces {count} triangles, but {len(data) - expected} bytes follow "
+            "them; save the file again.",
         )
     notes = () if len(data) == expected else (REST,)
     points, faces = triangles_in(data[:expected], "stl")
@@ -147,7 +147,8 @@ def _facets(text: bytes) -> Iterator[bytes]:
         yield NAME.sub(b"", part) if b"solid" in part else part
     if VERTEX.search(NAME.sub(b"", text[at:])):
         raise InputError(
-            "damaged", "the last triangle does not end; the file is cut or damaged, save it again."
+            "damaged",
+            "the last triangle is incomplete; the file is cut off or damaged, save it again.",
         )
 
 

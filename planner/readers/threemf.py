@@ -39,8 +39,8 @@ CURA_ROLES: Final = frozenset(
     f"cura:{role}" for role in ("infill_mesh", "cutting_mesh", "support_mesh", "anti_overhang_mesh")
 )
 """Settings by which Cura marks modifiers, cutters and supports."""
-UNBUILT: Final = "objects that the model has and does not build were left out."
-UNPRINTED: Final = "parts that are not to be printed were left out."
+UNBUILT: Final = "objects that are not part of the build were ignored."
+UNPRINTED: Final = "parts that are not printed were ignored."
 LEFT_OUT: Final = "cutters, modifiers and supports were ignored, because they are not material."
 SLICER_CONFIGS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
 """Lists of the parts' roles, as PrusaSlicer and those that came from it write them."""
@@ -104,7 +104,7 @@ def read_threemf(data: bytes, source: Source) -> Solid:
         raise _damaged(f"the archive is broken ({quote(str(error))})") from error
     except (NotImplementedError, RuntimeError) as error:
         raise InputError(
-            "unsupported", f"the archive is packed in a rare way ({quote(str(error))})."
+            "unsupported", f"the archive's compression is not supported ({quote(str(error))})."
         ) from error
     except (ValueError, KeyError, IndexError, OverflowError, struct.error) as error:
         raise _damaged(f"its model is broken ({quote(str(error))})") from error
@@ -119,7 +119,10 @@ def _models(archive: zipfile.ZipFile) -> list[str]:
     """Names of the archive's models, the main one first; refuses bombs by what they announce."""
     entries = archive.infolist()
     if len(entries) > MOST_ENTRIES:
-        raise InputError("too-large", f"got {len(entries)} files in the archive: too many.")
+        raise InputError(
+            "too-large",
+            f"got {len(entries)} files in the archive, expected at most {MOST_ENTRIES}.",
+        )
     models = [e for e in entries if e.filename.lower().endswith(".model")]
     if not models and any(e.filename.endswith(".npy") for e in entries):
         raise InputError(
@@ -161,8 +164,8 @@ def _is_bomb(unpacked: int, packed: int) -> bool:
 def _bomb(unpacked: int, packed: int) -> InputError:
     return InputError(
         "bomb",
-        f"{packed} bytes unpack to {unpacked} and more, which no mesh does; export the model "
-        "again.",
+        f"{packed} bytes unpack to more than {unpacked}, which is not plausible for a mesh; export "
+        "the model again.",
     )
 
 
@@ -254,7 +257,8 @@ class _Models:
         if len(self._units) > 1:
             units = " and ".join(sorted(map(quote, self._units)))
             raise InputError(
-                "unsupported", f"got models in {units}, expected one unit; export them in one."
+                "unsupported",
+                f"got models in {units}, expected one unit; export all parts in the same unit.",
             )
         names = {k.partition(":")[2]: v for k, v in fields.items() if k.startswith("xmlns:")}
         for prefix in fields.get("requiredextensions", "").split():
@@ -263,8 +267,8 @@ class _Models:
                 name = name.rpartition("/3dmanufacturing/")[2]
                 raise InputError(
                     "unsupported",
-                    f"the model requires the extension {quote(name)!r}, which is not read; export "
-                    "it without.",
+                    f"the model requires the extension {quote(name)!r}, which is not supported; "
+                    "export it without this extension.",
                 )
 
     def _start(self, tag: str, fields: dict[str, str]) -> None:
@@ -300,7 +304,8 @@ class _Models:
             case "beam" | "ball" | "booleanshape" | "levelset" | "displacementmesh" as other:
                 name = OTHER_FORMS[other]
                 raise InputError(
-                    "unsupported", f"the model has {name}, which are not read; export it as a mesh."
+                    "unsupported",
+                    f"the model has {name}, which are not supported; export it as a mesh.",
                 )
             case _:
                 pass
@@ -412,7 +417,7 @@ class _Models:
         if key in known:
             return known[key]
         if key not in self._objects or depth > DEEPEST:
-            found = "parts within parts too deep" if key in self._objects else "a missing object"
+            found = "parts nested too deeply" if key in self._objects else "a missing object"
             raise _damaged(f"its model refers to {found}")
         model = self._objects[key]
         triangles, instances = len(model.corners), 1

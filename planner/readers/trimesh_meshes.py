@@ -89,5 +89,5 @@ def _parts(scene: Scene) -> list[Triangles]:
 def _damaged(kind: Format, found: str) -> InputError:
     return InputError(
         "damaged",
-        f"got what is no whole {kind.upper()} mesh ({found}), expected triangles; save it again.",
+        f"got an incomplete {kind.upper()} mesh ({found}), expected triangles; save it again.",
     )

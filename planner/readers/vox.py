@@ -17,7 +17,7 @@ MOST_CHUNKS: Final = 100_000
 MOST_PLACED: Final = 10_000
 HEAD_BYTES: Final = 8
 COLOURLESS: Final = "voxels of colour 0, which means empty, were ignored."
-HIDDEN: Final = "hidden objects were left out."
+HIDDEN: Final = "hidden objects were ignored."
 CHUNK_BYTES: Final = 12
 DIGITS_OF_A_FRAME: Final = 9
 
@@ -69,7 +69,7 @@ def read_vox(data: bytes, source: Source) -> Shape:
     placements = _placements(found)
     for model, placed in placements:
         if not 0 <= model < len(found.models):
-            raise _damaged(f"its scene names model {model} of {len(found.models)}")
+            raise _damaged(f"its scene refers to model {model}, but there are {len(found.models)}")
         total += len(found.models[model])
         if total > source.most_cells:
             raise too_many(total, source.most_cells)
@@ -77,8 +77,12 @@ def read_vox(data: bytes, source: Source) -> Shape:
         doubled = 2 * found.models[model] + 1 - 2 * (found.sizes[model] // 2)
         cells.append((doubled @ placed.turn.T - 1) // 2 + placed.shift)
     if total == 0:
-        sight = " in sight: show its objects and save it again" if HIDDEN in found.notes else ""
-        sight = sight or (" of a colour: 0 is empty" if COLOURLESS in found.notes else "")
+        sight = (
+            " that are visible: show its objects and save it again" if HIDDEN in found.notes else ""
+        )
+        sight = sight or (
+            " that have a colour (0 means empty)" if COLOURLESS in found.notes else ""
+        )
         raise InputError("empty", f"got a .vox file without voxels{sight}.")
     joined = np.concatenate(cells)
     shape = Shape.from_cells(joined - joined.min(axis=0), name=source.name or "shape")
@@ -103,8 +107,8 @@ def _chunks(data: bytes) -> _File:
         if start + size > len(data):
             raise InputError(
                 "truncated",
-                f"a chunk {quote(kind.decode('latin-1'))!r} announces {size} bytes and the file "
-                f"has {len(data) - start} left.",
+                f"a chunk {quote(kind.decode('latin-1'))!r} announces {size} bytes, but the file "
+                f"ends after {len(data) - start}.",
             )
         _take(kind, _Reader(data[start : start + size]), found)
         at = start + size
@@ -122,13 +126,11 @@ def _take(kind: bytes, reader: _Reader, found: _File) -> None:
         case b"XYZI":
             count = reader.number()
             if count < 0 or 4 * count != reader.left:
-                raise _damaged(
-                    f"a model announces {count} voxels and holds {reader.left // 4} of them"
-                )
+                raise _damaged(f"a model announces {count} voxels but has {reader.left // 4}")
             cells, colours = reader.voxels(count)
             found.models.append(cells[colours > 0])
             if len(found.sizes) < len(found.models):
-                raise _damaged("a model comes without its size")
+                raise _damaged("a model has no size")
             if count and (cells >= found.sizes[len(found.models) - 1]).any():
                 raise _damaged("a voxel lies outside of its model")
             if not colours.all():
@@ -142,7 +144,7 @@ def _take(kind: bytes, reader: _Reader, found: _File) -> None:
             frames = [reader.words() for _ in range(reader.counted(4))]
             found.moves[node] = child, _placed(min(frames, key=_frame, default={}))
             if len(frames) > 1:
-                _note(found, "objects move in this file; they are read as in the first frame.")
+                _note(found, "the file is animated; its first frame was read.")
         case b"nGRP":
             node = reader.number()
             _hide(node, reader.words(), found.hidden)
@@ -154,7 +156,7 @@ def _take(kind: bytes, reader: _Reader, found: _File) -> None:
             found.shapes[node] = [model for model, _ in sorted(models, key=_frame_of_model)[:1]]
             found.named.update(model for model, _ in models)
             if len(models) > 1:
-                _note(found, "an object has several frames; the first one is the shape.")
+                _note(found, "an object has several frames; the first one was read.")
         case b"LAYR":
             _hide(reader.number(), reader.words(), found.hidden_layers)
         case _:
@@ -210,7 +212,7 @@ class _Reader:
         """A number of things that take ``least`` bytes each."""
         count = self.number()
         if count < 0 or count * least > self.left:
-            raise _damaged(f"a chunk announces {count} things and holds fewer")
+            raise _damaged(f"a chunk announces {count} items but has fewer")
         return count
 
     def numbers(self) -> list[int]:
@@ -237,9 +239,9 @@ def _placed(words: dict[bytes, bytes]) -> _Placed:
         raise _damaged("a node has no valid position") from error
     first, second = code & 3, (code >> 2) & 3
     if shift.shape != (3,) or np.abs(shift).max() > 1 << 20 or {first, second} - {0, 1, 2}:
-        raise _damaged("a node is placed in an impossible way")
+        raise _damaged("a node has an invalid position")
     if first == second:
-        raise _damaged("a node is turned in an impossible way")
+        raise _damaged("a node has an invalid rotation")
     if b"_r" in words:
         turn = np.zeros((3, 3), dtype=np.int64)
         for row, column in enumerate((first, second, 3 - first - second)):
@@ -252,7 +254,7 @@ def _placements(found: _File) -> list[tuple[int, _Placed]]:
     nodes = len(found.moves) + len(found.groups) + len(found.shapes)
     if not nodes or not found.moves:
         if len(found.models) > 1:
-            _note(found, f"got {len(found.models)} frames; the first one is the shape.")
+            _note(found, f"the file has {len(found.models)} frames; the first one was read.")
         return [(0, _Placed())]
     placements: list[tuple[int, _Placed]] = []
     waiting = [(0, _Placed())]
@@ -260,7 +262,7 @@ def _placements(found: _File) -> list[tuple[int, _Placed]]:
     while waiting:
         node, above = waiting.pop()
         if node in seen or len(seen) > MOST_PLACED:
-            raise _damaged(f"its scene reaches node {node} twice, or too many")
+            raise _damaged(f"its scene uses node {node} twice, or has too many nodes")
         seen.add(node)
         if node in found.hidden or found.layers.get(node) in found.hidden_layers:
             _note(found, HIDDEN)
@@ -269,7 +271,7 @@ def _placements(found: _File) -> list[tuple[int, _Placed]]:
             child, own = found.moves[node]
             shift = above.turn @ own.shift + above.shift
             if np.abs(shift).max() > 1 << 30:
-                raise _damaged("its scene goes too far away")
+                raise _damaged("its scene is too large")
             waiting.append((child, _Placed(turn=above.turn @ own.turn, shift=shift)))
         elif node in found.groups:
             waiting += [(child, above) for child in found.groups[node]]
@@ -278,5 +280,5 @@ def _placements(found: _File) -> list[tuple[int, _Placed]]:
         else:
             raise _damaged(f"its scene names node {node}, which it does not have")
     if any(len(cells) for model, cells in enumerate(found.models) if model not in found.named):
-        _note(found, "models outside of the scene were left out.")
+        _note(found, "models outside of the scene were ignored.")
     return placements

@@ -72,7 +72,7 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
         raise InputError(
             code,
             f"got {len(rows)} cells after a first line that announces {promised}; "
-            "the file is cut, or more than one frame.",
+            "the file is cut off, or has more than one frame.",
             where=f"line {first + 1}",
         )
     return path_or_shape(cells_array(rows), source)

@@ -1,4 +1,4 @@
-"""For robots: motions made smoother, times that joints can keep, trajectories, motors and servos.
+"""Robots: smoother motions, time stamps within joint limits, trajectories, motors and servos.
 
 How a plan may be smoothed stands here, known without anything that smooths.
 """

@@ -109,11 +109,11 @@ class MotorTable:
         if self.would_do is None:
             return f"{need} (the largest)"
         if self.would_do:
-            return f"Yes: {need} (the largest), and has {self.motor_torque_nm:g} N·m"
+            return f"Yes: {need} (the largest), and the motor supplies {self.motor_torque_nm:g} N·m"
         short = int((self.peak_torque_nm > (self.motor_torque_nm or 0.0)).sum())
         return (
-            f"No: {need}, and has {self.motor_torque_nm:g} N·m; too weak for {short} of "
-            f"{len(self.joint_names)} hinges"
+            f"No: {need}, but the motor supplies {self.motor_torque_nm:g} N·m; too weak for "
+            f"{short} of {len(self.joint_names)} hinges"
         )
 
     def as_dict(self) -> dict[str, Any]:

@@ -63,7 +63,7 @@ def retimed(
             )
     kept = _moving(frames)
     if len(kept) < 2:
-        raise InputError("no-motion", "the plan has no two frames between which a hinge turns.")
+        raise InputError("no-motion", "got a plan in which no hinge turns, expected a motion.")
     corners = np.ascontiguousarray(frames[kept])
     corners[-1] = frames[-1]  # so that the end is exact
     path = CutPath.through(corners)

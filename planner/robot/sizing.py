@@ -64,7 +64,7 @@ class Fit:
         if self.margin < 1.0:
             why.append("too weak")
         if self.servo.turns_enough is False:
-            why.append(f"turns {self.servo.range_deg:g}° only")
+            why.append(f"turns only {self.servo.range_deg:g}°")
         return tuple(why)
 
     @property

@@ -40,13 +40,14 @@ def check_smoothable(plan: Plan) -> None:
     if plan.start is not None:
         raise InputError(
             "smooth-refold",
-            f"got {name} as a refold, expected a fold that begins straight; smooth that one.",
+            f"got the refold {name}, expected a fold that starts straight; only such folds can be "
+            "smoothed.",
         )
     if not plan.verified:
         raise InputError(
             "smooth-not-verified",
-            f"got a plan of {name} that is not verified, expected one that is; fold it again, with "
-            "another seed or preset.",
+            f"got a plan of {name} that is not verified, expected a verified plan; fold it again "
+            "with another seed or preset.",
         )
     if not plan.certificate.fold_time_s:
         raise InputError(
@@ -55,7 +56,7 @@ def check_smoothable(plan: Plan) -> None:
     if plan.certificate.peak_torque_nm is None:
         raise InputError(
             "smooth-no-torques",
-            f"got a plan of {name} without torques, as earlier versions wrote them; fold it again.",
+            f"got a plan of {name} without torques, from an earlier version; fold it again.",
         )
     hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
     if frames * hinges <= MOST_ANGLES:
@@ -65,7 +66,8 @@ def check_smoothable(plan: Plan) -> None:
         raise InputError(
             "smooth-too-long",
             f"got a motion that takes {frames} frames of {hinges} hinges, expected at most "
-            f"{MOST_ANGLES} angles in all; `foldback retime` bounds the speed of longer ones.",
+            f"{MOST_ANGLES} angles in all; use `foldback retime` to limit the speed of longer "
+            "motions.",
         )
 
 
@@ -100,7 +102,7 @@ def smoothed_record(
     stopped = cancelled()
     return Record(
         status="cancelled" if stopped else "straight",
-        reason="it was cancelled" if stopped else "",
+        reason="smoothing was cancelled" if stopped else "",
         frames=Frames.of_phase(
             "explosion",
             time_s=np.linspace(0.0, float(whole.time_s[-1]), count),

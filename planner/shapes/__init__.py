@@ -1,1 +1,1 @@
-"""Shapes and solids: cells, meshes, and cells that stand for a mesh."""
+"""Shapes and solids: cells, meshes, and the voxels of a mesh."""

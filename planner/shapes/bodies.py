@@ -143,17 +143,17 @@ def _notes(changed: Ints, *, bodies: int, triangles: int) -> list[str]:
     notes: list[str] = []
     if triangles:
         word = "triangle was" if triangles == 1 else "triangles were"
-        notes.append(f"{triangles} {word} turned to agree with the neighbours.")
+        notes.append(f"{triangles} {word} flipped to match the neighbours.")
     outwards, inwards = (int((changed == sign).sum()) for sign in (1, -1))
     if outwards and outwards + inwards == bodies:
-        notes.append("the mesh was inside out and was turned.")
+        notes.append("the mesh was inside out and was corrected.")
         return notes
     if outwards:
         was = "was" if outwards == 1 else "were"
-        notes.append(f"{outwards} of {bodies} bodies {was} inside out and turned.")
+        notes.append(f"{outwards} of {bodies} bodies {was} inside out and corrected.")
     if inwards:
         word = "body inside another was" if inwards == 1 else "bodies inside others were"
-        notes.append(f"{inwards} {word} taken for {'a cavity' if inwards == 1 else 'cavities'}.")
+        notes.append(f"{inwards} {word} read as {'a cavity' if inwards == 1 else 'cavities'}.")
     return notes
 
 

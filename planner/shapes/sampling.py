@@ -62,8 +62,8 @@ def too_fine(pitch: float, extents: Floats) -> InputError:
     box = " × ".join(f"{extent:.4g}" for extent in extents)
     return InputError(
         "too-fine",
-        f"cells of {pitch:.4g} are too fine for a solid of {box}: too little of its box is "
-        "filled; ask for fewer modules.",
+        f"cells of {pitch:.4g} are too small for a solid of {box} with so little volume; "
+        "use fewer modules.",
     )
 
 

@@ -192,9 +192,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         raise _no_surface(len(solid.faces))
     points, corners = welded(solid.vertices, solid.faces, tolerance=0.0)
     if not len(corners):
-        raise InputError(
-            "degenerate", "the triangles collapse onto each other; expected a closed surface."
-        )
+        raise InputError("degenerate", "got triangles that coincide, expected a closed surface.")
     edges = edges_of(corners)
     if edges.open and (len(corners) <= MOST_LOOSE or not edges.scattered):
         loose_points, loose_corners = welded(
@@ -202,7 +200,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         )
         loose = edges_of(loose_corners) if len(loose_corners) else edges
         if loose.open < edges.open:
-            said.append("vertices that almost meet were sewn together.")
+            said.append("vertices that almost coincide were merged.")
             points, corners, edges = loose_points, loose_corners, loose
     if edges.scattered:
         raise _no_surface(len(corners))
@@ -215,9 +213,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
             points, corners = closed.vertices, closed.faces
             edges = edges_of(corners)
     if edges.open:
-        said.append(
-            f"the mesh is open along {edges.open} edges; what is inside was decided by vote."
-        )
+        said.append(f"the mesh is open along {edges.open} edges, so its inside was estimated.")
     return replace(
         solid,
         vertices=points,
@@ -230,8 +226,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
 def _no_surface(triangles: int) -> InputError:
     return InputError(
         "not-a-surface",
-        f"the edges of these {triangles} triangles are hardly shared by two of them each; expected "
-        "a closed surface.",
+        f"got {triangles} triangles that hardly share edges, expected a closed surface.",
     )
 
 
@@ -241,12 +236,12 @@ def _outside_out(solid: Solid, said: list[str]) -> Solid:
         return solid
     oriented = orient_bodies(solid.vertices, solid.faces)
     if oriented is None:
-        said.append("its triangles do not agree about what is outside; crossings were counted.")
+        said.append("its triangles have inconsistent orientations, so the inside was estimated.")
         return replace(solid, oriented=False)
     if oriented.volume <= LEAST_FILLED * float(np.prod(solid.extents)):
         raise InputError(
             "no-volume",
-            "got a closed mesh that encloses nothing, expected a solid: its walls lie on each "
+            "got a closed mesh that encloses no volume, expected a solid: its walls lie on each "
             "other or cancel out.",
         )
     said += oriented.notes

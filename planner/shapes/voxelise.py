@@ -69,7 +69,7 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, upright: bool = False) 
     """
     if not 1 <= cells <= MOST_CELLS:
         raise InputError(
-            "wrong-count", f"got {cells} cells asked for, expected 1 to {MOST_CELLS} of them."
+            "wrong-count", f"got a request for {cells} cells, expected 1 to {MOST_CELLS}."
         )
     turns = candidates(solid, np.random.default_rng(seed))[: 1 if upright else None]
     ladder = Ladder(solid, turns)
@@ -101,18 +101,18 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     notes: list[str] = []
     if ladder.bodies > 1:
         notes.append(
-            f"got {ladder.bodies} separate bodies and kept the largest, "
-            f"{100 * ladder.share:.0f} % of the volume; join them, or fold them one by one."
+            f"the mesh has {ladder.bodies} separate bodies; only the largest is used, "
+            f"{100 * ladder.share:.0f} % of the volume. Join them, or fold them one by one."
         )
     if fine.crossed > 0.001:
-        notes.append("the surface crosses itself; what it goes around was taken as inside.")
+        notes.append("the surface crosses itself; everything it encloses counts as inside.")
     joined = made.joined
     if joined.added:
         word = "cell was" if joined.added == 1 else "cells were"
         notes.append(f"{joined.added} {word} added to keep thin parts connected.")
     if joined.dropped:
         word = "cell" if joined.dropped == 1 else "cells"
-        notes.append(f"{joined.dropped} loose {word} at thin parts left out.")
+        notes.append(f"{joined.dropped} loose {word} at thin parts removed.")
     filled = fine.fill(made.offset_threshold).astype(np.float64)
     total = max(float(filled.sum()), np.finfo(float).tiny)
     kept = checked_fraction(float(filled[joined.cells].sum()) / total, "share of the volume")
@@ -120,17 +120,17 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     if lost > 0.005:
         notes.append(
             f"{100 * lost:.1f} % of the volume is thinner than a cell and is lost; "
-            "ask for more modules to keep it."
+            "use more modules to keep it."
         )
     if iou < POOR and kept < MUCH_LOST:
-        notes.append(f"only {100 * kept:.0f} % of the shape is kept; ask for more modules.")
+        notes.append(f"only {100 * kept:.0f} % of the shape is preserved; use more modules.")
     elif iou < POOR:
         notes.append(
-            f"the shape is thinner than the cells, which match it by only {100 * iou:.0f} %; "
-            "ask for more modules."
+            f"the shape is thinner than the cells, which match only {100 * iou:.0f} % of it; "
+            "use more modules."
         )
     if better:
-        notes.append("the next smaller count keeps more of the shape.")
+        notes.append("the next smaller number of modules preserves more of the shape.")
     return notes
 
 

@@ -1,1 +1,1 @@
-"""Simulation: chains as MuJoCo models, and the numbers that govern them."""
+"""Simulation: chains as MuJoCo models, and their parameters."""

@@ -50,7 +50,7 @@ class Blocks:
         if not chain.module.fills_cell:
             raise InputError(
                 "no-blocks",
-                f"got a chain of the module {chain.module.name}, expected cubes; take another "
+                f"got a chain of the module {chain.module.name}, expected cubes; use another "
                 "strategy.",
             )
         stops = np.append(self.starts[1:], n)
@@ -203,7 +203,7 @@ class _Parts:
             raise InputError(
                 "no-blocks",
                 "got a folded chain whose modules are off the cubic lattice, expected angles of 0 "
-                "or ±90°; take another strategy.",
+                "or ±90°; use another strategy.",
             )
         _set_inertia(body, places, float(self.chain.module.inertia[0]))
         inside = np.ones(stop - start, dtype=np.bool_)

@@ -1,1 +1,1 @@
-"""Statics on a floor: what a chain that stands on it asks of its hinges, at the least."""
+"""Statics on a floor: the smallest hinge torques of a chain that stands on it."""

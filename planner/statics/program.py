@@ -80,8 +80,8 @@ class Program:
         self._highs.setOptionValue("simplex_scale_strategy", 0)
         if (status := self._highs.getModelStatus()) != OPTIMAL:
             raise PlannerError(
-                f"got {self._highs.modelStatusToString(status)} of a balance, expected an optimum; "
-                "please report the configuration."
+                f"got the solver status {self._highs.modelStatusToString(status)}, expected an "
+                "optimum; please report the configuration."
             )
 
     def _pass(self, matrix: Columns, weight: Array, hinges: int, most: float) -> None:
@@ -110,7 +110,7 @@ class Program:
             np.zeros(columns, dtype=np.int32),  # none of them is a whole number
         )
         if passed == highspy.HighsStatus.kError:
-            raise PlannerError("got a balance that the solver does not read, expected finite poses")
+            raise PlannerError("got numbers that the solver refuses, expected finite poses")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

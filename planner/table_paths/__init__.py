@@ -1,1 +1,1 @@
-"""Paths for a table: orders of cells in which a chain can fold while it rests on a floor."""
+"""Paths for a table: orders of cells in which a chain can fold while the floor supports it."""

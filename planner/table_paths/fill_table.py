@@ -62,7 +62,7 @@ class TableCubes:
             notes = (f"Repaired: {added_words(added)}",)
         shift = paths[0].shift if paths else np.zeros(3, dtype=np.int64)
         if paths and paths[0].down != "-z":
-            notes = (*notes, f"It lies on its {SIDES[paths[0].down]} side.")
+            notes = (*notes, f"The shape lies on its {SIDES[paths[0].down]} side.")
         cells = paths[0].cells if paths else shape.cells
         return Filled(
             chains=tuple(

@@ -99,7 +99,7 @@ def _of_the_start(order: Ints) -> list[Fault]:
     if order[0, 2] == 0 and order[1, 2] == 0:
         return []
     detail = (
-        "the first link does not lie on the floor; expected a path that begins with one that does."
+        "the first link does not lie on the floor, expected a path that starts with a link on it."
     )
     return [Fault(code="first-link", detail=detail, at=0, cells=_named(order[:2]))]
 
@@ -109,8 +109,8 @@ def _downs(order: Ints, rule: Rule) -> list[Fault]:
         return [
             Fault(
                 code="boxed-in",
-                detail=f"cell {k} comes under an earlier one with cells on all sides of it; "
-                "expected a side from which a module reaches it.",
+                detail=f"cell {k} is below an earlier cell and enclosed on all sides, expected a "
+                "side from which a module can reach it.",
                 at=k,
                 cells=_named(order[k : k + 1]),
             )
@@ -119,8 +119,8 @@ def _downs(order: Ints, rule: Rule) -> list[Fault]:
     return [
         Fault(
             code="goes-down",
-            detail=f"the link from cell {k} to cell {k + 1} goes down; expected layer after layer "
-            "from the floor up.",
+            detail=f"the link from cell {k} to cell {k + 1} goes down, expected a path that rises "
+            "layer by layer.",
             at=k,
             cells=_named(order[k : k + 2]),
         )
@@ -132,8 +132,8 @@ def _hairpins(order: Ints) -> list[Fault]:
     return [
         Fault(
             code="hairpin",
-            detail=f"the path turns back above itself at cells {a} to {b}; expected links before "
-            "and after vertical ones that are not opposite.",
+            detail=f"the path turns back directly above itself at cells {a} to {b}, expected the "
+            "links before and after vertical links not to be opposite.",
             at=a,
             cells=_named(order[a : b + 1]),
         )
@@ -147,8 +147,8 @@ def _unstable(order: Ints) -> list[Fault]:
         return []
     k = bad[0]
     detail = (
-        f"the first {k + 1} cells tip over: expected their centre of mass {SAFE:g} of a pitch "
-        f"within the hull of their floor cells; so do {len(bad)} beginnings of the path in all."
+        f"the first {k + 1} cells tip over, expected their centre of mass {SAFE:g} module widths "
+        f"inside their base. In total, {len(bad)} beginnings of the path tip over."
     )
     return [Fault(code="not-stable", detail=detail, at=k, cells=_named(order[k : k + 1]))]
 

@@ -1,1 +1,1 @@
-"""Verification: a second look at a plan, from its files alone and apart from what made them."""
+"""Verification: an independent check of a plan, based only on its files."""

@@ -47,14 +47,14 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
     if not np.allclose(
         angles_rad[:first], chain.folded_rad[:first], rtol=0.0, atol=FOLDED_WITHIN_RAD
     ):
-        yield f"first_hinge: got {first}, expected no more than are still folded"
+        yield f"first_hinge: got {first}, expected at most the hinges that are still folded"
     bent = np.flatnonzero(np.abs(angles_rad) > told["bent_above_rad"])
     expected = bent[bent >= first].tolist()
     if [turn["hinge"] for turn in told["turns"]] != expected:
         yield f"turns: got {len(told['turns'])}, expected one for each of {len(expected)} hinges"
         return
     if not told["turns"] and not told["moves"]:
-        yield "turns and moves: got none, expected something that is blocked"
+        yield "turns and moves: got none, expected at least one blocked turn or move"
     before = forward_kinematics(chain.module, angles_rad)
     for turn in told["turns"]:
         hinge, turned, (i, j) = turn["hinge"], turn["turned_rad"], sorted(turn["modules"])
@@ -63,7 +63,7 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
         if turn["module"] != module or not i <= module < j:
             yield f"{name}: got modules {i} and {j}, expected one on each side of module {module}"
         if turned * angles_rad[hinge] >= 0.0 or abs(turned) > LARGEST_TURN_RAD + ROUNDING:
-            yield f"{name}: got a turn of {turned:.3g} rad, expected a small one towards straight"
+            yield f"{name}: got a turn of {turned:.3g} rad, expected a small turn towards straight"
         now = angles_rad.copy()
         now[hinge] += turned
         poses = forward_kinematics(chain.module, now)
@@ -80,7 +80,7 @@ def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
         yield "moves: expected each of the six directions once"
     joint = told["first_hinge"] // chain.module.hinges_per_joint
     if told["unit"] is None or told["unit"][1] != joint + chain.module.rigid_links:
-        yield f"unit: got {told['unit']}, expected one that ends where the core ends"
+        yield f"unit: got {told['unit']}, expected one that ends at the end of the core"
         return
     low, high = told["unit"]
     folded = forward_kinematics(chain.module, chain.folded_rad)
@@ -88,7 +88,7 @@ def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
         (a, b), moved = move["modules"], move["moved"]
         name = f"direction {move['direction']}"
         if not (low <= a <= high and 0 <= b < low):
-            yield f"{name}: got modules {a} and {b}, expected one of the unit and one of the core"
+            yield f"{name}: got modules {a} and {b}, expected one in the unit and one in the core"
         if not 0.0 < moved <= LARGEST_MOVE:
             yield f"{name}: got a move of {moved:g}, expected one of at most {LARGEST_MOVE:g}"
         positions = folded.positions.copy()
@@ -115,7 +115,7 @@ def _overlap_differs(
     if not (found > 0.0 and abs(found - told) <= OVERLAP_WITHIN):
         yield f"{name}: modules {i} and {j} overlap by {found:.3g}, expected {told:.3g}"
     if overlap(chain, before, i, j, size) > ROUNDING:
-        yield f"{name}: modules {i} and {j} overlap before, expected two that do not"
+        yield f"{name}: modules {i} and {j} overlap before the motion, expected two that do not"
 
 
 def overlap(chain: Chain, poses: Poses, i: int, j: int, size: float) -> float:

@@ -68,8 +68,8 @@ class ToldFigures:
             loose = [name for name in loose if name in self.certificate]
             aside |= {f.name for f in fields(Certificate)} - set(self.certificate)
             notes.append(
-                "The certificate is of an earlier version: it was compared in what it tells, but "
-                "for clearance_bound and in_betweens."
+                "The certificate is from an earlier version: its figures were compared, except "
+                "clearance_bound and in_betweens."
             )
         names = [f.name for f in fields(Certificate) if f.name not in aside]
         yield from value_differences(

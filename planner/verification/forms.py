@@ -24,7 +24,7 @@ def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Diffe
     arrays = {**motion_arrays(plan.motion), "max_error_rad": plan.max_error_rad}
     theirs = {**motion_arrays(other.motion), "max_error_rad": other.max_error_rad}
     if type(plan.motion) is not type(other.motion):
-        yield "plan.json and plan.npz differ in what they hold of a frame"
+        yield "plan.json and plan.npz differ in the form of their frames"
         return
     for name, mine in arrays.items():
         if name != "joint_error_rad":  # which a plan has not
@@ -59,7 +59,7 @@ def lacking(
     mine = {name: _plain(value) for name, value in npz.items() if name not in columns}
     yield from value_differences(mine, json.loads(json.dumps(expected)), "plan.npz")
     if record is None and plan.explosion is not None:
-        yield "record.npz: it is not there, so what plan.npz tells of it can't be worked out anew"
+        yield "record.npz: it is missing, so its figures in plan.npz cannot be computed again"
 
 
 def _plain(value: Any) -> Any:

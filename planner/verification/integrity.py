@@ -94,7 +94,9 @@ def _reason_of_sealed(path: FilePath, known: Digests | None) -> str | None:
     from planner.pipeline.manifest import digests_of_texts
 
     text = json.dumps(read_group(path).attrs.asdict().get("id"))
-    return None if digests_of_texts({"id": text})["id"] == identity else "it is another fold's"
+    return (
+        None if digests_of_texts({"id": text})["id"] == identity else "it belongs to another fold"
+    )
 
 
 def _reason_by_digest(directory: FilePath, name: str, known: dict[str, str]) -> str | None:
@@ -102,7 +104,7 @@ def _reason_by_digest(directory: FilePath, name: str, known: dict[str, str]) -> 
 
     here = digests_of(directory, [name])[name]
     changed = [field for field in {**known, **here} if known.get(field) != here.get(field)]
-    return f"not as it was written: {', '.join(changed[:3])}" if changed else None
+    return f"it was changed: {', '.join(changed[:3])}" if changed else None
 
 
 def _reason_by_itself(path: FilePath) -> str | None:
@@ -113,7 +115,7 @@ def _reason_by_itself(path: FilePath) -> str | None:
     if path.suffix == ".npz":
         with ZipFile(path) as file:
             broken = file.testzip()
-        return None if broken is None else f"{broken} is not as it was written"
+        return None if broken is None else f"{broken} was changed"
     return None
 
 

@@ -47,7 +47,7 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
         sign == other[2] and np.allclose((over, under), other[:2], rtol=0.0, atol=PLACE_WITHIN)
         for (over, under, sign), other in zip(sorted(seen), sorted(diagram), strict=True)
     ):
-        yield f"diagram: the polygon has {len(seen)} crossings, and not those that are told"
+        yield f"diagram: the polygon has {len(seen)} crossings, which differ from the evidence"
         return
     drawn = invariants_of_crossings(seen)
     if not told["closings"]:
@@ -58,15 +58,15 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
         moved = positions + rng.uniform(-JITTER, JITTER, positions.shape)
         found = invariants_of(np.concatenate([moved, outside]), rng)
         if found is None or drawn is None:
-            yield "determinant: it could not be worked out again, for too many crossings"
+            yield "determinant: it could not be computed again, with so many crossings"
             return
         if not found.knotted:
-            yield "knot: the chain is unknotted as far as two values of its polynomial tell"
+            yield "knot: two values of the chain's polynomial show no knot"
         if told["determinant"] not in (None, found.determinant):
             yield f"determinant: got {told['determinant']}, expected {found.determinant}"
         if drawn != found:
             yield (
-                f"polygon: its determinant is {drawn.determinant}, expected that of the chain, "
+                f"polygon: got the determinant {drawn.determinant}, expected the chain's, "
                 f"{found.determinant}, and the same polynomial"
             )
 
@@ -76,7 +76,7 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
     if not len(corners):
         apart = float(np.linalg.norm(positions[-1] - positions[0]))
         if apart > ENDS_TOUCH:
-            yield f"closings: got no corners, expected some, as the ends are {apart:.3g} apart"
+            yield f"closings: got no corners, expected some, because the ends are {apart:.3g} apart"
         return
     middle = positions.mean(axis=0)
     radius = float(np.linalg.norm(positions - middle, axis=1).max())
@@ -91,8 +91,8 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
         others = np.delete(positions, end, axis=0)
         if _distances(others, positions[end], corner).min() < ROOM:
             yield (
-                f"closings: module {end} is drawn out through others, expected a free way or "
-                f"{SEVERAL} of them"
+                f"closings: the line from module {end} crosses other modules, expected a free line "
+                f"or {SEVERAL} lines"
             )
 
 

@@ -136,4 +136,4 @@ def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differ
     if here == made:
         yield from different
     else:
-        notes += [f"{each} of foldback {here}; the plan is of {made}." for each in different]
+        notes += [f"{each} of foldback {here}; the plan is from {made}." for each in different]

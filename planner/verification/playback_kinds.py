@@ -43,8 +43,8 @@ def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Difference
     """
     wanted = own_preset(plan).explosion is not None
     if wanted != (plan.explosion is not None):
-        need = "what came of it" if wanted else "null"
-        yield f"plan.npz explosion: expected {need}, as of the preset {plan.preset}"
+        need = "its results" if wanted else "null"
+        yield f"plan.npz explosion: expected {need} with the preset {plan.preset}"
     direct = plan.explosion is None and isinstance(plan.motion, Frames)
     limit = int(playback_number(plan, "dynamic_up_to"))
     short = len(plan.chain) <= limit
@@ -68,7 +68,7 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
     if playback.status == "folded" and not most <= (playback.max_angle_error_rad or 0.0) * (
         1 + SINGLE_WITHIN
     ):
-        yield f"plan.npz playback.max_angle_error_rad: got less than {most}, as a frame has"
+        yield f"plan.npz playback.max_angle_error_rad: expected at least {most}, as in a frame"
     told = playback.summary()
     for name in ("rms_position_error", "max_angle_error_rad", "peak_torque", "rms_torque"):
         if told[name] is None:
@@ -86,11 +86,11 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
         angles, errors = played.joint_angles_rad, played.joint_error_rad
         moves = np.diff(reference, axis=0).any()
     if not np.isfinite(errors).all():
-        yield "timeline.zarr joint errors: got no numbers, expected those of a simulation"
+        yield "timeline.zarr joint errors: got no numbers, expected errors of a simulation"
     if moves and np.array_equal(angles, reference):
         yield (
-            "timeline.zarr joint angles: got those of plan.npz to the last digit, expected "
-            "those of a simulation, which never are"
+            "timeline.zarr joint angles: got exactly those of plan.npz, expected those of a "
+            "simulation, which always differ"
         )
 
 

@@ -83,7 +83,7 @@ def check_reason(
     try:
         differences = tuple(_differences(chain, record, told, parameters))
     except UNREADABLE as error:
-        differences = (f"it cannot be worked out ({type(error).__name__}: {error})",)
+        differences = (f"it cannot be computed ({type(error).__name__}: {error})",)
     return ReasonCheck(kind=str(told.get("kind")), words=stuck["words"], differences=differences)
 
 
@@ -100,7 +100,7 @@ def _differences(
     elif told["kind"] == "blocks":
         peels = record.strategy == "peel"
         if told["first_hinge"] and not peels:
-            yield f"first_hinge: got {told['first_hinge']}, expected 0 where nothing is peeled"
+            yield f"first_hinge: got {told['first_hinge']}, expected 0 without peeling"
         how: dict[str, Any] = parameters["peeling" if peels else "explosion"] or {}
         size = max(float(parameters["module_size"]), float(how.get("verify_size", 0.0)))
         yield from blocks_differ(chain, angles, told, size)
@@ -120,7 +120,7 @@ def _budget_differs(
     """Where a budget is not what the parameters allow, or was not used up."""
     spent, allowed, used = told["spent"], told["allowed"], told["used"]
     if record.status not in STATUSES[spent]:
-        yield f"spent: got {spent} of an explosion that is {record.status}"
+        yield f"spent: got {spent}, which does not end an explosion as {record.status}"
     counted = {
         "steps": record.steps,
         "motion": record.steps,
@@ -131,7 +131,7 @@ def _budget_differs(
     if used != counted:
         yield f"used: got {used} {spent}, expected {counted}, as in the record"
     if spent != "motion" and used < allowed + (spent in ("pushes", "snapshots")):
-        yield f"used: got {used} of {allowed} {spent}, which are not used up"
+        yield f"used: got {used} of {allowed} {spent}, expected at least the limit"
     if spent in ("steps", "motion"):
         if record.strategy == "peel":
             per_module = int(parameters["peeling"]["max_steps_per_module"])

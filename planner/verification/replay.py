@@ -108,7 +108,7 @@ class _Loaded:
             )
         except KeyError as error:
             raise InputError(
-                "not-a-model", f"the model is not one of this plan: {error}"
+                "not-a-model", f"the model does not belong to this plan: {error}"
             ) from error
 
     def place(self, angles: Array, position: Array, wxyz: Array) -> None:

@@ -100,7 +100,7 @@ def _among(directory: FilePath, plan: Plan) -> Differences:
             return
         if candidates.two_ended and chain_attributes(candidate.from_other_end()) == chain:
             return
-    yield f"{CANDIDATES}: none of them is the chain of plan.npz"
+    yield f"{CANDIDATES}: no candidate is the chain of plan.npz"
 
 
 def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -> Differences:
@@ -140,7 +140,7 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     angles, frames = record.snapshots_rad, record.frames
     if every is None or isinstance(frames, Windows):
         if angles is not None:
-            yield f"{name}: got some, expected none with these parameters"
+            yield f"{name}: got snapshots, expected none with these parameters"
         return
     shape = (record.steps // every + 2, len(plan.chain.folded_rad))
     if angles is None or (record.status == "straight" and angles.shape != shape):
@@ -150,18 +150,18 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     numbers = np.rint(frames.time_s / (every * told["step_s"])).astype(np.int64)
     numbers[-1] = len(angles) - 1
     if (np.diff(numbers) < 0).any() or numbers[0] < 0 or numbers.max() >= len(angles):
-        yield f"{name}: the frames do not have its times"
+        yield f"{name}: its times are not those of the frames"
         return
     yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=STEP_RAD)
     held = np.searchsorted(numbers, np.arange(len(angles)), side="right") - 1
     far = np.abs(angles - frames.joint_angles_rad[held]).max(axis=1)
     if not (far <= KEPT_RAD + STEP_RAD).all():
-        yield f"{name}[{int(np.argmax(~(far <= KEPT_RAD + STEP_RAD)))}]: it is far from its frame"
+        yield f"{name}[{int(np.argmax(~(far <= KEPT_RAD + STEP_RAD)))}]: it differs from its frame"
 
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
     if type(got) is not type(expected):
-        yield f"{name}: it holds frames of another kind than timeline.zarr"
+        yield f"{name}: its frames have another form than those of timeline.zarr"
         return
     theirs = motion_arrays(expected)
     both = f"{name} and timeline.zarr differ in"

@@ -115,7 +115,7 @@ def with_other_robots(
     except UNREADABLE as error:
         raise InputError("not-a-playback", f"playback.npz cannot be read: {error}") from error
     if kept is None:
-        notes.append("There is no playback.npz, so the playbacks of other robots were not swept.")
+        notes.append("There is no playback.npz, so the playbacks of other robots were not checked.")
         return playback
     return replace(playback, others_rad=kept.others_rad)
 
@@ -172,7 +172,7 @@ def _root_differs(plan: Plan, motion: Frames, played: Frames) -> Differences:
     held = own_parameters(plan, None).table.held
     followed = played.planned(plan.chain, motion.joint_angles_rad, clamped=held)
     meant = [("plan.npz", motion, followed)]
-    how = "that drifts as the playback does"
+    how = "that drifts like the playback"
     if held:
         meant.append(("timeline.zarr", played, played.clamped(plan.chain)))
         how = "whose first module is clamped"

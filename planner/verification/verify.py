@@ -111,14 +111,14 @@ def verify(
                 return _verified(directory, module_size, progress)
         except UNREADABLE as error:
             raise InputError(
-                "not-a-plan", f"plan.npz: what it says cannot be worked out ({error})."
+                "not-a-plan", f"plan.npz: its figures cannot be computed again ({error})."
             ) from error
     except (InputError, TimelineError) as error:
         changed = manifest.changed_fields(directory)
         if not changed:
             raise
         more = "" if len(changed) <= MOST_TOLD else f", and {len(changed) - MOST_TOLD} more"
-        told = f"{error} Changed since it was written: {'; '.join(changed[:MOST_TOLD])}{more}."
+        told = f"{error} These files were changed: {'; '.join(changed[:MOST_TOLD])}{more}."
         if isinstance(error, InputError):
             raise InputError(error.code, told) from error
         raise TimelineError(told) from error
@@ -129,7 +129,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
     npz = read_values(directory / "plan.npz")
     text = read_values(directory / "plan.json")
     plan = Plan.of_values(npz, "plan.npz")
-    found.look("plan.json and plan.npz say the same", forms_differ(plan, npz, text))
+    found.look("plan.json and plan.npz are equal", forms_differ(plan, npz, text))
     earlier = npz["format"] in EARLIER
     timeline, frames = opened(directory / "timeline.zarr")
     found.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
@@ -147,11 +147,11 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
     if playback is not None:
         found.look("timeline.zarr shows the plan's playback", playback_differs(plan, playback))
         found.look(
-            "the playback was simulated, or was not, as it says",
+            "the playback was simulated if the plan says so",
             kind_differs(plan, playback, earlier=earlier),
         )
     found.look(
-        "the files of the stages say the same as the plan",
+        "the files of the stages match the plan",
         stage_files_differ(directory, plan, npz, record, playback, found.notes),
     )
     parameters = own_parameters(plan, module_size)
@@ -163,10 +163,10 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
         found.problems.append(certificate.verdict)
     if module_size is None:
         simulated = playback is not None and playback.simulated
-        alone = ", but for what only the simulation knew: torques, largest error between frames"
+        alone = ", except simulated torques and the largest error between frames"
         told = ToldFigures(plan, npz["certificate"], record, playback, earlier=earlier)
         found.look(
-            f"the certificate's figures were computed again and agree{alone if simulated else ''}",
+            f"the certificate's figures were computed again and match{alone if simulated else ''}",
             told.differences(certificate, found.notes),
         )
     reason = None
@@ -194,19 +194,20 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
     changed = manifest.changed_fields(directory)
     if changed is None and not earlier:
         found.problems.append(
-            f"failed: {manifest.FILE}: it is not there, expected the digests of all fields; copy "
-            "it with the fold's other files."
+            f"failed: {manifest.FILE}: it is missing, expected the digests of all fields; copy it "
+            "with the fold's other files."
         )
     elif changed is None:
         found.notes.append(
-            f"There is no {manifest.FILE}, as earlier versions wrote none: what can't be worked "
-            "out anew (seed, versions, wall times, figures.zarr, input) was not checked."
+            f"There is no {manifest.FILE}, because an earlier version wrote the plan. Values that "
+            "cannot be computed again (seed, versions, wall times, figures.zarr, input) were not "
+            "checked."
         )
     else:
         found.look(
-            "every field of every file has the digest in manifest.json, figures.zarr (what plots "
-            "show) by that alone",
-            (f"{field}: it is not what was written" for field in changed),
+            "every field of every file matches its digest in manifest.json, which is the only "
+            "check of figures.zarr (plots)",
+            (f"{field}: it was changed" for field in changed),
         )
     return Verification(
         certificate=certificate,
@@ -245,8 +246,8 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
     if earlier and (fewer := NEIGHBOURS.sub(needed, text)) != text:
         text = fewer
         notes.append(
-            "model.xml exempts neighbours from collision, as earlier versions did; the replay "
-            "looked at them all the same."
+            "model.xml, from an earlier version, exempts neighbours from collision; the replay "
+            "checked them all the same."
         )
     try:
         size = own_parameters(plan, None).module_size

@@ -1,1 +1,1 @@
-"""The API: a file for each resource, and what they share."""
+"""The API: one file for each resource, and shared code."""

@@ -226,7 +226,7 @@ def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
         return NotFound("no-such-artifact", f"This fold finished without its {what}{reason}.")
     return Conflict(
         "not-ready",
-        f"The {what} is not there yet: the fold is {row.status}. Follow its events.",
+        f"The {what} does not exist yet: the fold is {row.status}. Follow its events.",
         retry_after_s=1,
     )
 

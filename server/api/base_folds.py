@@ -64,8 +64,8 @@ def beginning_of(context: Context, fold_id: str, use: Use) -> BaseFold:
     if not row.over:
         raise Conflict(
             f"{use}-not-ready",
-            f"{row.name} is still {row.status}, expected a finished fold; {use} it when it is "
-            "over.",
+            f"{row.name} is still {row.status}, expected a finished fold; {use} it when the fold "
+            "is over.",
             retry_after_s=5,
         )
     check(directory, *FILES[use].values())
@@ -92,7 +92,7 @@ def _beginning(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path])
     except (OSError, ValueError) as error:
         raise Unusable(
             f"{use}-no-plan",
-            f"{name} ended without a plan, expected a fold that has one; fold it again.",
+            f"{name} has no plan, expected a fold with a plan; fold it again.",
         ) from error
     return BaseFold(
         use=use,

@@ -80,7 +80,7 @@ class Context:
         if wait_s := self.lists.take(address_of(request)):
             raise TooMany(
                 "too-many-lists",
-                "got more requests for lists from your address than are answered; try again in "
+                "got too many requests for lists from your address; try again in "
                 f"{ceil(wait_s)} s.",
                 retry_after_s=ceil(wait_s),
             )

@@ -75,7 +75,7 @@ def _options(
         Form(description="Path method. `blocks` splits each voxel into 2×2×2 modules."),
     ] = "auto",
     repair: Annotated[
-        bool, Form(description="Add or remove cells if there is no path otherwise.")
+        bool, Form(description="Add or remove cells if there is no path without that.")
     ] = False,
     ends: Annotated[
         Literal["any", "surface"],
@@ -88,14 +88,14 @@ def _options(
         str | None,
         Form(
             pattern=rf"^{START}$",
-            description="The cell where the chain starts, as `x,y,z` of a preview's `cells`.",
+            description="The cell where the chain starts: `x,y,z`, one of the preview's `cells`.",
         ),
     ] = None,
     world: Annotated[
         Literal["floating", "table"],
         Form(
-            description="World: `floating` has no gravity; on a `table` the chain stays supported "
-            "throughout and needs as little torque as possible. Settings on a table: "
+            description="World: `floating` has no gravity; on a `table` the chain is always "
+            "supported and needs as little torque as possible. Settings on a table: "
             f"{listed(TABLE_SETTINGS)}."
         ),
     ] = "floating",
@@ -144,7 +144,7 @@ def post_fold(
         Form(
             max_length=64,
             pattern=ID,
-            description="Or: the id of a fold, to use its input and its shape options again.",
+            description="Or: the id of a fold whose input and shape options are used again.",
         ),
     ] = None,
     refold: Annotated[
@@ -161,8 +161,8 @@ def post_fold(
         Form(
             max_length=64,
             pattern=ID,
-            description="Or: the id of a verified fold, to make its motion shorter and smoother as "
-            "a new fold. Preset and strategy do not apply, because nothing is recorded again.",
+            description="Or: the id of a verified fold. A new fold makes its motion shorter and "
+            "smoother. Preset and strategy do not apply, because there is no new explosion.",
         ),
     ] = None,
     preset: Annotated[
@@ -204,11 +204,11 @@ def post_fold(
     prefer: Annotated[
         Literal["computing", "time", "torque", "clearance"],
         Form(
-            description="Preferred plan: the first verified one, or of several verified plans the "
-            "one with the shortest folding time at the joints' speed limit, the least torque at "
-            "equal folding time, or the largest proved clearance. All but the first try other "
-            "strategies, paths and smoothings, which takes several times as long; the plan's "
-            "`attempts` list them with their figures."
+            description="Preferred plan. `computing` is the first verified plan. The others choose "
+            "from several verified plans: `time` by folding time at the joints' speed limit, "
+            "`torque` by torque at equal folding time, `clearance` by proved clearance. They try "
+            "other strategies, paths and smoothings, which takes several times as long. The plan's "
+            "`attempts` list all of them with their figures."
         ),
     ] = "computing",
 ) -> Accepted:
@@ -296,7 +296,7 @@ def post_fold(
     responses=problems(429),
 )
 def get_folds(context: Here, credentials: Bearer) -> Folds:
-    """List gallery folds and your own. Other people's folds are never listed."""
+    """List gallery folds and your own folds. Folds of other owners are never listed."""
     rows = {row.id: row for row in context.store.list_public()}
     if (token := token_of(credentials)) is not None:
         rows.update({row.id: row for row in context.store.list_owned(token)})
@@ -306,7 +306,7 @@ def get_folds(context: Here, credentials: Bearer) -> Folds:
 
 @router.get("/{fold_id}", summary="Get the state of a fold", responses=problems(404))
 def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
-    """Return the current state."""
+    """Return the current state of a fold."""
     row = context.store.fold(fold_id)
     context.store.looked(row)
     mark(request, row)
@@ -331,7 +331,7 @@ async def follower(request: Request, fold_id: str, context: Here) -> AsyncIterat
 async def get_events(
     fold_id: str, context: Here, response: Response
 ) -> AsyncIterator[ServerSentEvent]:
-    """Send server-sent events until the fold has finished."""
+    """Send server-sent events until the fold is over."""
     response.headers["Cache-Control"] = "no-store"
     async for event in context.fold_states.events(fold_id):
         yield event
@@ -343,7 +343,7 @@ async def get_events(
     responses=problems(404),
 )
 def get_refolds(fold_id: str, context: Here) -> Shapes:
-    """Those with as many modules of the same kind, without its own."""
+    """List shapes with the same number of modules of the same kind, except the fold's own."""
     row = context.store.fold(fold_id)
     fitting = context.gallery.fitting(row.module, row.modules)
     return Shapes(shapes=[Shape.of(shape) for shape in fitting if shape.name != row.shape])
@@ -353,9 +353,9 @@ def get_refolds(fold_id: str, context: Here) -> Shapes:
     "/{fold_id}/cancel", status_code=202, summary="Stop a fold", responses=problems(401, 403, 404)
 )
 def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
-    """Cancel it. A gallery fold that other people requested too keeps running.
+    """Cancel a fold. A gallery fold that other clients requested too keeps running.
 
-    The input is kept for up to an hour, so that the fold can be started again.
+    The input is stored for up to an hour, so that the fold can be started again.
     """
     store = context.store
     before = store.fold(fold_id)
@@ -400,7 +400,7 @@ def patch_fold(fold_id: str, changes: FoldChanges, context: Here, credentials: B
     "/{fold_id}", status_code=204, summary="Delete a fold", responses=problems(401, 403, 404)
 )
 def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
-    """Delete it permanently. Gallery folds cannot be deleted."""
+    """Delete a fold permanently. Gallery folds cannot be deleted."""
     store = context.store
     row, token = store.fold(fold_id), needed(credentials)
     if row.public:
@@ -506,7 +506,7 @@ def needed(credentials: HTTPAuthorizationCredentials | None) -> str:
         return token
     raise Unidentified(
         "no-owner-token",
-        "This needs the owner token that came with the answer to the upload, as "
+        "This needs the fold's owner token, which the answer to the upload contained, as "
         "'Authorization: Bearer …'.",
     )
 
@@ -514,6 +514,6 @@ def needed(credentials: HTTPAuthorizationCredentials | None) -> str:
 def _not_owner() -> Forbidden:
     return Forbidden(
         "not-owner",
-        "This token is not that of the fold's owner; a fold of the gallery has none once several "
-        "have asked for it.",
+        "This is not the token of the fold's owner. A gallery fold that several clients requested "
+        "has no owner.",
     )

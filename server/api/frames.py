@@ -40,7 +40,7 @@ BINARY: Final = "application/octet-stream"
 
 @router.get("/view")
 async def view(request: Request) -> Response:
-    """Viser's client, to be framed by a page of ours."""
+    """Return viser's client for a frame within a page."""
     page = await asyncio.to_thread(view_page)
     headers = {"Content-Security-Policy": client().policy, "X-Frame-Options": "SAMEORIGIN"}
     return page.response(request, headers)
@@ -54,7 +54,7 @@ def view_page() -> Asset:
 
 @router.get("/folds/{fold_id}/bundle")
 async def bundle(request: Request, fold_id: str) -> Response:
-    """What is known of a fold's chain and its scene; the id is that of the timeline."""
+    """Return a fold's chain and scene; the id is that of the timeline."""
 
     def answer() -> Response:
         row, timeline = _view(request, fold_id)
@@ -72,7 +72,7 @@ async def batch(
     stride: Annotated[int, Query(ge=1, le=1_000_000)] = 1,
     wait: Annotated[float, Query(ge=0, le=LONGEST_WAIT_S)] = 0.0,
 ) -> Response:
-    """Frames of a fold's timeline; with ``wait``, seconds, not before there are any from there.
+    """Return frames of a fold's timeline; ``wait`` is how many seconds to wait for the first one.
 
     Raises:
         TooMany: If too many requests of the visitor, its network or in all wait.
@@ -117,7 +117,7 @@ async def figures(
     fold_id: str,
     part: Annotated[int | None, Query(ge=0, le=1_000_000)] = None,
 ) -> Response:
-    """Figures of a fold that is over: curves of all frames, or everything of one stretch."""
+    """Return figures of a finished fold: curves of all frames, or all figures of one part."""
 
     def answer() -> Response:
         found = find_now(request, fold_id)

@@ -24,13 +24,13 @@ router = APIRouter(tags=["operation"])
 
 @router.get("/health", summary="Liveness check")
 async def get_health() -> dict[str, str]:
-    """Answer 200 whenever the web process runs."""
+    """Answer 200 while the web process runs."""
     return {"status": "ok"}
 
 
 @router.get("/ready", summary="Readiness check")
 def get_ready(request: Request) -> JSONResponse:
-    """503 with reasons while database, disk or storage fail, no worker lives, or it is ending."""
+    """Answer 503 with reasons if database, disk or storage fail, no worker runs, or it stops."""
     readiness: Readiness = request.app.state.readiness
     found = readiness.state()
     return JSONResponse(
@@ -50,12 +50,12 @@ def get_ready(request: Request) -> JSONResponse:
 class PreparingState(BaseModel):
     """Whether the solvers are still being compiled."""
 
-    preparing: PreparingBody | None = Field(description="Null when a worker is ready to compute.")
+    preparing: PreparingBody | None = Field(description="Null once a worker is ready to compute.")
 
 
 @router.get("/api/preparing", summary="Progress of compiling the solvers")
 def get_preparing(context: Here, response: Response) -> PreparingState:
-    """How far the workers are that compile the solvers, once on a machine."""
+    """Return the progress of compiling the solvers, which happens once on each machine."""
     response.headers["Cache-Control"] = "no-store"
     return PreparingState(preparing=PreparingBody.of(context.leases.preparing()))
 
@@ -67,7 +67,7 @@ def get_preparing(context: Here, response: Response) -> PreparingState:
     responses=problems(403),
 )
 async def get_metrics(request: Request, context: Here, credentials: Bearer) -> Response:
-    """Figures in Prometheus' text format, for clients that send the operator's token."""
+    """Return figures in Prometheus' text format to clients that send the operator's token."""
     if not _may_read(context, credentials):
         raise Forbidden(
             "not-public",

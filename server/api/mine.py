@@ -63,7 +63,8 @@ def get_my_folds(
     context: Here,
     token: Holder,
     before: Annotated[
-        str | None, Query(pattern=BEFORE, description="Of `next`, for those that follow.")
+        str | None,
+        Query(pattern=BEFORE, description="Value from the link `next`; lists the following folds."),
     ] = None,
     limit: Annotated[
         int, Query(ge=1, le=MOST_FOLDS, description=("Maximum number of results."))
@@ -109,7 +110,7 @@ def get_my_previews(context: Here, token: Holder) -> PreviewsMade:
     responses=problems(401, 403, 429),
 )
 def delete_my_preview(context: Here, token: Holder, preview_id: str) -> Response:
-    """Delete an upload and its previews; folds made from it stay."""
+    """Delete an upload and its previews. Folds made from it stay."""
     if not forget_preview(context.store, preview_id, token):
         raise Forbidden("not-owner", "This token does not belong to this preview.")
     context.previews.remove(preview_id)
@@ -137,10 +138,10 @@ def get_my_movies(context: Here, token: Holder) -> MoviesMade:
     responses=problems(400, 401, 422, 429),
 )
 def post_my_key(context: Here, token: Holder, wanted: KeyWanted | None = None) -> KeyReplaced:
-    """Move everything made with this token to another one; this one stops working."""
+    """Move all items of this token to another token; this token stops working."""
     new = (wanted.owner_token if wanted is not None else None) or new_token()
     if new == token:
         raise Malformed(
-            "same-key", ("got the key that is being replaced; send another one, or none.")
+            "same-key", ("got the key that is to be replaced; send another key, or none.")
         )
     return KeyReplaced(owner_token=new, folds=replace_token(context.store, token, new))

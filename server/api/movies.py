@@ -80,8 +80,8 @@ class MovieBody(BaseModel):
     problem: Fault | None
     token: str | None = Field(
         default=None,
-        description="Told once, to who asked first: the token that he has sent, or a new one. "
-        "Deleting asks for it.",
+        description="Token that deletes the movie: the token you sent, or a new one. Only the "
+        "first request for a movie gets it.",
     )
     links: MovieLinks
 
@@ -140,7 +140,7 @@ def post_movie(
 
 @router.get("/{movie_id}", summary="Get the status of a movie", responses=problems(404))
 def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) -> MovieBody:
-    """Return the status. Ask again after `Retry-After` seconds until it is `ready` or `failed`."""
+    """Return the status. Repeat after `Retry-After` seconds until it is `ready` or `failed`."""
     context.store.fold(fold_id)
     body = MovieBody.of(fold_id, context.movies.state(fold_id, movie_id))
     _again(response, body)
@@ -177,14 +177,14 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     responses=problems(403, 404),
 )
 def delete_movie(fold_id: str, movie_id: str, context: Here, credentials: Bearer) -> Response:
-    """Cancel or delete it, with the token from the answer to POST or the fold's owner token."""
+    """Cancel or delete a movie, with its own token or the fold's owner token."""
     context.store.fold(fold_id)
     state = context.movies.state(fold_id, movie_id)
     token = credentials.credentials if credentials else ""
     if not state.owned_by(token) and not context.store.owns(fold_id, token):
         raise Forbidden(
             "not-owner",
-            "This needs the token that came with the answer to POST, or that of the fold's "
+            "This needs the token that the answer to POST contained, or that of the fold's "
             "owner, as 'Authorization: Bearer …'.",
         )
     context.movies.delete(fold_id, movie_id)

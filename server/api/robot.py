@@ -183,14 +183,14 @@ async def get_motors(
         Query(ge=0, le=1e3, description=("Gravity, m/s², in the worst direction for each joint.")),
     ] = 9.81,
     floating: Annotated[
-        bool, Query(description="Let the chain float without gravity instead of holding its root.")
+        bool, Query(description="True: the chain floats without gravity. False: its root is held.")
     ] = False,
     motor_torque: Annotated[
         float | None, Query(gt=0, le=1e9, description="Torque of a motor, N·m.")
     ] = None,
     form: Annotated[Form, Query(alias="format")] = "json",
 ) -> Response:
-    """By inverse dynamics over the motion that `trajectory` gives for the same bounds."""
+    """Compute the torques by inverse dynamics for the motion that `trajectory` returns."""
     row, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
     if row.modules > MOST_MODULES:
         raise TooLarge(
@@ -215,26 +215,26 @@ async def get_motors(
 
 @router.get("/play", include_in_schema=False)
 def get_play(fold_id: str) -> Response:
-    """Says that this is a websocket."""
+    """Refuse plain requests, because this is a websocket."""
     del fold_id
     raise WebsocketNeeded(
         "websocket",
-        "Motions are played over a websocket; /api/play-schema describes its messages.",
+        "A robot gets its motion over a websocket, which /api/play-schema describes.",
     )
 
 
-@schemas.get("/play-schema", summary="JSON Schema of what a robot and the service say")
+@schemas.get("/play-schema", summary="JSON Schema of the messages between a robot and the service")
 def get_play_schema() -> dict[str, Any]:
-    """Of the websocket at `/api/folds/{fold_id}/play`."""
+    """Return the schema of the websocket at `/api/folds/{fold_id}/play`."""
     return schema()
 
 
 @router.websocket("/play")
 async def play(websocket: WebSocket, fold_id: str) -> None:
-    """Send a robot its joint angles in real time, as far as it follows.
+    """Send a robot its joint angles in real time, waiting while the robot falls behind.
 
-    What needs no computing is counted and looked up before the socket is accepted: until then an
-    error is an HTTP answer.
+    Limits are checked before the socket is accepted, because until then an error can be sent as an
+    HTTP answer.
     """
     context = cast("Context", websocket.app.state.context)
     visitor = address_of(websocket)
@@ -422,7 +422,7 @@ class _Hand:
             window, count = second, (count + 1 if second == window else 1)
             if count > MOST_MESSAGES_A_SECOND:
                 raise TooMany(
-                    "too-fast", f"More than {MOST_MESSAGES_A_SECOND} messages in a second."
+                    "too-fast", f"More than {MOST_MESSAGES_A_SECOND} messages per second."
                 )
             if len(data) > 4096 + BYTES_A_JOINT * joints:
                 raise TooLarge("too-large", f"A message of {len(data)} bytes is too large.")

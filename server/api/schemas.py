@@ -37,14 +37,16 @@ class ProblemBody(BaseModel):
     type: str
     title: str
     status: int
-    code: str = Field(description="Short stable word for programs.")
-    detail: str = Field(description="What was found, what was expected, what to do.")
-    message: str = Field(description="The detail as plain sentences for people.")
+    code: str = Field(description="Short name of the problem, for programs; it never changes.")
+    detail: str = Field(
+        description="What the request contained, what was expected, and what to do."
+    )
+    message: str = Field(description="The detail in plain sentences for people.")
     where: str | None = Field(description="Position in the input, if the problem has one.")
 
 
 class Links(BaseModel):
-    """Where the parts of a fold are."""
+    """Links to the parts of a fold."""
 
     self: str
     page: str
@@ -112,21 +114,21 @@ def export_href(fold_id: str, export: Export) -> str:
 
 
 class Accepted(BaseModel):
-    """A fold that was accepted."""
+    """An accepted fold."""
 
     id: str
     owner_token: str | None = Field(
         description="Owner token, required to cancel or delete: the token you sent, or a new one. "
-        "Null for a gallery fold or somebody else's fold, which you can only view."
+        "Null for a gallery fold or another client's fold, which you can only view."
     )
     existing: bool = Field(
-        description=("True if the same fold was requested before; this is that fold.")
+        description=("True if the same request was made before; the answer is its fold.")
     )
     links: Links
 
 
 class PreparingBody(BaseModel):
-    """How far the solvers are compiled, which happens once on a machine."""
+    """Progress of compiling the solvers, which happens once on each machine."""
 
     fraction: float = Field(description="Progress, 0 to 1.")
     remaining_s: int | None = Field(description="Estimated remaining time, s; null at first.")
@@ -143,7 +145,7 @@ class PreparingBody(BaseModel):
 
 
 class Progress(BaseModel):
-    """How far a fold has come; the data of the event ``progress``."""
+    """Progress of a fold; the data of the event ``progress``."""
 
     status: Status
     stage: Stage | None
@@ -171,8 +173,8 @@ class Progress(BaseModel):
         description="Estimated waiting time, s; null if it is not waiting or no worker runs."
     )
     remaining_s: int | None = Field(
-        description="Estimated remaining time with the wait, s, from similar folds; 0 if this fold "
-        "takes longer than those; null if unknown or finished."
+        description="Estimated time until the end, s, with the wait, from similar folds; 0 if this "
+        "fold takes longer than they did; null if unknown or finished."
     )
     preparing: PreparingBody | None = Field(
         description="Progress of compiling the solvers, while no worker can compute yet."
@@ -180,7 +182,7 @@ class Progress(BaseModel):
 
 
 class Fault(BaseModel):
-    """Why a fold did not end as a verified plan."""
+    """Reason why a fold has no verified plan."""
 
     code: str
     detail: str
@@ -197,34 +199,36 @@ class Fold(BaseModel):
     stage: Stage | None
     created_at: datetime
     expires_at: datetime | None = Field(
-        description="Expiry time if it is not viewed again; null if it does not expire or has not "
-        "finished."
+        description="Expiry time if the fold is not viewed again; null if it does not expire or "
+        "has not finished."
     )
     public: bool = Field(description="True for a gallery fold, which everyone can see.")
     modules: int
     module: str
     shape: str | None = Field(description="Gallery shape of the fold, if any.")
     refold: str | None = Field(
-        description="The shape that a refold begins as; null when the chain begins straight."
+        description="For a refold: the shape in which the chain starts; null if it starts straight."
     )
     smooths: str | None = Field(
-        description="The id of the fold whose plan it smooths; null when it is recorded."
+        description="For a smoothed fold: the id of the fold whose plan was smoothed; otherwise "
+        "null."
     )
     preset: str
     settings: str = Field(
-        description="Where they differ from the preset's: `damping=0.05,step_s=0.005`."
+        description="Settings that differ from the preset's, for example "
+        "`damping=0.05,step_s=0.005`."
     )
     seed: int
     module_size: float | None
-    strategy: str = Field(description="How its chain is let go: `auto` is what suits it.")
+    strategy: str = Field(description="Explosion strategy; `auto` chooses by size and path.")
     prefer: str = Field(
-        description="Which of several verified plans it is: `computing` is the first one."
+        description="What is optimised among verified plans; `computing` takes the first one."
     )
-    world: str = Field(description="Where it folds: `floating`, or on a `table`.")
+    world: str = Field(description="World: `floating` without gravity, or on a `table`.")
     progress: Progress
     summary: dict[str, Any] = Field(
-        description="Figures of the plan; empty until it is over. `stuck` tells why and at which "
-        "modules it failed, where that is known, with `evidence` that can be checked."
+        description="Figures of the plan; empty until the fold is over. If the fold failed, "
+        "`stuck` gives the reason and the modules, if known, with `evidence` that can be checked."
     )
     error: Fault | None
     links: Links
@@ -267,7 +271,7 @@ class Folds(BaseModel):
 
 
 class FoldChanges(BaseModel):
-    """What changes of a fold; what is not said stays."""
+    """Changes to a fold; omitted fields stay as they are."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -284,27 +288,27 @@ class FoldChanges(BaseModel):
 
 
 class KeyWanted(BaseModel):
-    """The key that takes the place of another one."""
+    """The key that replaces another one."""
 
     model_config = ConfigDict(extra="forbid")
 
     owner_token: str | None = Field(
         default=None,
         pattern=TOKEN,
-        description="One that is kept already, so that it is known though the answer gets lost. "
-        "Without it one is made.",
+        description="New key, at least 24 characters. If you choose it yourself, you have it even "
+        "if the answer is lost. Default: a random key.",
     )
 
 
 class KeyReplaced(BaseModel):
-    """The new key, and what moved to it."""
+    """The new key, and the number of items that moved to it."""
 
-    owner_token: str = Field(description="It is shown only once.")
+    owner_token: str = Field(description="The new key; no later answer contains it.")
     folds: int = Field(description="Number of items moved.")
 
 
 class FoldsMade(BaseModel):
-    """Folds that one has made, newest first."""
+    """Folds of one owner, newest first."""
 
     folds: list[Fold]
     next: str | None = Field(description="Link to the next page; null on the last page.")
@@ -312,20 +316,20 @@ class FoldsMade(BaseModel):
 
 
 class PreviewMade(BaseModel):
-    """A shape that one has sent and looked at."""
+    """A shape that was uploaded and previewed."""
 
     id: str
     title: str
     module: str
     modules: int
     created_at: datetime
-    expires_at: datetime = Field(description="Expiry time if it is not viewed again.")
+    expires_at: datetime = Field(description="Expiry time if the preview is not viewed again.")
     page: str
     drawing: str
 
 
 class PreviewsMade(BaseModel):
-    """Them, the last one that was looked at first."""
+    """Previews, the last viewed one first."""
 
     previews: list[PreviewMade]
 
@@ -358,27 +362,29 @@ class Shapes(BaseModel):
 
 
 class Trouble(BaseModel):
-    """Why there is no path through cells."""
+    """Problem that prevents a path through the cells."""
 
     code: str
     detail: str
-    cells: list[list[int]] = Field(description="Where.")
+    cells: list[list[int]] = Field(description="Cells that cause the problem.")
 
 
 class Repair(BaseModel):
-    """What to change so that there is a path."""
+    """Change of cells after which there is a path."""
 
     detail: str
     add: list[list[int]]
     drop: list[list[int]]
-    doubled: bool = Field(description="Each cell then becomes 2×2×2 modules.")
-    modules: int = Field(description="Number of modules afterwards; request this number to double.")
+    doubled: bool = Field(description="True if each cell becomes 2×2×2 modules.")
+    modules: int = Field(
+        description="Number of modules after the repair; request this number if `doubled`."
+    )
 
 
 class Feasibility(BaseModel):
-    """Whether there can be a path through cells."""
+    """Result of the check for a path through all cells."""
 
-    feasible: bool | None = Field(description="null if undecided.")
+    feasible: bool | None = Field(description="Null if undecided.")
     problems: list[Trouble]
     repairs: list[Repair] = Field(
         description=("Repairs, smallest first; `repair` applies the first one.")
@@ -386,21 +392,21 @@ class Feasibility(BaseModel):
 
 
 class Knot(BaseModel):
-    """Whether the folded chain is knotted, its ends closed far away."""
+    """Knot of the folded chain, whose ends are connected far away from it."""
 
     verdict: Literal["unknot", "knotted", "undecided"]
     determinant: int | None
 
 
 class PlacedMesh(BaseModel):
-    """The solid, where the cells are: the centre of a cell has whole coordinates."""
+    """The solid in the cells' coordinates: the centre of a cell has whole coordinates."""
 
     vertices: list[list[float]]
     faces: list[list[int]]
 
 
 class PreviewLinks(BaseModel):
-    """Where to go from a preview."""
+    """Links of a preview."""
 
     page: str
     folds: str = Field(description="POST the id here, as `preview`, with the same options.")
@@ -432,7 +438,7 @@ class ExpectedTimes:
 
 
 class Preview(BaseModel):
-    """What would come of a shape."""
+    """Cells and path that a fold of the shape would use."""
 
     id: str
     key: str = Field(description="Key of the options.")
@@ -443,8 +449,12 @@ class Preview(BaseModel):
     asked: int | None
     below: int | None = Field(description="The nearest reachable number of modules below.")
     above: int | None = Field(description="The nearest reachable number of modules above.")
-    iou: float | None = Field(description="Intersection of cells and solid by their union.")
-    pitch: float | None = Field(description="Distance of modules in the solid's own units.")
+    iou: float | None = Field(
+        description="Overlap of cells and solid: volume of the intersection ÷ volume of the union."
+    )
+    pitch: float | None = Field(
+        description="Distance between module centres, in the solid's own units."
+    )
     method: str
     has_path: bool
     candidates: int = Field(description="Number of paths that a fold will try in turn.")
@@ -454,23 +464,27 @@ class Preview(BaseModel):
     notes: list[str]
     added: list[list[int]] = Field(default=[], description="Cells that a repair for a table added.")
     as_voxels: bool = Field(
-        description="Whether a list of cells was taken as a shape; a fold has to be told so too."
+        description="True if a list of cells was read as a shape; send the same option with the "
+        "fold."
     )
     start: list[int] | None = Field(description="The requested start cell.")
     not_started: str = Field(
-        description="Why no path begins there; the path is another one then. Empty when one does."
+        description="Reason why no path starts in that cell; the path then starts elsewhere. Empty "
+        "if it does."
     )
     expected_s: float = Field(description="Estimated time of the fold, s.")
-    expected_as_published_s: float = Field(description="The same with the preset `paper`.")
+    expected_as_published_s: float = Field(description="Estimated time with the preset `paper`, s.")
     expected_preferred_s: float = Field(
-        description="The same where a plan is chosen by time, torque or clearance."
+        description="Estimated time if the plan is optimised for time, torque or clearance, s."
     )
     positions: list[list[float]] | None = Field(
-        description="Of the folded chain's modules; None without a chain."
+        description="Positions of the folded chain's modules; null without a chain."
     )
-    wxyzs: list[list[float]] | None = Field(description="Their orientations; None for cubes.")
-    line: list[list[float]] | None = Field(description="The folded chain's course.")
-    mesh: PlacedMesh | None = Field(description="The solid, in the folded chain's space.")
+    wxyzs: list[list[float]] | None = Field(
+        description="Orientations of the modules; null for cubes."
+    )
+    line: list[list[float]] | None = Field(description="Line along the folded chain.")
+    mesh: PlacedMesh | None = Field(description="The solid, in the folded chain's coordinates.")
     links: PreviewLinks
 
     @classmethod
@@ -490,7 +504,7 @@ class Preview(BaseModel):
 
 
 class TableChange(BaseModel):
-    """Options that an offer changes; those that are null stay as they are."""
+    """Options that an offer changes; null options stay as they are."""
 
     modules: int | None = None
     method: Literal["auto", "blocks"] | None = None
@@ -498,15 +512,15 @@ class TableChange(BaseModel):
 
 
 class TableOffer(BaseModel):
-    """A version of a shape that can fold on a table: a path was found that rests all the time."""
+    """A version of a shape that can fold on a table, with a path that is supported throughout."""
 
     kind: Literal["repair", "modules", "blocks"] = Field(
-        description="`repair` adds cells, `modules` takes another count, `blocks` makes 2×2×2 "
-        "modules of each voxel."
+        description="`repair` adds cells, `modules` uses another number of modules, `blocks` makes "
+        "2×2×2 modules of each voxel."
     )
     modules: int = Field(description="Number of modules.")
-    change: TableChange = Field(description="Options to send instead of those asked for.")
-    added: list[list[int]] = Field(description="Cells that a repair adds.")
+    change: TableChange = Field(description="Options to send instead of the requested ones.")
+    added: list[list[int]] = Field(description="Cells that the repair adds.")
 
 
 class TableOffers(BaseModel):
@@ -516,24 +530,28 @@ class TableOffers(BaseModel):
 
 
 class FramesBody(BaseModel):
-    """A stretch of a fold's timeline. Lengths are in pitches, angles in radians."""
+    """A range of frames of a fold. Lengths are in pitches, angles in radians."""
 
     status: str = Field(description="`growing`, `complete` or `failed`.")
     total: int = Field(description="Number of frames.")
     start: int = Field(serialization_alias="from")
     stop: int = Field(serialization_alias="to")
     stride: int
-    next: str | None = Field(description="Link to the rest, if it did not fit into one response.")
+    next: str | None = Field(
+        description="Link to the next frames, if not all fit into one response."
+    )
     phases: list[str] = Field(description="Meaning of the numbers in `phase`.")
     joint_names: list[str]
     time_s: list[float]
     phase: list[int]
-    joint_angles_rad: list[list[float]] = Field(description="(F, J)")
-    root_position: list[list[float]] = Field(description="(F, 3)")
-    root_wxyz: list[list[float]] = Field(description="(F, 4)")
-    max_error_rad: list[float | None] = Field(description="(F,), null where nothing is recorded.")
-    positions: list[list[list[float]]] | None = Field(description="(F, n, 3), with poses=true.")
-    wxyzs: list[list[list[float]]] | None = Field(description="(F, n, 4), with poses=true.")
+    joint_angles_rad: list[list[float]] = Field(description="(F, J) joint angles, rad.")
+    root_position: list[list[float]] = Field(description="(F, 3) position of the root module.")
+    root_wxyz: list[list[float]] = Field(description="(F, 4) orientation of the root module.")
+    max_error_rad: list[float | None] = Field(
+        description="(F,) largest joint error; null in frames without one."
+    )
+    positions: list[list[list[float]]] | None = Field(description="(F, n, 3) with poses=true.")
+    wxyzs: list[list[list[float]]] | None = Field(description="(F, n, 4) with poses=true.")
 
 
 @overload

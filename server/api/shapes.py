@@ -70,8 +70,8 @@ async def post_preview(
     path: Annotated[
         bool,
         Form(
-            description="Search for a path. Without a search, voxels and meshes return sooner, "
-            "with their cells only."
+            description="Search for a path. Without a search, the answer for voxels and meshes "
+            "comes sooner, but contains only their cells."
         ),
     ] = True,
     full: Annotated[bool, Form(description="Include cells and mesh, which may be large.")] = True,
@@ -107,7 +107,7 @@ async def post_preview(
 
 @router.post(
     "/offers",
-    summary="Versions of a previewed shape that can fold on a table",
+    summary="Find versions of a previewed shape that can fold on a table",
     responses=problems(404, 422, 429, 503, 504, 507),
 )
 async def post_offers(
@@ -198,7 +198,7 @@ async def leaving(request: Request) -> AsyncGenerator[Callable[[], bool]]:
     responses={200: {"description": "A `foldback-path/1` file"}, **problems(404)},
 )
 def get_shape(name: str, context: Here) -> Response:
-    """Return the file, for use as a starting point."""
+    """Return the path file of a gallery shape, for example to edit it."""
     shape = context.gallery.shape(name)
     if shape is None:
         raise NotFound("no-such-shape", "The gallery has no shape of this name.")

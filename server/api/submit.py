@@ -171,7 +171,9 @@ def submit(context: Context, submission: Submission) -> Receipt:
             context.store.folders.remove(fold_id)
             if (known := _known(context, submission)) is not None:
                 return known
-            raise Conflict("changed-meanwhile", "The same fold has just finished; try again.")
+            raise Conflict(
+                "changed-meanwhile", "The same fold has just finished; send the request again."
+            )
     except OSError as error:
         raise not_stored("upload", error) from error
     finally:

@@ -21,7 +21,7 @@ Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 DataDir = Annotated[Path | None, typer.Option(help="Data directory of the service.")]
 AsJson = Annotated[bool, typer.Option("--json", help="As JSON.")]
 Ids = Annotated[list[str], typer.Argument(help="Ids of the folds.")]
-Force = Annotated[bool, typer.Option("--force", help="Do it even if it would be refused.")]
+Force = Annotated[bool, typer.Option("--force", help="Do it in cases that are normally refused.")]
 COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
 VISITOR: Final = 8
 """Letters that are shown of who asked: enough to tell visitors apart."""
@@ -46,7 +46,8 @@ def _tasks(data_dir: Path | None) -> Generator[AdminTasks]:
         raise _ended(str(error)) from None
     except SQLAlchemyError as error:
         raise _ended(
-            f"the database does not answer ({type(error).__name__}); `foldback doctor` says more."
+            f"the database does not answer ({type(error).__name__}); run `foldback doctor` for "
+            "details."
         ) from None
     try:
         yield tasks
@@ -132,7 +133,7 @@ def expire(
 
 @admin.command()
 def requeue(ids: Ids, force: Force = False, data_dir: DataDir = None) -> None:
-    """Compute folds again that failed, were cancelled or stopped responding."""
+    """Compute failed, cancelled or unresponsive folds again."""
     with _tasks(data_dir) as tasks:
         _each(ids, lambda fold_id: tasks.requeue(fold_id, force=force), "queued")
 

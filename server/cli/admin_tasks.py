@@ -49,7 +49,8 @@ class AdminTasks:
         name = settings.root / "foldback.db"
         if settings.database_url is None and not name.exists():
             raise AdminError(
-                f"got no database at {name}; start the service once, or give its data directory."
+                f"got no database at {name}; start the service once, or give another data "
+                "directory."
             )
         engine = engine_of(settings)
         try:
@@ -59,8 +60,8 @@ class AdminTasks:
             engine.dispose()
         if schema.found != schema.head:
             raise AdminError(
-                f"got tables of version {schema.found}, expected {schema.head}; start the service "
-                "of this version once, or use the version that runs."
+                f"got tables of version {schema.found}, expected {schema.head}; start this version "
+                "of the service once, or use the version that wrote them."
             )
         self._store = Store(settings)
 
@@ -169,7 +170,7 @@ class AdminTasks:
         job = self.job(fold_id)
         if job in MOVING:
             what = "waits in the queue" if row.status == "queued" else "is being computed"
-            raise AdminError(f"{fold_id} {what} (its job is {job}); leave it, or expire it.")
+            raise AdminError(f"{fold_id} {what} (its job is {job}); wait for it, or expire it.")
         self._check_inputs(row)
         # Whoever may still hold it loses it first; after a crash it is one to be queued again.
         # It ends just now, so that nobody takes it for one whose files may go.
@@ -259,6 +260,6 @@ class AdminTasks:
 
 def _no_input(fold_id: str) -> AdminError:
     return AdminError(
-        f"{fold_id} has no input any more, as one that was cancelled a while ago; expire it, fold "
-        "the file anew."
+        f"{fold_id} has no input file any more, because it was cancelled a while ago; expire it "
+        "and fold the file again."
     )

@@ -67,6 +67,6 @@ def _written(one: Export, plan: Plan, out: Path) -> int:
         write_whole(path, data)
     except OSError as error:
         raise InputError(
-            "no-file", f"it cannot be written ({error.strerror}).", where=str(path)
+            "no-file", f"the file cannot be written ({error.strerror}).", where=str(path)
         ) from error
     return len(data)

@@ -62,7 +62,9 @@ def fold(
     ] = None,
     angles: Annotated[
         str | None,
-        typer.Option(help="Or a chain of tetrahedra, one sign per hinge: '0 - - + 0'."),
+        typer.Option(
+            help="Instead of INPUT: a chain of tetrahedra, one sign per hinge: '0 - - + 0'."
+        ),
     ] = None,
     preset: Preset = "default",
     settings: Settings = None,
@@ -163,7 +165,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
                     bars.update(bar, note=_steps(progress))
 
             def compiles(progress: StageProgress, bar: Any = bar) -> None:
-                bars.update(bar, note=f"{progress.message}(only once on this machine)")
+                bars.update(bar, note=f"{progress.message}(once on each machine)")
 
             with Compiling(compiles):
                 summary = run_stage(stage, out, progress=report, tries=tries)
@@ -208,7 +210,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
     console.print(certificate_words.headline(certificate), markup=False, soft_wrap=True)
     if stuck := summary["stuck"]:
         console.print(f"{sentence(stuck['words'])}.", markup=False, soft_wrap=True)
-    row("Starts as", summary["refold"] and summary["refold"]["start"])
+    row("Starts in shape", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Strategy", certificate_words.baseline(strategy) or strategy)
     row("Explosion", summary["explosion"]["steps"] or None, "steps")

@@ -48,7 +48,7 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
     except OSError as error:
         raise InputError(
             "no-file",
-            f"it cannot be read ({error.strerror}); expected a file, or one of "
+            f"the file cannot be read ({error.strerror}); expected a file, or one of "
             f"{Gallery().nearest(shape)}.",
             where=shape,
         ) from error
@@ -66,7 +66,7 @@ def read_plan(directory: Path) -> Plan:
     if not path.is_file():
         raise InputError(
             "no-plan",
-            "There is no plan.npz; expected a folder that `foldback fold` wrote.",
+            "got a folder without plan.npz, expected one that `foldback fold` wrote.",
             where=str(directory),
         )
     return Plan.load(path)
@@ -82,7 +82,7 @@ def make_directory(out: Path) -> None:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
-            "no-directory", f"it cannot be made ({error.strerror}).", where=str(out)
+            "no-directory", f"the directory cannot be created ({error.strerror}).", where=str(out)
         ) from error
 
 

@@ -27,8 +27,8 @@ from web.movies.movie import FORMATS, Movie
 def movie(
     directory: FoldDirectory,
     out: Annotated[Path, typer.Option(help="The file to write: .mp4 or .gif.")] = Path("fold.mp4"),
-    width: Annotated[int | None, typer.Option(help="Of a picture in pixels, even.")] = None,
-    height: Annotated[int | None, typer.Option(help="Of a picture in pixels, even.")] = None,
+    width: Annotated[int | None, typer.Option(help="Width in pixels, even.")] = None,
+    height: Annotated[int | None, typer.Option(help="Height in pixels, even.")] = None,
     fps: Annotated[int | None, typer.Option(help="Pictures per second.")] = None,
     seconds: Annotated[float | None, typer.Option(help="Length in seconds.")] = None,
     azimuth: Annotated[
@@ -82,7 +82,9 @@ def movie(
                 where=str(directory),
             )
         if not out.resolve().parent.is_dir():
-            raise InputError("no-directory", "its folder does not exist.", where=str(out))
+            raise InputError(
+                "no-directory", "the folder of the movie does not exist.", where=str(out)
+            )
         _make(movie, timeline, out, on_table=is_on_table(directory))
     except InputError as error:
         refuse(error, as_json)

@@ -20,7 +20,10 @@ PlanDirectory = Annotated[
     Path, typer.Option("--out", help="Directory for the plan; created if missing.")
 ]
 Preset = Annotated[
-    str, typer.Option(help="default, paper (as published) or direct (a baseline that fails).")
+    str,
+    typer.Option(
+        help="default, paper (as published), or direct (all joints at once; fails for most shapes)."
+    ),
 ]
 Settings = Annotated[
     list[str] | None,
@@ -34,8 +37,8 @@ Settings = Annotated[
 Robot = Annotated[
     str,
     typer.Option(
-        help="Simulated robots: typical (three imperfect robots, the worst is shown) or ideal "
-        "(one perfect robot)."
+        help="Simulated robots: typical (three imperfect robots; the worst one is reported) or "
+        "ideal (one perfect robot)."
     ),
 ]
 Seed = Annotated[str, typer.Option(metavar="INTEGER", help="Random seed.")]
@@ -52,8 +55,8 @@ Workers = Annotated[
 Prefer = Annotated[
     str,
     typer.Option(
-        help="Preferred plan: computing (the first verified plan); or of several plans, time "
-        "(the fastest), torque (the least at equal time) or clearance (the most)."
+        help="Preferred plan: computing (the first verified one), time (the fastest of several), "
+        "torque (the least torque at equal time) or clearance (the most clearance)."
     ),
 ]
 Module = Annotated[str, typer.Option(help="cube or tetrahedron.")]
@@ -62,9 +65,11 @@ Modules = Annotated[
 ]
 Method = Annotated[str, typer.Option(help="Path method: auto, blocks, exact or snake.")]
 Repair = Annotated[
-    bool, typer.Option("--repair", help="Add or remove cells if there is no path otherwise.")
+    bool, typer.Option("--repair", help="Add or remove cells if there is no path without that.")
 ]
-Ends = Annotated[str, typer.Option(help="any, or surface for both ends on the outside.")]
+Ends = Annotated[
+    str, typer.Option(help="Ends of the chain: any, or surface (both on the outside).")
+]
 Start = Annotated[
     str | None, typer.Option(metavar="X,Y,Z", help="The cell where the chain starts.")
 ]

@@ -90,7 +90,7 @@ def row_of(directory: Path) -> ShownFold:
     )
     verified = str(certificate.get("verdict")).startswith("verified")
     status = "verified" if verified else "failed"
-    reason = str(certificate.get("verdict") or "it came to no plan")
+    reason = str(certificate.get("verdict") or "it has no plan")
     told: dict[str, Any] = {
         "status": status,
         "reason": None if verified else reason.removeprefix("failed: "),
@@ -157,8 +157,8 @@ def play(
         bool,
         typer.Option(
             "--viser",
-            help="Use a plain viser server, like web.viser.show: poses are streamed, and one "
-            "slider moves the view for everyone.",
+            help="Use a plain viser server, like web.viser.show. It streams poses, and all "
+            "viewers share one slider.",
         ),
     ] = False,
 ) -> None:

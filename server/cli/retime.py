@@ -50,10 +50,11 @@ def retime(
     ] = None,
     gravity: Annotated[float, typer.Option(help="Gravity in m/s², 0 for none.")] = GRAVITY_M_S2,
     floating: Annotated[
-        bool, typer.Option("--floating", help="Let the chain float instead of holding its root.")
+        bool, typer.Option("--floating", help="Let the chain float; otherwise its root is held.")
     ] = False,
     motor_torque: Annotated[
-        float | None, typer.Option(help="Torque of a motor, N·m; checks if it is strong enough.")
+        float | None,
+        typer.Option(help="Torque of a motor, N·m. Checks if the motor is strong enough."),
     ] = None,
     table: Annotated[
         Path | None, typer.Option(help="Output file for the torques of all joints, .csv.")
@@ -147,9 +148,9 @@ def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
         }
         return certificate_words.clearance(figures) or ""
     words = (
-        f"modules overlap by {-clear.clearance:.2g} of a pitch"
+        f"modules overlap by {-clear.clearance:.2g} pitch"
         if clear.clearance < -TOUCHING
-        else f"not proved clear; least seen {max(0.0, clear.clearance):.2g} of a pitch"
+        else f"clearance not proved; smallest measured {max(0.0, clear.clearance):.2g} pitch"
     )
     return words if sufficient_hz is None else f"{words}; --rate {sufficient_hz:g} is enough"
 

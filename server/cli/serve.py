@@ -35,7 +35,8 @@ def serve(
     data_dir: Annotated[Path | None, typer.Option(help="Data directory of the service.")] = None,
     workers: Annotated[int | None, typer.Option(help="Number of worker processes.")] = None,
     first_shape: Annotated[
-        str | None, typer.Option(help="Gallery shape to fold first, if it has not been folded yet.")
+        str | None,
+        typer.Option(help="Gallery shape to fold at start, unless it has been folded already."),
     ] = None,
 ) -> None:
     """Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …)."""

@@ -35,10 +35,17 @@ def servos(
     ],
     pitch_mm: Annotated[float, typer.Option(help="Distance between modules, mm.")],
     material: Annotated[
-        str, typer.Option(metavar="NAME", help=f"{', '.join(CASINGS)}, or a density in kg/m³.")
+        str,
+        typer.Option(
+            metavar="NAME",
+            help=f"Material of a module: {', '.join(CASINGS)}, or a density in kg/m³.",
+        ),
     ] = "pla-box",
     mass_g: Annotated[
-        float | None, typer.Option(help="Mass of a module with its servos, g, if known.")
+        float | None,
+        typer.Option(
+            help="Mass of a module with its servos, g. Default: computed from the material."
+        ),
     ] = None,
     share: Annotated[
         float,
@@ -171,7 +178,7 @@ def _show(
         table.add_row(*cells, answer)
     console.print(table)
     if any(fit.would_do and not fit.servo.turns_enough for fit in fits):
-        console.print(f"? Range of the servo unknown; a hinge needs {FOLD_DEG:g}°.")
+        console.print(f"? The servo's range is unknown; a hinge needs {FOLD_DEG:g}°.")
     if not wanted:
         return
     shapes = Table(box=None, pad_edge=False)

@@ -26,7 +26,7 @@ def settings(as_json: AsJson = False) -> None:
         ("The published method, with --preset paper", ROWS),
     ):
         table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-        for heading in ("Setting", "Default", "Value is", "Meaning"):
+        for heading in ("Setting", "Default", "Values", "Meaning"):
             table.add_column(heading, no_wrap=heading == "Setting")
         for row in rows:
             value = row.default if row.default == NO_LIMIT else f"{row.default} {row.unit}".rstrip()

@@ -40,8 +40,8 @@ def smooth(
         if out.samefile(fold):
             raise InputError(
                 "smooth-in-place",
-                f"got {out} for the smoothed plan, which holds the recorded one; expected another "
-                "directory.",
+                f"got {out} for the smoothed plan, expected another directory: this one holds the "
+                "original plan.",
             )
         write_smooth(out, plan, seed=request.seed, module_size=request.module_size)
         run_stage(STAGES[0], out)

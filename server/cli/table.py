@@ -30,7 +30,7 @@ def table(
     ],
     friction: Annotated[float, typer.Option(help="Friction between modules and table.")] = 0.0,
     base: Annotated[
-        str, typer.Option(help="clamped (first module fixed to the table) or free.")
+        str, typer.Option(help="Base: clamped (first module fixed to the table) or free.")
     ] = "clamped",
     module_kg: Annotated[
         float | None,
@@ -49,7 +49,7 @@ def table(
         float, typer.Option(help="Module size as a fraction of the pitch.")
     ] = 1.0,
     out: Annotated[
-        Path | None, typer.Option(help=f"Where to write it; {NAME} beside the plan by default.")
+        Path | None, typer.Option(help=f"Output file. Default: {NAME} beside the plan.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -90,7 +90,7 @@ def _file(plan: Path) -> Path:
     if not path.is_file():
         raise InputError(
             "no-plan",
-            "No plan found; expected a folder that `foldback fold` wrote, or its plan.json or "
+            "got no plan, expected a folder that `foldback fold` wrote, or its plan.json or "
             "plan.npz.",
             where=str(plan),
         )
@@ -131,7 +131,7 @@ def _show(found: TableCertificate, written: Path) -> None:
     )
     facts.add_row(
         "Base",
-        "the first module is clamped"
+        "the first module is clamped to the table"
         if found.base == "clamped"
         else ("the chain is free on the table"),
     )

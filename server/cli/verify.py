@@ -45,7 +45,7 @@ def verify(
             what = "This is not a folder" if directory.exists() else "Folder not found"
             raise InputError(
                 "no-directory",
-                f"{what}; expected one that `foldback fold` wrote.",
+                f"{what}; expected a folder that `foldback fold` wrote.",
                 where=str(directory),
             )
         found = verify_files(directory, module_size=request.module_size)
@@ -77,9 +77,7 @@ def verify(
             console.print(f"note: {line}", markup=False)
         if largest is not None:
             size, what = largest
-            console.print(
-                f"{what} free of collisions up to a module size of {size:.3f} of the pitch"
-            )
+            console.print(f"{what} free of collisions up to a module size of {size:.3f} pitch")
     if not found.verified:
         raise typer.Exit(3)
 

@@ -1,1 +1,1 @@
-"""What ``foldback doctor`` looks at, a file for each thing that the service needs."""
+"""Checks of ``foldback doctor``: one file for each requirement of the service."""

@@ -46,5 +46,5 @@ def confinement(settings: Settings) -> Finding:
         verdict="warning",
         found=found,
         remedy="Use Linux 5.19 or newer with Landlock and seccomp (in a container: let it use "
-        "them), or give the service a user of its own and let systemd hold the rest.",
+        "them), or run the service as a separate user with the sandbox options of systemd.",
     )

@@ -58,7 +58,7 @@ def directory(settings: Settings) -> Finding:
         return Finding(
             name=name,
             verdict="problem",
-            found=f"{found}, of which {settings.min_free_disk_bytes // 2**20} MiB must stay so",
+            found=f"{found}, of which {settings.min_free_disk_bytes // 2**20} MiB must stay free",
             remedy="Free some space (`foldback admin expire --older DAYS`), or use a larger disk.",
         )
     if kind in NETWORK and settings.database_url is None:
@@ -108,7 +108,7 @@ def _tables(name: str, url: str, connection: sa.Connection) -> Finding:
         return Finding(
             name=name,
             verdict="problem",
-            found=f"{found}, which a newer foldback wrote; this one knows {schema.head}",
+            found=f"{found}, from a newer foldback; this version supports up to {schema.head}",
             remedy="Install the newer version again, or restore an older backup.",
         )
     if schema.found is None:
@@ -149,7 +149,7 @@ def _asked(
 ) -> Finding:
     """What a look into a database finds, or that there is none yet, or that it cannot be used."""
     if (missing := _not_there(url)) is not None:
-        return Finding(name=name, verdict="ok", found=f"{missing} will be made")
+        return Finding(name=name, verdict="ok", found=f"{missing} will be created")
     try:
         engine = _readonly(url)
     except (SQLAlchemyError, ModuleNotFoundError) as error:
@@ -167,7 +167,7 @@ def storage(settings: Settings) -> Finding:
     """Whether the files of folds can be written, read, listed and deleted."""
     place = settings.storage_url or str(settings.folds_dir)
     if settings.storage_url is None and not settings.folds_dir.exists():
-        return Finding(name="storage", verdict="ok", found=f"{place} will be made")
+        return Finding(name="storage", verdict="ok", found=f"{place} will be created")
     try:
         _check_storage(settings)
     except Exception as error:  # each kind of storage has its own kinds of error

@@ -63,7 +63,11 @@ def python(settings: Settings) -> Finding:
             remedy="Reinstall foldback into an environment of its own.",
         )
     where = Path(str(distribution("foldback").locate_file(""))).resolve()
-    return Finding(name=name, verdict="ok", found=f"{here} in {where}; {count} packages fit")
+    return Finding(
+        name=name,
+        verdict="ok",
+        found=f"{here} in {where}; {count} packages have the right versions",
+    )
 
 
 def variables(settings: Settings) -> Finding:
@@ -140,11 +144,11 @@ def files(settings: Settings) -> Finding:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = settings.max_streams + settings.max_robots + BESIDES_FILES
     if soft == resource.RLIM_INFINITY or soft >= needed:
-        return Finding(name="open files", verdict="ok", found=f"{_count(soft)} may be open")
+        return Finding(name="open files", verdict="ok", found=f"{_count(soft)} can be open")
     return Finding(
         name="open files",
         verdict="problem" if soft < BESIDES_FILES else "warning",
-        found=f"{soft} may be open (at most {_count(hard)}), {needed} may be needed",
+        found=f"{soft} can be open (limit {_count(hard)}), but up to {needed} are needed",
         remedy=f"Raise it: `ulimit -n {max(needed, 4096)}`, or LimitNOFILE= in a systemd unit.",
     )
 
@@ -167,8 +171,8 @@ def memory(settings: Settings) -> Finding:
     return Finding(
         name="memory",
         verdict="warning",
-        found=f"{found} and {_mib(besides)} besides, for pages and the {AWAITED_CHILDREN} "
-        "processes that read uploads, prepare previews, retime plans and draw pictures",
+        found=f"{found}, plus {_mib(besides)} for pages and for {AWAITED_CHILDREN} processes that "
+        "read uploads, prepare previews, retime plans and draw pictures",
         remedy="Lower FOLDBACK_CHILD_MEMORY_BYTES, FOLDBACK_WORKERS or FOLDBACK_FOLDS_PER_WORKER.",
     )
 
@@ -197,17 +201,18 @@ def names(settings: Settings) -> Finding:
             return Finding(
                 name=name,
                 verdict="warning",
-                found="the service answers to any name (*)",
-                remedy="Set FOLDBACK_ALLOWED_HOSTS to its names.",
+                found="the service accepts requests for any host name (*)",
+                remedy="Set FOLDBACK_ALLOWED_HOSTS to the service's host names.",
             )
         return Finding(name=name, verdict="ok", found=words)
     if host in LOOPBACK or host.startswith("127."):
-        return Finding(name=name, verdict="ok", found=f"this machine's own, on {host}")
+        return Finding(name=name, verdict="ok", found=f"only this machine's own names, on {host}")
     return Finding(
         name=name,
         verdict="warning",
-        found=f"others reach {host}, and the service answers to any name",
-        remedy="Set FOLDBACK_ALLOWED_HOSTS to its names, against DNS rebinding.",
+        found=f"other machines can reach {host}, and the service accepts requests for any host "
+        "name",
+        remedy="Set FOLDBACK_ALLOWED_HOSTS to the service's host names, against DNS rebinding.",
     )
 
 
@@ -223,7 +228,7 @@ def clock(settings: Settings) -> Finding:
         return Finding(
             name="clock",
             verdict="warning",
-            found=f"it says {shown}, and files were written {_hours(past - now)} later than that",
+            found=f"it shows {shown}, but some files were written {_hours(past - now)} after that",
             remedy="Set the clock and synchronise it with NTP, because folds expire by it.",
         )
     return Finding(name="clock", verdict="ok", found=shown)

@@ -1,1 +1,1 @@
-"""Files that are made of folds and uploads: previews, exports, trajectories."""
+"""Files that are computed from folds and uploads: previews, exports, trajectories."""

@@ -106,8 +106,8 @@ def _same(row: _Row) -> tuple[sa.ColumnElement[bool], ...]:
 
 
 def _remove_files(store: Store, fold_id: str) -> None:
-    log.info("files of cancelled fold %s go", fold_id, extra={"fold": fold_id})
+    log.info("deleting the files of cancelled fold %s", fold_id, extra={"fold": fold_id})
     try:
         store.folders.remove(fold_id)
     except StorageError as error:  # what belongs to no fold is swept another day
-        log.warning("files of cancelled fold %s stay: %s", fold_id, error)
+        log.warning("files of cancelled fold %s could not be deleted: %s", fold_id, error)

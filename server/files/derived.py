@@ -92,7 +92,7 @@ def drop_derived(store: Store, lacking: int) -> int:
             return freed
         gone, left = store.folders.remove_exports(fold_id, before=before)
         if gone:
-            log.info("files made of fold %s go", fold_id, extra={"fold": fold_id})
+            log.info("deleting exports and pictures of fold %s", fold_id, extra={"fold": fold_id})
             freed += gone
         # Several processes may have made the same file, each of which has counted it.
         store.set_derived(fold_id, left)
@@ -109,6 +109,6 @@ def _drop_movie(store: Store, job: str) -> int:
         row = session.execute(gone.returning(MovieRow.fold_id, MovieRow.bytes)).first()
     if row is None:
         return 0
-    log.info("a movie of fold %s goes", row.fold_id, extra={"fold": row.fold_id})
+    log.info("deleting a movie of fold %s", row.fold_id, extra={"fold": row.fold_id})
     store.folders.remove_movie(row.fold_id, movie_file(job))
     return row.bytes

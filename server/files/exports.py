@@ -65,8 +65,8 @@ def _written(path: Path, export: Export) -> bytes:
     if (export.moving or export.name == "json") and (size := _unpacked(path)) > LARGEST_PLAN:
         raise TooLarge(
             "too-large",
-            f"got a plan of {megabytes(size)}, expected at most {megabytes(LARGEST_PLAN)}; take "
-            f"{PLAN} away and use `foldback export`.",
+            f"got a plan of {megabytes(size)}, expected at most {megabytes(LARGEST_PLAN)}; "
+            f"download {PLAN} and use `foldback export`.",
         )
     try:
         return export.write(Plan.load(path))

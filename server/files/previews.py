@@ -258,7 +258,7 @@ class Previews:
                 self._unread.pop(preview_id, None)
         found = read_report(place)
         if found is None and gone is not None and gone():
-            raise Unavailable("gone", "The preview was cancelled, because no client waits for it.")
+            raise Unavailable("gone", "The preview was cancelled, because its client had gone.")
         if found is None:
             raise NoSuchPreviewError(preview_id)
         self._elsewhere.keep_report(place)
@@ -303,7 +303,7 @@ class Previews:
                 raise _problem(error, self._settings.preview_seconds) from None
         found = _json_at(place / OFFERS)
         if found is None:
-            raise Unavailable("gone", "Nobody waited for these offers any more.")
+            raise Unavailable("gone", "The search was cancelled, because its client had gone.")
         self._elsewhere.keep_report(place)
         return found
 
@@ -356,7 +356,7 @@ class Previews:
         try:
             self.sweep()
         except (OSError, RuntimeError) as error:  # the process may be ending
-            log.warning("previews could not be swept: %s", error)
+            log.warning("old previews could not be deleted: %s", error)
         finally:
             with self._lock:
                 self._swept, self._sweeping = time.monotonic(), False
@@ -477,8 +477,8 @@ def _problem(error: ChildError, seconds: float) -> ServiceError:
     if error.code == "time-limit":
         return TooSlow(
             "preview-too-slow",
-            f"no path was found within the {seconds:g} s that a preview may take; ask for fewer "
-            "modules, or for the method 'blocks'.",
+            f"no path was found within {seconds:g} s, the time limit of a preview; use fewer "
+            "modules, or the method 'blocks'.",
         )
     if error.code == "no-start":
         return Unavailable(error.code, error.detail)

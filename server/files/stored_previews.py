@@ -147,7 +147,7 @@ class StoredPreviews:
             try:
                 self._keep(f"{ROOT}/{place.parent.name}/{place.name}", place)
             except StorageError as error:
-                log.warning("a preview's report could not be kept: %s", error)
+                log.warning("a preview's report could not be stored: %s", error)
 
     def fetch(self, preview_id: str, directory: Path) -> bool:
         """Brings an upload and its reports here, whole or not at all; False when there is none.
@@ -207,7 +207,7 @@ class StoredPreviews:
                 os.utime(upload)
                 self._storage.keep_file(f"{ROOT}/{directory.name}/{UPLOAD}", upload)
         except (StorageError, OSError) as error:
-            log.warning("a preview could not be touched: %s", error)
+            log.warning("a preview's time of use could not be updated: %s", error)
 
     def sweep_soon(self) -> None:
         """Sweeps in a thread of its own, unless that was done lately."""
@@ -244,7 +244,7 @@ class StoredPreviews:
         try:
             self.sweep()
         except (StorageError, RuntimeError) as error:  # the process may be ending
-            log.warning("previews could not be swept: %s", error)
+            log.warning("old previews could not be deleted: %s", error)
 
     def _keep(self, key: str, directory: Path) -> None:
         assert self._storage is not None

@@ -186,7 +186,7 @@ class Trajectories:
         if self.nbytes > self._used_bytes:
             raise Unavailable(
                 "busy",
-                "Other people are playing long motions; try again in a moment.",
+                "The service is busy with other long motions; try again in a moment.",
                 retry_after_s=30,
             )
         return known
@@ -232,11 +232,11 @@ class Trajectories:
             self._clearances.keep(key, told)
         if told["overlap"]:
             enough = told["sufficient_rate_hz"]
-            advice = f"ask for rate={enough:g}" if enough else "request a higher rate, or no rate"
+            advice = f"use rate={enough:g}" if enough else "request a higher rate, or no rate"
             raise Unusable(
                 "rows-overlap",
-                f"got rows between which modules overlap by {-told['min_clearance']:.2g} of a "
-                f"pitch when joints move straight from one to the next; {advice}.",
+                f"got rows with a step in which modules overlap by {-told['min_clearance']:.2g} "
+                f"pitch, expected none when joints turn evenly between rows; {advice}.",
                 where="query.rate",
             )
         return told["min_clearance"], told["clearance_bound"]

@@ -1,1 +1,1 @@
-"""What every request goes through: addresses, headers, bounds, uploads, problems."""
+"""Processing of every request: addresses, headers, limits, uploads, errors."""

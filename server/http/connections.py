@@ -196,7 +196,10 @@ class _BoundedProtocol(H11Protocol):
         if unread == 0 or unread != self._unread:
             self._unread, self._unread_since = unread, now
         elif now - self._unread_since > settings.unread_seconds:
-            log.info("hung up on a client that took nothing for %g s", settings.unread_seconds)
+            log.info(
+                "closed the connection of a client that read nothing for %g s",
+                settings.unread_seconds,
+            )
             self.transport.abort()
             return
         every = min(LOOK_EVERY_S, settings.header_seconds / 4, settings.unread_seconds / 4)

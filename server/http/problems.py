@@ -227,7 +227,7 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
         return answer(request, Problem.of(trouble))
 
     async def on_anything(request: Request, error: Exception) -> Response:
-        words = "Something went wrong inside the service; nothing was lost. Try again."
+        words = "An error occurred inside the service. Nothing was lost. Try again."
         headers = request_id_of(request.scope)
         return answer(request, Problem(status=500, code="internal", detail=words, headers=headers))
 

@@ -45,8 +45,8 @@ class RequestRate:
         else:
             refusal = TooMany(
                 "too-many-requests",
-                f"got more requests from your address than the {self._rate:g} a second that are "
-                f"answered; try again in {ceil(wait_s)} s.",
+                f"got more than {self._rate:g} requests per second from your address; try again in "
+                f"{ceil(wait_s)} s.",
                 retry_after_s=ceil(wait_s),
             )
             await response_of(refusal)(scope, receive, send)

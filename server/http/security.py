@@ -108,8 +108,8 @@ class AllowedHosts:
     async def _refuse(self, host: str, scope: Scope, receive: Receive, send: Send) -> None:
         refusal = Malformed(
             "unknown-host",
-            f"got the host {host[:100]!r}, which is none of the names of this service; an operator "
-            "adds names with FOLDBACK_ALLOWED_HOSTS.",
+            f"got the host {host[:100]!r}, expected a name of this service; its operator can add "
+            "names with FOLDBACK_ALLOWED_HOSTS.",
         )
         await response_of(refusal)(scope, receive, send)
 
@@ -126,7 +126,9 @@ class PrintingAddresses:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handles one request."""
         if scope["type"] == "http" and UNPRINTED.search(scope["path"] + _query(scope)):
-            refusal = Malformed("bad-address", "got an address with characters that do not print.")
+            refusal = Malformed(
+                "bad-address", "got an address with characters that cannot be printed."
+            )
             await response_of(refusal)(scope, receive, send)
             return
         await self._app(scope, receive, send)
@@ -174,7 +176,8 @@ class SameOrigin:
         )
         if acts and not self._allowed(Headers(scope=scope)):
             refusal = Forbidden(
-                "foreign-origin", "Pages of other sites may not change anything on this service."
+                "foreign-origin",
+                "Pages of other sites are not allowed to change anything on this service.",
             )
             await response_of(refusal)(scope, receive, send)
             return
@@ -219,8 +222,8 @@ class BodyLimit:
         upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
         most = self._most_bytes if upload else min(self._most_bytes, SMALL_BODY_BYTES)
         words = (
-            f"the upload is larger than the {megabytes(most)} that are accepted; "
-            "use a coarser or shorter file."
+            f"the upload is larger than {megabytes(most)}, the limit; use a coarser or shorter "
+            "file."
         )
         told = announced(headers)
         got = 0

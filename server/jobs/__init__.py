@@ -1,1 +1,1 @@
-"""Jobs: the queue, the worker that takes folds and movies from it, and what tidies up."""
+"""Jobs: the queue, the worker that computes folds and movies, and the cleanup."""

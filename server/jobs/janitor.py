@@ -92,7 +92,7 @@ class Janitor:
             try:
                 drop_derived(self._store, lacking)
             except StorageError as error:
-                log.warning("no room could be made: %s", error)
+                log.warning("no storage could be freed: %s", error)
 
     def _forget_superseded(self) -> int:
         """Forgets folds of the gallery that failed by the service's fault and were done again."""
@@ -207,7 +207,7 @@ class Janitor:
         for fold_id in orphans & self._suspects:
             if not (fold_id.isascii() and fold_id.isalnum()):
                 continue
-            log.info("files of %s belong to no fold", fold_id)
+            log.info("deleting files of %s, which belong to no fold", fold_id)
             self._store.folders.remove(fold_id)
         self._found |= orphans - self._suspects
 

@@ -58,7 +58,7 @@ class MovieJobs:
             log.info("a movie's fold was deleted", extra=about)
         except Exception as error:
             log.exception("movie %s of fold %s failed", movie_id, fold_id, extra=about)
-            words = f"something went wrong inside the service ({type(error).__name__}); try again."
+            words = f"an error occurred inside the service ({type(error).__name__}); try again."
             self._fail(job, "internal", words, None, about)
         self._clear_up(fold_id, job)
 
@@ -90,7 +90,7 @@ class MovieJobs:
                 cancelled=progress.cancelled,
             )
             if whole and self._kept(fold_id, job, movie, place / PART):
-                log.info("a movie of %d pictures is made", movie.count, extra=about)
+                log.info("created a movie of %d pictures", movie.count, extra=about)
 
     def _row(self, job: str) -> MovieRow | None:
         with self._store.reading() as session:

@@ -119,7 +119,7 @@ class Movies:
         if not row.over:
             raise Conflict(
                 "not-ready",
-                f"the fold is {row.status}; a movie can be made once it is over.",
+                f"the fold is {row.status}; movies can be created when it has finished.",
                 retry_after_s=RETRY_AFTER_S,
             )
         check(self._store.directory(fold_id), TIMELINE)
@@ -249,7 +249,7 @@ class Movies:
         try:
             self._clear([*failed, *gone])
         except StorageError as error:  # the movie that was asked for is on its way all the same
-            log.warning("what is left of older movies stays: %s", error)
+            log.warning("files of older movies could not be deleted: %s", error)
 
     def _check_room(self, session: Session, visitor: str) -> None:
         """Counts what is being made, with what was just added."""
@@ -268,14 +268,14 @@ class Movies:
             if most is not None and count >= most:
                 raise TooMany(
                     "too-many-movies",
-                    f"{count} movies {holder} are being made, which is the most there may be; "
-                    "wait for one, or delete it.",
+                    f"{count} movies {holder} are being created, which is the limit; wait for one, "
+                    "or delete it.",
                     retry_after_s=RETRY_AFTER_S,
                 )
         if others >= settings.movies_waiting:
             raise Unavailable(
                 "busy",
-                f"{others} movies are being made for others; try again in {RETRY_AFTER_S} s.",
+                f"{others} movies are being created for others; try again in {RETRY_AFTER_S} s.",
                 retry_after_s=RETRY_AFTER_S,
             )
         if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:

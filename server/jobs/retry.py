@@ -37,6 +37,6 @@ def patiently(do: Callable[[], Answer], *, wait: Callable[[float], object] = tim
             if isinstance(error, SQLAlchemyError) and not passes(error):
                 raise
             if not told:
-                log.warning("what is noted elsewhere does not answer, waiting: %s", error)
+                log.warning("database or storage does not answer, waiting: %s", error)
             told = True
         wait(TRY_AGAIN_S)

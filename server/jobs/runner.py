@@ -287,7 +287,7 @@ class Runner:
             "failed",
             error={
                 "code": "internal",
-                "detail": f"something went wrong inside the service ({type(error).__name__}); "
+                "detail": f"an error occurred inside the service ({type(error).__name__}); "
                 "try again.",
                 "where": stage,
             },
@@ -377,7 +377,7 @@ class Runner:
                 if deaths == MAX_DEATHS:
                     detail = f"{error.detail} This happened {deaths} times in the stage '{stage}'."
                     raise ChildError(CRASHED, detail) from None
-                log.warning("stage=%s directory=%s begins again: %s", stage, directory, error)
+                log.warning("stage=%s directory=%s restarts: %s", stage, directory, error)
             self._wait(TRY_AGAIN_S)
             if cancelled():
                 return {"status": "cancelled", "reason": "cancelled"}
@@ -418,7 +418,7 @@ class Runner:
 
             return settle(self._store.folders.place(fold_id))
         except Exception:
-            log.exception("fold %s cannot be looked at", fold_id, extra={"fold": fold_id})
+            log.exception("fold %s cannot be read", fold_id, extra={"fold": fold_id})
             return {}
 
     def _release(self, worker: str) -> None:
@@ -451,7 +451,7 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
                     shown = True
             except (StorageError, SQLAlchemyError, OSError) as error:
                 log.warning(
-                    "fold %s could not be kept just now: %s",
+                    "fold %s could not be stored yet: %s",
                     fold_id,
                     error,
                     extra={"fold": fold_id},

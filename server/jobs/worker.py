@@ -122,7 +122,7 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
                 # What was computed could not be noted, or another execution has come in between:
                 # if the job is still ours it is done again.
                 if passes(error) or isinstance(error, TakenOverError):
-                    log.warning("fold %s is not over here: %s", fold_id, error)
+                    log.warning("fold %s goes back to the queue: %s", fold_id, error)
                     with suppress(dbos_errors.DBOSWorkflowConflictIDError):
                         runner.patiently(lambda: hand_back(fold_id, name))
                 raise
@@ -202,7 +202,7 @@ class _Caretaker:
             [str(job.workflow_id) for job in running if job.executor_id == self._name]
         )
         for row in self._jobs.reconcile(self._store, older_s=NO_JOB_S):
-            log.error("fold %s: its job ended without a word", row.id, extra={"fold": row.id})
+            log.error("fold %s: its job ended without a result", row.id, extra={"fold": row.id})
             outcome = self._runner.failure(RuntimeError("job"), row.stage)
             outcome["epoch"] = row.kept
             self._runner.finish(row.id, outcome, self._name)
@@ -220,7 +220,7 @@ class _Caretaker:
         self._strays = {job: self._strays.get(job, now) for job in own if job not in self._active}
         for job, since in list(self._strays.items()):
             if now - since >= STRAY_S:
-                log.warning("job %s was dropped; it goes on", job)
+                log.warning("job %s was dropped; it is queued again", job)
                 hand_back(job, self._name)
                 del self._strays[job]
 
@@ -289,24 +289,24 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     caretaker.beat()
     caretaker.tell_preparing()
     DBOS.launch()
-    _repeat(stopping, PREPARING_EVERY_S, caretaker.tell_preparing, "saying what is compiled")
-    _repeat(stopping, settings.lease_s / BEATS_A_LEASE, caretaker.beat, "saying that we live")
+    _repeat(stopping, PREPARING_EVERY_S, caretaker.tell_preparing, "reporting compiled solvers")
+    _repeat(stopping, settings.lease_s / BEATS_A_LEASE, caretaker.beat, "sending heartbeats")
     look_every_s = min(LOOK_EVERY_S, settings.lease_s / LOOKS_A_LEASE)
-    _repeat(stopping, look_every_s, caretaker.look, "looking after folds")
+    _repeat(stopping, look_every_s, caretaker.look, "checking for expired workers")
     log.info("worker %s is ready", identity.name)
     told.acquire()
     take_nothing_new()
     deadline = time.monotonic() + settings.drain_s
     while len(active) and time.monotonic() < deadline and not told.acquire(timeout=0.1):
         pass
-    log.info("worker %s ends; %d jobs go on elsewhere", identity.name, len(active))
+    log.info("worker %s ends; %d jobs go back to the queue", identity.name, len(active))
     stopping.set()
     runner.stop()
     try:
         hand_back_all(identity.name)
         caretaker.leave()
     except Exception:
-        log.exception("handing back failed; others notice that we are gone")
+        log.exception("jobs could not be put back; other workers will take them over")
     # Steps that were cut off must not get the time to note a result.
     send_rest(settings)
     sys.stdout.flush()

@@ -1,1 +1,1 @@
-"""How much of everything there may be: quotas, and one making of a thing for all who want it."""
+"""Limits: quotas, fair shares, and one shared computation for equal requests."""

@@ -40,10 +40,10 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
     """
     own = [fold.cost_s for fold in waiting if fold.visitor == wanted.visitor]
     if len(own) >= settings.largest_queue_of_visitor:
-        raise _full(f"{len(own)} folds of yours are waiting")
+        raise _full(f"{len(own)} of your folds are waiting")
     if own and sum(own) + wanted.cost_s > settings.largest_queue_seconds_of_visitor:
         raise _full(
-            f"your {len(own)} folds that are waiting take about {sum(own):.0f} s and this one "
+            f"your waiting folds ({len(own)}) take about {sum(own):.0f} s and this one "
             f"{wanted.cost_s:.0f} s, more than {settings.largest_queue_seconds_of_visitor:g} s"
         )
     network = network_of(wanted.visitor)
@@ -54,8 +54,8 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
         and admits(sum(near), wanted.cost_s, total=all_s, limit=settings.largest_queue_seconds)
     ):
         raise _full(
-            f"{len(waiting)} folds in all are waiting, {len(near)} of them from your network, "
-            f"which take about {all_s:.0f} s"
+            f"{len(waiting)} folds are waiting, {len(near)} of them from your network; together "
+            f"they take about {all_s:.0f} s"
         )
 
 

@@ -178,11 +178,9 @@ class Quota:
             deadline = time.monotonic() + self._timeout_s
             while not begun.wait(min(LOOK_EVERY_S, self._timeout_s)):
                 if unwanted is not None and unwanted():
-                    raise Unavailable(
-                        "gone", ("Cancelled, because no client waits for this any more.")
-                    )
+                    raise Unavailable("gone", ("Cancelled, because the client had gone."))
                 if time.monotonic() >= deadline:
-                    raise _busy(Unavailable, f"Other {self._what} are being made")
+                    raise _busy(Unavailable, f"Other {self._what} are being created")
             if permit.displaced:
                 raise self._refuse(self._count, Holder.ALL)
             yield
@@ -318,15 +316,15 @@ class Quota:
     def _too_many(self, count: int, holder: Holder) -> TooMany:
         return TooMany(
             f"too-many-{self._what.rpartition(' ')[2]}",
-            f"{count} {self._what} {holder} are open, which is the most "
-            f"there may be; close one, or try again in {CLOSED_RETRY_S} s.",
+            f"{count} {self._what} {holder} are open, which is the limit; close one, or try again "
+            f"in {CLOSED_RETRY_S} s.",
             retry_after_s=CLOSED_RETRY_S,
         )
 
     def _too_busy(self, count: int, holder: Holder) -> ServiceError:
         if holder is Holder.ALL:
-            return _busy(Unavailable, f"{count} {self._what} of others are being made")
-        return _busy(TooMany, f"{count} {self._what} {holder} are being made")
+            return _busy(Unavailable, f"{count} {self._what} of others are being created")
+        return _busy(TooMany, f"{count} {self._what} {holder} are being created")
 
 
 def network_share(total: int | None, per_visitor: int) -> int | None:

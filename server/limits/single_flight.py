@@ -33,7 +33,7 @@ class SingleFlight:
             whose = "" if holder is Holder.ALL else f" {holder}"
             return (Unavailable if holder is Holder.ALL else TooMany)(
                 "busy",
-                f"{count} other {what}{whose} are being made; try again in a moment.",
+                f"{count} other {what}{whose} are being created; try again in a moment.",
                 retry_after_s=RETRY_AFTER_S,
             )
 

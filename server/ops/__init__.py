@@ -1,1 +1,1 @@
-"""Operations: logs, figures, readiness, and how processes of the service start."""
+"""Operations: logs, metrics, readiness, and the start of the service's processes."""

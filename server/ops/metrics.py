@@ -83,7 +83,7 @@ class _Rows(Collector):
 
     def collect(self) -> Iterable[GaugeMetricFamily]:
         found = self._figures
-        yield _gauge("database_up", "Whether the database answers.", found is not None)
+        yield _gauge("database_up", "1 if the database answers, else 0.", found is not None)
         if found is None:
             return
         folds = _by("folds", "Folds by status.", "status")
@@ -95,17 +95,17 @@ class _Rows(Collector):
             movies.add_metric([status], count)
         yield movies
         yield _gauge("queue_length", "Folds that wait for a worker.", found.folds["queued"])
-        words = "Age of the fold that waits for longest."
+        words = "Waiting time of the fold that waits longest, s."
         yield _gauge("queue_oldest_seconds", words, found.oldest_queued_s)
         yield _gauge("workers", "Live workers.", found.workers)
         yield _gauge("storage_bytes", "Size of the files of all folds.", found.storage_bytes)
-        words = "Time to compute a fold, of those that ended within the last hour."
+        words = "Computing time of folds that ended within the last hour, s."
         seconds = _by("fold_seconds_lately", words, "quantile")
         for quantile in QUANTILES if found.computed_s else ():
             at = min(int(quantile * len(found.computed_s)), len(found.computed_s) - 1)
             seconds.add_metric([f"{quantile:g}"], found.computed_s[at])
         yield seconds
-        words = "Folds that ended within the last hour, 500 at most."
+        words = "Folds that ended within the last hour, at most 500."
         yield _gauge("folds_ended_lately", words, len(found.computed_s))
 
 

@@ -143,7 +143,7 @@ def check_folder(settings: Settings) -> None:
             file.write(b"probe")
         with open(name, "rb") as file:
             if file.read() != b"probe" or os.path.basename(name) not in os.listdir(folder):
-                raise OSError(0, "what was written is not what is read")
+                raise OSError(0, "data that were written could not be read back")
     finally:
         with contextlib.suppress(OSError):
             os.unlink(name)

@@ -20,8 +20,8 @@ EXPECTED: Final = {
     "float_parsing": "a number",
     "finite_number": "a finite number",
     "bool_parsing": "true or false",
-    "string_type": "names with commas between",
-    "tuple_type": "names with commas between",
+    "string_type": "names separated by commas",
+    "tuple_type": "names separated by commas",
     "literal_error": "{expected}",
     "greater_than_equal": "at least {ge}",
     "greater_than": "more than {gt}",
@@ -86,10 +86,12 @@ def starting(what: str) -> Generator[None]:
         reason = f"{error}."
     except DBAPIError as error:
         line = str(error.orig).strip().partition("\n")[0]
-        reason = f"the database does not answer as it should ({line})."
+        reason = f"the database is not available ({line})."
     except OSError as error:
         reason = f"{error.filename or 'the data directory'} cannot be used ({error.strerror})."
     else:
         return
-    print(f"The {what} does not start: {reason} `foldback doctor` says more.", file=sys.stderr)
+    print(
+        f"The {what} does not start: {reason} Run `foldback doctor` for details.", file=sys.stderr
+    )
     raise SystemExit(1)

@@ -31,8 +31,8 @@ def tracing(settings: Settings) -> DBOSConfig:
         return DBOSConfig()
     if any(not _there(name) for name in NEEDED):
         raise NoTracingError(
-            "got FOLDBACK_OTLP_ENDPOINT, expected the packages that send traces to be there: "
-            "install 'foldback[otel]', or unset it."
+            "got FOLDBACK_OTLP_ENDPOINT without the packages that send traces: install "
+            "'foldback[otel]', or unset it."
         )
     return DBOSConfig(enable_otlp=True, otlp_traces_endpoints=[settings.otlp_endpoint])
 

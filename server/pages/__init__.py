@@ -1,1 +1,1 @@
-"""Pages: a file for each, and what they say about folds in words."""
+"""Pages: one file for each, and their texts about folds."""

@@ -99,7 +99,7 @@ class Card:
         if self.rests_within < NO_TORQUE:
             return "Can be folded on a table (needs no motor torque)"
         times = f"{math.ceil(10 * self.rests_within) / 10:.1f}"
-        return f"Can be folded on a table (needs {times}× a module's own torque)"
+        return f"Can be folded on a table (needs {times}× a module's weight × width)"
 
     @property
     def count(self) -> str:

@@ -77,7 +77,10 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
         ("Robots", robots(certificate)),
         ("Final position error (RMS)", _of_simulation(certificate, "rms_position_error", DIGITS)),
         ("Largest joint move per frame", quantity(certificate.get("max_joint_step_rad"), "rad")),
-        ("Most hinges moving at once", quantity(certificate.get("hinges_moving_most"))),
+        (
+            "Largest number of hinges moving at once",
+            quantity(certificate.get("hinges_moving_most")),
+        ),
     ]
 
 
@@ -125,7 +128,7 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     ]
     if record is not None:
         rows += [
-            ("Frames undone", quantity(record.taken_back)),
+            ("Frames taken back while unfolding", quantity(record.taken_back)),
             ("Torque limit while unfolding", _rose(record)),
         ]
     servos, named = _servos(table) if table.torque is not None else ("", [])
@@ -149,8 +152,7 @@ def _base(table: TableCertificate) -> str:
             "everything would slide)"
         )
     return (
-        "free on the table, where it may drift; errors compare the shape, not its place on the "
-        "table"
+        "free on the table, where it may drift; errors compare shapes, not positions on the table"
     )
 
 

@@ -186,19 +186,19 @@ def _gained(
         each["figures"]["seconds"] if "figures" in each else each.get("seconds", 0.0)
         for each in since
     )
-    cost = f"after {number(more, 2)} s more computing"
+    cost = f"after {number(more, 2)} s of further computing"
     if best is first:
         return f"The first plan that worked is still the best {cost}."
     both = (best.figures, first.figures)
     if prefer == "time":
         after, before = (_told(each.fold_time_s) for each in both)
-        of = "s folding time"
+        of = "s of folding time"
     elif prefer == "torque":
         after, before = (_torque(each.torque_in(slowest)) for each in both)
         of = f"of torque at the same folding time of {number(slowest)} s"
     else:
         after, before = (_room(each.clearance_bound) for each in both)
-        of = "pitch proved clearance"
+        of = "pitch of proved clearance"
     return f"{after} instead of {before} {of}, {cost}."
 
 

@@ -228,7 +228,7 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
         "problem": {
             "heading": heading,
             "text": f"Damaged files: {', '.join(damaged)}. No motion can be shown. The operator of "
-            "this service can restore it from a backup.",
+            "this service can restore the files from a backup.",
         },
     }
     if any(name in MOTION_FILES for name in damaged):

@@ -26,15 +26,15 @@ from server.store.shown import ShownFold
 
 HEADINGS: Final = {
     "knot": "The chain is knotted",
-    "blocks": "Stalled: modules block each other",
+    "blocks": "Stalled: modules blocked each other",
     "steps": "Stalled: step limit reached",
-    "pushes": "Stalled: pushing does not help",
+    "pushes": "Stalled: random pushes did not help",
     "retries": "The simulation failed",
     "snapshots": "Stalled: snapshot limit reached",
-    "motion": "Stalled: nothing moves any more",
-    "buried": "Stalled: modules are buried",
-    "contacts": "Stalled: modules press against each other",
-    "joints": "Stalled: some joints do not turn",
+    "motion": "Stalled: nothing moved any more",
+    "buried": "Stalled: the next modules were buried",
+    "contacts": "Stalled: too many modules pressed against each other",
+    "joints": "Stalled: some joints could not turn",
     "broken": "The simulation failed",
     "limit": "Not finished",
     "stopped": "Not finished",
@@ -237,7 +237,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     if attempt.get("gentle"):
         how.append("half the force")
     if (smooths := attempt.get("smooths")) is not None:
-        how.append(f"of attempt {smooths + 1}")
+        how.append(f"smooths attempt {smooths + 1}")
     if "finer" in attempt:
         how.append("played back in smaller steps")
     verdict = str(attempt.get("verdict", ""))

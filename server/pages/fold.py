@@ -35,7 +35,7 @@ LARGEST_DRAWING: Final = 4000
 
 @router.get("/folds/{fold_id}", response_class=HTMLResponse)
 async def fold_page(request: Request, fold_id: str) -> Response:
-    """The page of a fold."""
+    """Return the page of a fold."""
     return await asyncio.to_thread(_fold_page, request, fold_id)
 
 
@@ -72,7 +72,7 @@ def _asked_view(request: Request) -> str:
 
 @router.get("/folds/{fold_id}/facts")
 async def facts_of_fold(request: Request, fold_id: str) -> Response:
-    """What the page says about the fold, for a page that is open when it ends."""
+    """Return the page's texts about the fold, for a page that is open when the fold ends."""
 
     def answer() -> Response:
         found = find_now(request, fold_id)

@@ -35,7 +35,7 @@ router = APIRouter(include_in_schema=False)
 
 @router.get("/gallery", response_class=HTMLResponse, dependencies=[Depends(in_list_rate)])
 async def gallery_page(request: Request) -> Response:
-    """All example shapes; the query selects which ones are shown."""
+    """Return the gallery; the query selects which example shapes are shown."""
     context = context_of(request)
     found = await asyncio.to_thread(standings, context.store)
     sieve = Sieve.of(request.query_params)
@@ -62,7 +62,7 @@ async def gallery_page(request: Request) -> Response:
 def fold_shape(
     request: Request, name: str, world: Literal["floating", "table"] = "floating"
 ) -> Response:
-    """Folds an example shape and leads to its fold, for browsers that run no script."""
+    """Fold an example shape and redirect to its fold, for browsers without scripts."""
     try:
         accepted = post_fold(
             request, context_of(request), None, ShapeOptions(world=world), shape=name

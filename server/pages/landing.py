@@ -36,7 +36,7 @@ FEATURED: Final = "wrench-160"
 
 @router.get("/", response_class=HTMLResponse, dependencies=[Depends(in_list_rate)])
 async def landing(request: Request) -> Response:
-    """The first page."""
+    """Return the first page."""
     context = context_of(request)
     featured = await asyncio.to_thread(_featured, context.store)
     still = await asyncio.to_thread(drawing_of, context.gallery, FEATURED, 480)
@@ -56,21 +56,21 @@ async def landing(request: Request) -> Response:
 
 @router.get("/featured/bundle")
 async def featured_bundle(request: Request) -> Response:
-    """What is known of the chain on the first page."""
+    """Return the metadata of the chain on the first page."""
     gallery = context_of(request).gallery
     return etag_response(request, await asyncio.to_thread(_bundle, gallery))
 
 
 @router.get("/featured/picture.png")
 async def featured_picture(request: Request) -> Response:
-    """What networks show beside a link to the first page."""
+    """Return the picture that chats show beside a link to the first page."""
     del request
     return picture_answer(shipped_pictures()["featured.png"], listed=True)
 
 
 @router.get("/featured/batch")
 async def featured_batch(request: Request) -> Response:
-    """Its fold, recorded: ``examples/make_featured.py``."""
+    """Return the recorded fold of the first page (see ``examples/make_featured.py``)."""
     return etag_response(request, await asyncio.to_thread(_recorded))
 
 

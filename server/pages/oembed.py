@@ -39,8 +39,8 @@ async def oembed(
 ) -> Response:
     """Describe the fold behind a link of this service.
 
-    Sites that may embed folds get a frame, all others the name and a picture. What is not a link of
-    this service is answered with 404, any format but JSON with 501, as the specification wants.
+    Sites that may embed folds get a frame; all others get the name and a picture. The answer is 404
+    if the link is not one of this service, and 501 for other formats than JSON, as oEmbed requires.
     """
     if wanted != "json":
         return Response("Only JSON is served.", status_code=501, media_type="text/plain")
@@ -48,7 +48,7 @@ async def oembed(
     fold_id = _fold_in(url, origin)
     found = await find_fold(request, fold_id) if fold_id is not None else None
     if found is None:
-        return Response("No such fold here.", status_code=404, media_type="text/plain")
+        return Response("No fold was found at this link.", status_code=404, media_type="text/plain")
     row = found.row
     about = {
         "version": "1.0",

@@ -47,7 +47,7 @@ class PaperPage(TypedDict):
 
 @router.get("/paper", response_class=HTMLResponse)
 async def paper(request: Request) -> Response:
-    """Every experiment of the paper beside ours."""
+    """Return the page that compares each experiment of the paper with ours."""
     told = await asyncio.to_thread(_told)
     cards = {card["id"]: card for section in told["sections"] for card in section["cards"]}
     headline = next((c for c in cards.values() if c["film"] and c["tone"] == "good"), None)
@@ -63,7 +63,7 @@ async def paper(request: Request) -> Response:
 
 @router.get("/paper/{name}/{part}")
 async def part_of_experiment(request: Request, name: str, part: str) -> Response:
-    """A film, its scene bundle, or a still."""
+    """Return a film, its scene bundle, or a still picture."""
     found = (await asyncio.to_thread(_files)).get((name, part))
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")

@@ -45,9 +45,9 @@ MINUTE_S: Final = 60
 
 @router.get("/folds/{fold_id}/drawing.svg")
 async def drawing_of_fold(request: Request, fold_id: str) -> Response:
-    """The folded shape for lists; none of what is too large.
+    """Return a drawing of the folded shape for lists; none if it is too large.
 
-    To see it in a list is not to look at the fold, which would keep it for longer.
+    A request does not count as a view of the fold, so it does not postpone the fold's expiry.
     """
 
     def drawn() -> tuple[str, bool]:
@@ -74,7 +74,7 @@ async def picture_of_fold(
     fold_id: str,
     view: Annotated[str | None, Query(pattern=SHORT, max_length=MAX_LENGTH)] = None,
 ) -> Response:
-    """The folded shape, 1200×630; drawn once when the fold is over. With ``view``, that view."""
+    """Return a picture of 1200×630 pixels: the folded shape, or the view in ``view``."""
     found = await find_fold(request, fold_id)
     if found is None:
         return _no_picture()

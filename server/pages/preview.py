@@ -27,7 +27,7 @@ KEPT: Final = "private, max-age=3600"
 
 @router.get("/previews/{preview_id}", response_class=HTMLResponse)
 async def preview_page(request: Request, preview_id: str) -> Response:
-    """The page of a preview."""
+    """Return the page of a preview."""
     context = context_of(request)
     try:
         filename = await asyncio.to_thread(context.previews.filename, preview_id)
@@ -48,7 +48,7 @@ async def preview_page(request: Request, preview_id: str) -> Response:
 
 @router.get("/previews/{preview_id}/drawing.svg")
 async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -> Response:
-    """A drawing of what came of the options of that key, in nobody's words but ours."""
+    """Return a drawing of the preview with the options of that key, without texts of users."""
     previews = context_of(request).previews
     svg = await asyncio.to_thread(_drawing, previews, preview_id, key)
     if svg is None:
@@ -64,7 +64,7 @@ async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -
 async def scene_of_preview(
     request: Request, preview_id: str, key: str, repair: bool = False
 ) -> Response:
-    """The same in 3D, for viser's client in the preview's page: see ``web.viser.preview_scene``."""
+    """Return the 3D scene for viser's client (see ``web.viser.preview_scene``)."""
     data = await context_of(request).preview_scenes.scene(
         preview_id, key, visitor=address_of(request), repair=repair
     )

@@ -23,7 +23,7 @@ FOR_ALL: Final = "Gallery fold: everyone can see it, and it won't expire."
 
 @router.get("/privacy", response_class=HTMLResponse)
 async def privacy(request: Request) -> Response:
-    """What the service keeps of its visitors, in plain words."""
+    """Return the page that lists what the service stores about visitors."""
     settings = context_of(request).settings
     return page(
         "privacy.html",
@@ -39,20 +39,23 @@ async def privacy(request: Request) -> Response:
 
 
 def kept_words(settings: Settings) -> str:
-    """For how long a fold is kept, as a sentence."""
+    """Return a sentence that states for how long a fold is stored."""
     if settings.keep_days is not None:
-        return f"Kept for {time_words(86400.0 * settings.keep_days)} after it was last viewed."
+        return f"Stored for {time_words(86400.0 * settings.keep_days)} after it was last viewed."
     if settings.storage_bytes is not None or settings.storage_of_visitor_bytes is not None:
-        return "Kept while there is storage space; folds that nobody views are deleted first."
-    return "Kept until you delete it."
+        return (
+            "Stored while there is space; the folds that have gone unviewed for longest are "
+            "deleted first."
+        )
+    return "Stored until you delete it."
 
 
 def who_and_how_long(settings: Settings, fold: ShownFold | None = None) -> str:
-    """Who sees a fold and for how long it is kept: of one that is there, or of the next one."""
+    """Return who can see a fold and how long it is stored; without a fold, for the next one."""
     if fold is not None and fold.public:
         return FOR_ALL
     if fold is not None and fold.pinned:
-        kept = "Kept permanently."
+        kept = "Stored permanently."
     elif fold is not None and fold.status == "cancelled":
         kept = f"Cancelled: its files will be deleted within {time_words(KEPT_S)}."
     else:

@@ -61,7 +61,7 @@ SMOOTHED: Final[dict[str, tuple[str, str, int]]] = {
     "fold_time_s": ("Folding time", "s", 3),
     "length_rad": ("Path length", "rad", 3),
     "hinges_moving_mean": ("Hinges moving at once, mean", "", 3),
-    "hinges_moving_most": ("Hinges moving at once, most", "", 3),
+    "hinges_moving_most": ("Hinges moving at once, maximum", "", 3),
     "peak_speed_rad_s": ("Fastest hinge", "rad/s", 2),
     "peak_torque_nm": ("Largest torque", "N·m", 2),
     "tail_way": ("Distance travelled by an end", "pitch", 3),

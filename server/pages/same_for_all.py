@@ -17,25 +17,25 @@ router = APIRouter(include_in_schema=False)
 
 @router.get("/benchmarks", response_class=HTMLResponse)
 async def benchmarks(request: Request) -> Response:
-    """The success map, which shows what folds and what does not: ``make success-map`` draws it."""
+    """Return the page of benchmarks with the success map that ``make success-map`` draws."""
     return _answer(request, "benchmarks.html", listed=True)
 
 
 @router.get("/what-folds")
 async def earlier_address() -> Response:
-    """Where the page of benchmarks was before."""
+    """Redirect from the former address of the page of benchmarks."""
     return RedirectResponse("/benchmarks", status_code=301)
 
 
 @router.get("/docs", response_class=HTMLResponse)
 async def api_page(request: Request) -> Response:
-    """The API for people: its description, drawn by Swagger UI out of a package of its own."""
+    """Return the API's description, drawn by Swagger UI."""
     return _answer(request, "api.html")
 
 
 @router.get("/my-folds", response_class=HTMLResponse)
 async def my_folds(request: Request) -> Response:
-    """What a browser has made: its script asks the API for it, with the browser's key."""
+    """Return the page *My folds*; its script asks the API for the folds of the browser's key."""
     answer = _answer(request, "my_folds.html")
     # A browser that comes back to it asks anew, and shows nothing of what was on it.
     answer.headers["Cache-Control"] = "no-store"
@@ -44,7 +44,7 @@ async def my_folds(request: Request) -> Response:
 
 @router.get("/shapes/new", response_class=HTMLResponse)
 async def editor(request: Request) -> Response:
-    """The editor: cells painted layer by layer, and the path through them."""
+    """Return the page of the editor."""
     facts = {"most_modules": context_of(request).settings.max_modules}
     return _answer(request, "editor.html", facts_json=script_json(facts))
 

@@ -26,7 +26,7 @@ router = APIRouter(include_in_schema=False)
 
 @router.get("/shapes/{name}.svg")
 async def drawing_of_shape(request: Request, name: str) -> Response:
-    """The drawing of a gallery shape."""
+    """Return the drawing of a gallery shape."""
     svg = await asyncio.to_thread(drawing_of, context_of(request).gallery, name, 160)
     if svg is None:
         return Response("not found", status_code=404, media_type="text/plain")

@@ -43,7 +43,7 @@ OF: Final = f"{TIMELINE}/zarr.json"
 
 @router.get("/embed/view")
 async def embedded_view(request: Request) -> Response:
-    """Viser's client, for a frame in a frame."""
+    """Return viser's client for the frame within an embed."""
     page = await asyncio.to_thread(view_page)
     policy = client().policy.replace("frame-ancestors 'self'", _ancestors(request))
     return page.response(request, {"Content-Security-Policy": policy})
@@ -51,7 +51,7 @@ async def embedded_view(request: Request) -> Response:
 
 @router.get("/embed/{fold_id}", response_class=HTMLResponse)
 async def embedded(request: Request, fold_id: str) -> Response:
-    """A fold for the frame of another page: look, scrub, and a way to the whole page."""
+    """Return a fold for a frame in another page, with a link to the whole page."""
     found = await find_fold(request, fold_id)
     if found is None:
         answer = not_found_page(
@@ -74,7 +74,7 @@ async def compare(
     a: Annotated[str, Query(pattern=FOLD_ID)],
     b: Annotated[str, Query(pattern=FOLD_ID)],
 ) -> Response:
-    """Two folds on one playhead."""
+    """Return the page that plays two folds side by side."""
     sides = [await find_fold(request, fold_id) for fold_id in (a, b)]
     if None in sides:
         return not_found_page(
@@ -90,7 +90,7 @@ async def compare(
 
 @router.get("/folds/{fold_id}/standalone.html")
 async def standalone(request: Request, fold_id: str) -> Response:
-    """The fold in one file that plays by itself; made once."""
+    """Return the fold as one HTML file that plays without a server; it is written once."""
     found = await _finished(request, fold_id)
     facts = await asyncio.to_thread(fold_facts, found, api=False)
     path = await viewing_of(request).artifacts.file(
@@ -106,7 +106,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
 
 @router.get("/folds/{fold_id}/recording.viser")
 async def recording(request: Request, fold_id: str) -> Response:
-    """The fold as viser's own client plays it; made once."""
+    """Return the fold as a recording for viser's client; it is written once."""
     found = await _finished(request, fold_id)
     path = await viewing_of(request).artifacts.file(
         fold_id,

@@ -23,8 +23,8 @@ SWAGGER: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
 
 
 ROBOTS: Final = """\
-# Links of folds and previews are secrets: their answers say "noindex, nofollow" to all
-# who may read them. Kept out here, engines would show links that stand on other sites.
+# Pages of folds and previews send "noindex, nofollow", because their links are secret.
+# They are not listed here: a crawler that may not read a page cannot see its "noindex".
 User-agent: *
 Disallow: /api/
 """
@@ -32,7 +32,7 @@ Disallow: /api/
 
 @router.get("/robots.txt")
 async def robots() -> Response:
-    """What search engines need not look at; no secret stands in it."""
+    """Return the rules for search engines; they contain no secret links."""
     return Response(ROBOTS, media_type="text/plain", headers={"Cache-Control": "no-cache"})
 
 
@@ -54,7 +54,7 @@ MANIFEST: Final = {
 
 @router.get("/favicon.ico")
 async def favicon(request: Request) -> Response:
-    """Return the picture in a browser's tab, for programs that ask for it by this name."""
+    """Return the icon of a browser's tab, for programs that request this fixed name."""
     return _static("favicon.ico").response(request, LISTED)
 
 
@@ -67,7 +67,7 @@ async def manifest() -> Response:
 
 @router.get("/static/{name:path}")
 async def static_file(request: Request, name: str) -> Response:
-    """A style sheet, a script or a picture."""
+    """Return a style sheet, a script or a picture."""
     found = _static(name) if name in _paths() else None
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")

@@ -1,1 +1,1 @@
-"""Processes that compute: how they are started, limited, confined, and what each does."""
+"""Computing processes: their start, limits, sandbox and tasks."""

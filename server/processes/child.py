@@ -374,8 +374,8 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
                 parent.tell(
                     "problem",
                     code="disk-failed",
-                    detail=f"the disk of the service can't be written ({error.strerror}); nothing "
-                    "else was lost. Try later.",
+                    detail=f"the disk of the service cannot be written ({error.strerror}); nothing "
+                    "else was lost. Try again later.",
                 )
             else:
                 parent.tell(

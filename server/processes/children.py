@@ -193,7 +193,7 @@ class Child:
                 self.kill()
                 raise ChildError(
                     "time-limit",
-                    f"the stage '{task}' took longer than the {wall_s:g} s it may take; try a "
+                    f"the stage '{task}' took longer than {wall_s:g} s, its limit; try a "
                     "smaller shape.",
                 )
             if stop_at is None:
@@ -305,8 +305,8 @@ class Child:
         if code == -signal.SIGXCPU:
             return ChildError(
                 "cpu-limit",
-                f"the fold used more than the {self._limits.cpu_s:g} s of processor time it may "
-                "use; try a smaller shape.",
+                f"the fold used more than {self._limits.cpu_s:g} s of processor time, its "
+                "limit; try a smaller shape.",
             )
         if code < 0:
             name = signal.Signals(-code).name
@@ -350,7 +350,7 @@ class Children:
         """
         with self._lock:
             if self._closed:
-                raise ChildError("no-start", "the service ends.")
+                raise ChildError("no-start", "the service is stopping.")
             child = Child(self._kind, self._limits, fork_server=self._fork_server)
             self._all.add(child)
             return child

@@ -107,7 +107,9 @@ def end_threads() -> None:
     while tasks.is_dir() and (left := len(list(tasks.iterdir()))) > 1:
         # One that Python has done with takes the system another moment to end.
         if time.monotonic() > deadline:
-            raise RuntimeError(f"got {left} threads, expected one; the others would be free.")
+            raise RuntimeError(
+                f"got {left} threads, expected one, because the sandbox does not cover the others."
+            )
         time.sleep(0.001)
 
 

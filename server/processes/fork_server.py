@@ -213,7 +213,7 @@ class _Running:
                 case {"ended": pid, "code": code}:
                     self._forked.pop(pid).end(code)
                 case _:
-                    raise ValueError(f"got {told!r} of the fork server")
+                    raise ValueError(f"got the unknown message {told!r} from the fork server")
 
 
 class ForkServer:

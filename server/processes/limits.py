@@ -88,6 +88,6 @@ def keep_secrets() -> None:
 def memory_words(limit_bytes: int) -> str:
     """What is said when a fold would need more memory than it may use."""
     return (
-        f"the fold needs more than the {limit_bytes // 2**20} MiB of memory it may use; try a "
-        "smaller shape."
+        f"the fold needs more than {limit_bytes // 2**20} MiB of memory, its limit; try a smaller "
+        "shape."
     )

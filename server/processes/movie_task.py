@@ -17,12 +17,12 @@ BACKENDS: Final = ("egl", "osmesa")
 GL_SETTING: Final = "MUJOCO_GL"
 OFF: Final = ("disable", "disabled", "off", "false", "0")
 NO_GL: Final = (
-    "no OpenGL is there that draws without a screen. Install one on the machine of the service: on "
+    "there is no OpenGL that draws without a screen. Install it on the service's machine: on "
     "Debian or Ubuntu 'apt-get install libegl1 libgl1 libgl1-mesa-dri' (or 'libosmesa6')"
 )
 NO_FFMPEG: Final = (
-    "MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or pip install 'foldback[movies]'; "
-    "or ask for a .gif"
+    "MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or pip install 'foldback[movies]', "
+    "or request a .gif"
 )
 
 
@@ -83,7 +83,7 @@ def run_movie(
             case "no-encoder":
                 raise ChildError("no-encoder", f"{NO_FFMPEG}.")
             case code:
-                raise ChildError(code, f"the movie could not be made: {result['reason']}")
+                raise ChildError(code, f"the movie could not be created: {result['reason']}")
     found = "; ".join(said)[:300] or f"it is switched off by {GL_SETTING}"
     raise ChildError("no-gl", f"{NO_GL}. Found: {found}.")
 

@@ -1,1 +1,1 @@
-"""The store: tables, the rows of folds, where their files are, and which workers live."""
+"""The store: tables, rows of folds, places of their files, and live workers."""

@@ -77,7 +77,7 @@ class Storage:
             self._obstore.put(self._store, name, b"foldback")
             try:
                 if bytes(self._obstore.get(self._store, name).bytes()) != b"foldback":
-                    raise StorageError(f"{self._name} gives back something else than it was given.")
+                    raise StorageError(f"{self._name} returned other data than were stored.")
                 list(self._list("check"))
             finally:
                 self._obstore.delete(self._store, name)
@@ -276,7 +276,7 @@ class Storage:
     def _write(self, key: str, name: str, directory: Path) -> None:
         path = directory / name
         if not path.resolve().is_relative_to(directory.resolve()):
-            raise StorageError(f"{self._name} holds {name!r}, which leads out of its directory.")
+            raise StorageError(f"{self._name} holds {name!r}, which is outside its directory.")
         data = self._get(f"{key}/{name}")
         if data is not None:
             _write_whole(path, data)
@@ -294,7 +294,7 @@ class Storage:
             if isinstance(error, OSError) and not isinstance(error, BaseError) and error.errno:
                 raise  # the disk of this machine
             line = str(error).strip().partition("\n")[0][:300]
-            raise StorageError(f"{self._name} does not answer as it should: {line}") from error
+            raise StorageError(f"a request to {self._name} failed: {line}") from error
 
 
 def open_storage(settings: Settings) -> Storage | None:

@@ -67,7 +67,7 @@ class Schema:
             raise NewerSchemaError(
                 f"got a database with tables of version {self.found}, expected {self.head} at "
                 f"most: a newer foldback than this one ({version('foldback')}) wrote it. Install "
-                "that one again, or restore a backup of the time before."
+                "that version again, or restore an older backup."
             )
 
 

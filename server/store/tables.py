@@ -311,7 +311,7 @@ def migrate(engine: sa.Engine) -> None:
         if not schema.behind:
             return
         if is_read_only(engine):
-            words = "a read-only disk, and tables that an earlier foldback wrote, or none"
+            words = "the disk is read-only, and its tables are from an earlier version or missing"
             raise OSError(errno.EROFS, words, engine.url.database)
         alembic.attributes["connection"] = connection
         command.upgrade(alembic, "head")

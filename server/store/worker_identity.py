@@ -50,7 +50,9 @@ class WorkerIdentities:
             lock = _lock(self._path(number))
             if lock is not None:
                 return WorkerIdentity(f"{self._prefix}{number}", lock)
-        raise RuntimeError(f"found {MOST_WORKERS} workers on {self._directory}, expected fewer.")
+        raise RuntimeError(
+            f"found {MOST_WORKERS} workers on {self._directory}, which is the limit."
+        )
 
     def dead(self, names: Iterable[str]) -> set[str]:
         """Those of the names that are of this machine and that no living worker holds."""

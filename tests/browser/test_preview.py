@@ -221,7 +221,7 @@ def test_cells_in_no_order_are_shown_as_voxels(visit: Visit, service: Service) -
     page.wait_for_url(re.compile("/previews/"))
     expect(page.locator("#verdict")).to_have_text("24 modules")
     expect(page.locator("#unordered")).to_have_text(
-        "Read as voxels, since cells 2 and 3 are not neighbours."
+        "Read as voxels, because cells 2 and 3 are not neighbours."
     )
     expect(page.locator("#unordered")).to_be_in_viewport()
     keep(page, "preview-unordered-960x640")

@@ -70,7 +70,7 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
 
     page.locator("#rests").click()
     expect(page.locator("#on-table .assumptions li").first).to_be_visible()
-    expect(page.locator("#on-table")).to_contain_text("Frictionless: the table holds nothing")
+    expect(page.locator("#on-table")).to_contain_text("No friction: the table exerts no forces")
     expect(page.locator("#on-table")).to_contain_text("the first module is clamped to the table")
     expect(page.locator("#on-table .servos a").first).to_have_attribute(
         "href", re.compile("^https://")

@@ -27,7 +27,7 @@ HEARD = """addEventListener("DOMContentLoaded", () => {
 def test_an_upload_is_told_and_stopped(visit: Visit, service: Service) -> None:
     page = visit("/")
     expect(page.locator(".drop-kept")).to_have_text(
-        "Kept until you delete it. Only people with the link can see it. Privacy"
+        "Stored until you delete it. Only people with the link can see it. Privacy"
     )
     page.context.new_cdp_session(page).send("Network.emulateNetworkConditions", SLOW)
     page.locator("#file").set_input_files(

@@ -14,7 +14,11 @@ from docs.make_texts import READERS, all_texts, is_for_people
         (".py", '@app.get("/a")\ndef a():\n    """Return a."""', ["Return a."]),
         (".html", '<p title="A tip">Hello <b>you</b></p>', ["A tip", "Hello", "you"]),
         (".js", '// "no"\nf(`All ${n ? "big ones" : ""}`, "a " + "b");', ["All {…}", "a b"]),
-        (".md", "# Title\n\nOne line.\n```\ncode here\n```\n", ["# Title", "One line."]),
+        (
+            ".md",
+            "# Title\n\nOne line\nmore. Two.\n```\ncode here\n```\n- An item\n| a row | b. C |\n",
+            ["# Title", "One line more.", "Two.", "- An item", "| a row | b. C |"],
+        ),
     ],
 )
 def test_reader_finds_texts_and_no_comments(suffix: str, source: str, texts: list[str]) -> None:

@@ -300,7 +300,7 @@ def file_gone(place: FilePath, random: Random) -> Change | None:
     paths = sorted(p for p in place.iterdir() if p.is_file())
     path = paths[random.integers(len(paths))]
     path.unlink()
-    return Change("file gone", (path.name,), "", ("it is not there",))
+    return Change("file gone", (path.name,), "", ("it is missing",))
 
 
 FREE = ("versions", "smoothing")

@@ -174,7 +174,7 @@ def test_a_notebook_gets_a_frame_that_leads_there(shown: Shown) -> None:
 
 
 def test_what_holds_no_timeline_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TimelineError, match="holds no timeline"):
+    with pytest.raises(TimelineError, match="contains no timeline"):
         show(tmp_path, port=0)
 
 

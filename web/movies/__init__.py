@@ -1,1 +1,1 @@
-"""Movies: what one may be, its pictures, and their encoding."""
+"""Movies: options and limits, pictures, and encoding."""

@@ -154,7 +154,7 @@ class Mp4Encoder:
     def _said(self, code: int) -> str:
         self._words.seek(0)
         words = self._words.read()[-400:].decode(errors="replace").strip()
-        return f"the encoder ended with exit code {code}: {words or 'it said nothing'}"
+        return f"the encoder ended with exit code {code}: {words or 'no message'}"
 
 
 class GifEncoder:

@@ -106,7 +106,7 @@ class Movie:
                 f"(or {shorter}×{longer}) for {self.format.upper()}.",
                 where="height",
             )
-        _within("fps", self.fps, 1, MOST_FPS[self.format], " pictures a second")
+        _within("fps", self.fps, 1, MOST_FPS[self.format], " pictures per second")
         _within("seconds", self.seconds, SHORTEST_S, LONGEST_S[self.format], " s")
         if self.azimuth_deg is not None:
             _within("azimuth_deg", self.azimuth_deg, -360, 360, "°")

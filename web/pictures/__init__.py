@@ -1,1 +1,1 @@
-"""Pictures: the camera, colours, the modules as they are drawn, and pictures without a browser."""
+"""Pictures: camera, colours, shapes of modules, and pictures without a browser."""

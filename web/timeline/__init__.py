@@ -1,1 +1,1 @@
-"""What a browser is told of a timeline: stretches of frames, figures, and views that are shared."""
+"""Timelines for browsers: ranges of frames, figures, and shared readers."""

@@ -1,4 +1,4 @@
-"""The 3D view: viser's client and its scenes, a preview's and a fold's, also as one file.
+"""The 3D view: viser's client, scenes of previews and folds, and folds as one file.
 
 From a program or a notebook, ``show`` is all there is to know:
 

@@ -99,7 +99,7 @@ class Show:
                 raise InputError(
                     "no-frames",
                     f"got a plan of {fold.chain.name} without a frame, expected at least one; show "
-                    "the fold's directory to see how far it came.",
+                    "the fold's directory to see its frames.",
                 )
             motion = MotionMoments(fold.chain, fold.motion)
             return Shown(lambda: motion, host=host, port=port, open_browser=open_browser)
@@ -112,7 +112,7 @@ class Show:
 
         if now() is None:
             raise TimelineError(
-                f"got {place}, which holds no timeline, expected the directory of a fold."
+                f"got {place}, which contains no timeline, expected the directory of a fold."
             )
         return Shown(now, host=host, port=port, open_browser=open_browser)
 

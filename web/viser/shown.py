@@ -167,7 +167,7 @@ class Shown:
         self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1×")
         self._colours = gui.add_dropdown("Colours", (BY_ERROR, ALONG), initial_value=BY_ERROR)
         self._follow = gui.add_checkbox(
-            "Follow", True, hint="Keeps the chain in view while it moves, for everybody."
+            "Follow", True, hint="Keep the chain in view for all viewers."
         )
         self._module = gui.add_markdown("Click on a module.")
 

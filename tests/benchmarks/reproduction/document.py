@@ -11,11 +11,11 @@ INTRODUCTION: Final = """\
 # The paper's experiments, run again
 
 *Folding Arbitrary 3D Shapes with Space Filling Chain Robots: Reverse Explosion Approach to Folding
-Sequence Design* tells of a dozen folds. Each is run here again by `--preset paper`, which is the
-published method with the published numbers, and told beside what the paper says.
+Sequence Design* describes a dozen folds. Here we ran each of them again with `--preset paper`, the
+published method with the published numbers, and compare the results with the paper.
 
-`make reproduction` runs what is missing and writes this page and the one at `/paper`, where every
-film plays. Red is joint error; orange marks where a fold fails.
+`make reproduction` runs missing experiments and writes this page and the page `/paper`, which plays
+all films. Red is joint error; orange marks the modules where a fold fails.
 """
 
 
@@ -37,7 +37,7 @@ def document(page: dict[str, Any]) -> str:
         "## Values we had to assume",
         "The numbers of `--preset paper`. Each can be set by name, as in "
         "`--set damping=0.05 --set radial_gain=0.2`; "
-        "[decisions/0002](decisions/0002-published-preset.md) says how they were found.",
+        "[decisions/0002](decisions/0002-published-preset.md) describes how they were found.",
         _table(
             ["Parameter", "Name", "Value", "From", "Meaning"],
             [

@@ -93,8 +93,8 @@ STATEMENTS: Final = (
         "achieve the wrench shape.",
         published="folds in about 160\u202f000 steps",
         words="The explosion is simulated first, then the fold. Red is joint error, as in the "
-        "paper. With one servo step for each snapshot the fold takes a tenth of the explosion's "
-        "steps. With ten, the pace of the recording, it takes as many.",
+        "paper. With one servo step for each snapshot, the fold takes a tenth of the explosion's "
+        "steps. With ten, as in the recording, it takes as many steps as the explosion.",
     ),
     Statement(
         id="mallet",
@@ -123,8 +123,8 @@ STATEMENTS: Final = (
         quote="More work is necessary to prove out the scalability and generality of the approach "
         "on more geometries, larger chains, and more shapes.",
         published="left for later",
-        words="Ten shapes of the gallery with 64 to 200 cubes: those that differ most in size, "
-        "proportions, compactness and turns. They were chosen by these measures, not by how they "
+        words="The ten gallery shapes of 64 to 200 cubes that differ most in size, proportions, "
+        "compactness and turns. They were chosen by these measures, not by how they "
         "fold.",
     ),
     Statement(
@@ -147,10 +147,10 @@ STATEMENTS: Final = (
         "servoing approach, but of course this is very configuration path specific.",
         published="all tangle",
         words="There is no explosion: all hinges turn at once from straight to folded, with the "
-        "motors and contacts of the other folds. In long chains, motors without a limit of force "
-        "push modules through each other. Motors with one, as ODE's have, stop where modules meet, "
-        "and the chain stays tangled. The last fold is by the published method with such motors. "
-        "Orange marks where modules overlap most.",
+        "motors and contacts of the other folds. In long chains, motors without a force limit "
+        "push modules through each other. Motors with a limit, as in ODE, stop where modules meet, "
+        "and the chain stays tangled. The last fold uses the published method with such motors. "
+        "Orange marks the largest overlaps.",
     ),
     Statement(
         id="threshold",
@@ -159,10 +159,11 @@ STATEMENTS: Final = (
         quote="Each snapshot acts as a target to which we servo until the largest angle error is "
         "less than some given threshold.",
         published="the rule for all folds",
-        words="By the letter, a snapshot that the chain is near to already is passed over. The "
-        "chain may then be 22° behind at every hinge, and cuts the corners of the recorded motion. "
-        "Elsewhere on this page each snapshot is the target for at least one step. Here motors "
-        "turn at 10/s instead of 60/s, at which the first jump of 22° throws the chain apart.",
+        words="Taken literally, the rule skips each snapshot that the chain is already near to. "
+        "Every hinge may then be 22° behind, and the chain cuts the corners of the recorded "
+        "motion. In the other experiments, each snapshot is the target for at least one step. "
+        "Here the motor gain is 10/s instead of 60/s, because at 60/s the first jump of 22° throws "
+        "the chain apart.",
         by_size=True,
     ),
     Statement(
@@ -171,8 +172,8 @@ STATEMENTS: Final = (
         where="Not in the paper",
         quote="",
         published="not in the paper",
-        words="The default preset beside the published method, on one playhead. It takes fewer "
-        "steps: its time step and gains follow the chain.",
+        words="The default preset beside the published method, played in parallel. It takes fewer "
+        "steps, because its time step and gains adapt to the chain.",
         pairs=(("wrench-160", "default-wrench-160"), ("mallet-160", "default-mallet-160")),
     ),
 )

@@ -53,10 +53,11 @@ SOURCES: Final = {
 }
 ASIDE: Final = (
     "The paper's simulations ran on the Open Dynamics Engine, these run on MuJoCo. Contacts, "
-    "friction, stops and motors are other models of the same things.",
-    "The paper's program, recordings and video were not at hand. What the paper does not tell was "
-    "chosen so that its folds work, and is marked so above.",
-    "The paper tells no wall times, clearances or joint errors: ours stand alone.",
+    "friction, stops and motors are modelled differently.",
+    "We had neither the paper's program nor its recordings or video. Values that the paper does "
+    "not "
+    "state were chosen so that its folds work. They are marked above.",
+    "The paper states no wall times, clearances or joint errors, so ours cannot be compared.",
 )
 
 
@@ -221,7 +222,7 @@ def _lead(runs: Mapping[str, Run]) -> str:
         return f"{published} Here the same chain fails: {_failed(run)}."
     steps = run.explosion.steps + run.playback.steps
     apart = (
-        f" Modules of 0.95 pitch stay at least {figure(run.bound)} pitch apart, by proof."
+        f" Modules of 0.95 pitch provably stay at least {figure(run.bound)} pitch apart."
         if run.bound
         else ""
     )
@@ -296,7 +297,7 @@ def _differences(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list
         for words, ones in (
             ("Verified here, tangled in the paper", _came_out(own, runs, "tangled", verified=True)),
             ("Fails here, folds in the paper", _came_out(own, runs, "verified", verified=False)),
-            ("Fails here, not told of in the paper", _came_out(own, runs, None, verified=False)),
+            ("Fails here, not mentioned in the paper", _came_out(own, runs, None, verified=False)),
         ):
             if ones:
                 titles = "; ".join(_small_first(one.title) for one in ones)
@@ -337,11 +338,11 @@ def _machine(runs: Mapping[str, Run]) -> str:
     cores = sorted({run.cores for run in runs.values()})
     names = sorted({run.processor for run in runs.values()})
     reference = [run.reference_s for run in runs.values()]
-    busy = " It was busy with other work: processor times, in brackets, tell more."
+    busy = " It was also doing other work, so the processor times in brackets say more."
     return (
-        f"Times are of {' and '.join(str(n) for n in cores)} cores of {' and '.join(names)}, where "
-        f"1000 steps of MuJoCo on a chain of 160 cubes took {min(reference):.2f} to "
-        f"{max(reference):.2f} s just before each run."
+        f"Times were measured on {' and '.join(str(n) for n in cores)} cores of "
+        f"{' and '.join(names)}, where 1000 steps of MuJoCo on a chain of 160 cubes took "
+        f"{min(reference):.2f} to {max(reference):.2f} s just before each run."
         f"{busy if max(reference) > BUSY * min(reference) else ''}"
     )
 

@@ -198,7 +198,7 @@ def test_two_frames_that_jump_over_the_collision_are_caught() -> None:
 @pytest.mark.parametrize(
     ("where", "value", "word"),
     [
-        (0, 0.01, "does not begin straight"),
+        (0, 0.01, "does not start straight"),
         (-1, 0.01, "does not end folded"),
         (20, np.deg2rad(92.5), "beyond its range"),
     ],
@@ -342,7 +342,7 @@ def test_the_clearance_of_a_fold_is_that_of_its_lattice(size: float) -> None:
     still = np.stack([chain.folded_rad] * 2)
     certificate = certify(chain, None, playback_of(still), replace(PARAMETERS, module_size=size))
     assert certificate.min_clearance == pytest.approx(1.0 - size, abs=1e-12)
-    assert certificate.verdict == "failed: the plan does not begin straight"
+    assert certificate.verdict == "failed: the plan does not start straight"
 
 
 def test_larger_modules_fail_honestly(folded: Callable[..., Any]) -> None:

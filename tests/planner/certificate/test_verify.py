@@ -120,8 +120,8 @@ def test_what_was_left_out_is_said(directory: FilePath, monkeypatch: pytest.Monk
     monkeypatch.setattr("planner.verification.verify.MOST_REPLAYED", 148 * 24 // 2)
     checked = verify(directory).checked
     assert "plain MuJoCo has the same poses and finds no overlap at one frame in 2" in checked
-    assert any("but for what only the simulation knew: torques" in line for line in checked)
-    assert any("figures.zarr (what plots show) by that alone" in line for line in checked)
+    assert any("except simulated torques" in line for line in checked)
+    assert any("the only check of figures.zarr (plots)" in line for line in checked)
 
 
 def test_a_forged_verdict_helps_nobody(directory: FilePath) -> None:
@@ -142,7 +142,7 @@ def test_two_forms_that_differ_are_noticed(directory: FilePath) -> None:
     (directory / "plan.json").write_text(json.dumps(values))
     problems = verify(directory).problems
     assert "plan.json and plan.npz differ in joint_angles_rad[40, 3]" in problems[0]
-    assert "failed: plan.json: joint_angles_rad: it is not what was written" in problems
+    assert "failed: plan.json: joint_angles_rad: it was changed" in problems
 
 
 def test_a_fold_without_digests_is_checked_as_far_as_it_goes(directory: FilePath) -> None:
@@ -151,7 +151,7 @@ def test_a_fold_without_digests_is_checked_as_far_as_it_goes(directory: FilePath
     found = verify(directory)
     assert found.problems == ()
     assert any("no manifest.json" in note for note in found.notes)
-    assert any("The certificate is of an earlier version" in note for note in found.notes)
+    assert any("The certificate is from an earlier version" in note for note in found.notes)
     path = directory / "certificate.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "min_clearance": 0.5}))
     problem = verify(directory).problems[0]
@@ -162,7 +162,7 @@ def test_a_fold_without_digests_is_checked_as_far_as_it_goes(directory: FilePath
 def test_a_plan_of_today_has_its_digests(directory: FilePath) -> None:
     (directory / "manifest.json").unlink()
     (problem,) = verify(directory).problems
-    assert problem.startswith("failed: manifest.json: it is not there")
+    assert problem.startswith("failed: manifest.json: it is missing")
 
 
 @pytest.mark.parametrize(
@@ -258,7 +258,7 @@ def test_only_the_baseline_goes_without_an_explosion(directory: FilePath) -> Non
     (directory / "record.npz").unlink()
     write_manifest(directory)
     told = "\n".join(verify(directory).problems)
-    assert "plan.npz explosion: expected what came of it, as of the preset default" in told
+    assert "plan.npz explosion: expected its results with the preset default" in told
 
 
 def test_nothing_is_off_what_was_not_simulated(peeled: FilePath) -> None:
@@ -302,7 +302,7 @@ def test_a_reference_does_not_pass_for_a_simulation(directory: FilePath) -> None
     frames = replace(playback.frames, joint_angles_rad=playback.reference, joint_error_rad=errors)
     forge(directory, frames=frames, rms_position_error=0.0, max_angle_error_rad=0.0)
     told = "\n".join(verify(directory).problems)
-    assert "timeline.zarr joint angles: got those of plan.npz" in told
+    assert "timeline.zarr joint angles: got exactly those of plan.npz" in told
 
 
 @pytest.mark.parametrize(
@@ -456,7 +456,9 @@ def test_a_model_that_is_none_is_refused(data: bytes, directory: FilePath) -> No
 def test_a_model_of_nothing_is_not_the_plans(directory: FilePath) -> None:
     (directory / "model.xml").write_bytes(b"<mujoco/>")
     problems = verify(directory).problems
-    assert any("model.xml: the model is not one of this plan" in problem for problem in problems)
+    assert any(
+        "model.xml: the model does not belong to this plan" in problem for problem in problems
+    )
 
 
 @pytest.mark.parametrize("name", ["plan.npz", "plan.json", "model.xml"])

@@ -269,8 +269,8 @@ def test_a_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath
     [
         ({"time_s": -1.0}, "run backwards"),
         ({"base_position": np.nan}, "not finite"),
-        ({"first": 10**6}, "cannot be looked at"),
-        ({"angles_rad": np.inf}, "cannot be looked at"),
+        ({"first": 10**6}, "cannot be checked"),
+        ({"angles_rad": np.inf}, "cannot be checked"),
     ],
     ids=str,
 )
@@ -290,7 +290,7 @@ def test_a_certificate_is_not_given_to_what_cannot_be_looked_at(
 
 def test_half_a_plan_is_no_plan(made: FilePath, plan: Plan) -> None:
     playback = Playback.load(made / "playback.npz")
-    for part, words in ((slice(0, -3), "does not end folded"), (slice(3, None), "begin straight")):
+    for part, words in ((slice(0, -3), "does not end folded"), (slice(3, None), "start straight")):
         some = replace(playback, frames=playback.frames[part])
         assert words in certify(plan.chain, None, some, Parameters()).verdict
 

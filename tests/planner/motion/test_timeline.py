@@ -306,7 +306,7 @@ def test_more_frames_promised_than_held_is_damage(place: FilePath, hook_chain: C
         writer.append(some_frames(5))
     for frames in (9, -1):
         edit_attributes(place, frames=frames)
-        with pytest.raises(TimelineError, match=f"promises {frames} frames and holds 5"):
+        with pytest.raises(TimelineError, match=f"promises {frames} frames but has 5"):
             Timeline.open(place)
 
 

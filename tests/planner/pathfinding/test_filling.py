@@ -54,7 +54,7 @@ def test_parts_are_told_and_dropped_only_when_asked() -> None:
         _ = made.chain
     repaired = prepared(VOXELS, repair=True)
     assert len(repaired.chain) == 3 * RING
-    assert any("drop the other 1 cell" in note for note in repaired.notes)
+    assert any("remove the other 1 cell" in note for note in repaired.notes)
 
 
 @pytest.mark.slow

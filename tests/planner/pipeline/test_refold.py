@@ -190,10 +190,10 @@ def test_of_files_that_are_gone_only_that_is_told(copy: FilePath) -> None:
         (copy / name).unlink()
     found = verify(copy)
     assert {p.removeprefix("failed: ").partition(":")[0] for p in found.problems} == set(gone)
-    assert all("it is not there" in problem for problem in found.problems)
+    assert all("it is missing" in problem for problem in found.problems)
     write_manifest(copy)
     (problem,) = verify(copy).problems
-    assert "record.npz: it is not there, so what plan.npz tells of it" in problem
+    assert "record.npz: it is missing, so its figures" in problem
     assert found.replay is not None
     assert found.replay.overlap == 0.0
     assert found.replay.pose_difference < 1e-9
@@ -217,7 +217,7 @@ def tampered(directory: FilePath, **changes: Any) -> tuple[str, ...]:
 
 @pytest.mark.slow
 def test_another_beginning_is_noticed(copy: FilePath, plan: Plan) -> None:
-    assert "does not begin folded as mallet-24" in "".join(tampered(copy, start=plan.chain))
+    assert "does not start folded as mallet-24" in "".join(tampered(copy, start=plan.chain))
     assert tampered(copy, start=None)
     assert "not of the same modules" in "".join(tampered(copy, start=line(24 + 1)))
 
@@ -262,7 +262,7 @@ def test_a_simulation_that_began_elsewhere_is_refused(made: FilePath) -> None:
             joint_angles_rad=np.vstack([frames.joint_angles_rad[1:2], frames.joint_angles_rad[1:]]),
         ),
     ):
-        assert "does not begin folded as wrench-24" in judged(made, frames=other).verdict
+        assert "does not start folded as wrench-24" in judged(made, frames=other).verdict
 
 
 def test_a_refold_is_no_plain_fold(made: FilePath, plan: Plan) -> None:
@@ -324,7 +324,7 @@ def test_it_stays_the_chain_that_it_is(wrench: Folded, tmp_path: FilePath) -> No
 
 def test_a_plan_that_does_not_lead_to_its_shape_is_no_beginning(wrench: Folded) -> None:
     plan = wrench.plan
-    with pytest.raises(InputError, match="does not lead from straight to folded") as refused:
+    with pytest.raises(InputError, match="does not start straight and end folded") as refused:
         replace(plan, motion=plan.motion[:-3]).unfolding()
     assert refused.value.code == "refold-not-folded"
 

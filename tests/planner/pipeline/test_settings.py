@@ -74,7 +74,7 @@ def test_settings_are_written_in_one_way() -> None:
         ("table_base=held", "got table_base = 'held', expected clamped or free"),
         ("table_base=1", "got table_base = '1', expected clamped or free"),
         ("table_base=", "got table_base = '', expected clamped or free"),
-        ("damping=0.1,damping=0.2", "got damping twice, expected it once"),
+        ("damping=0.1,damping=0.2", "got damping twice, expected only one value"),
         ("a" * 501, "got 501 characters of settings, expected at most 500"),
     ],
 )

@@ -61,7 +61,7 @@ def test_it_tells_which_modules_are_still_bent(tmp_path: FilePath) -> None:
     stuck = settle(tmp_path)["stuck"]
     bends = np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
     assert stuck["modules"] == (np.flatnonzero(bends) + 1).tolist()
-    assert stuck["kind"] == "stopped" and "on its way" in stuck["words"]
+    assert stuck["kind"] == "stopped" and "still unfolding" in stuck["words"]
 
 
 def test_slight_bends_count_where_there_are_no_others(tmp_path: FilePath) -> None:

@@ -180,5 +180,5 @@ def test_without_the_other_robots_a_plan_is_verified_and_that_is_told(
     assert verify(place).problems == ()
     (place / "playback.npz").unlink()
     found = verify(place)
-    assert any("playbacks of other robots were not swept" in note for note in found.notes)
+    assert any("playbacks of other robots were not checked" in note for note in found.notes)
     assert not any("certificate" in problem for problem in found.problems)

@@ -70,7 +70,7 @@ def test_an_arm_is_held_out_by_motors_that_are_a_little_stronger_than_its_weight
 def test_an_arm_falls_where_motors_are_too_weak(arm: tuple[Chain, Windows]) -> None:
     found = played(arm, 0.8)
     assert found.status == "missed"
-    assert "gave way" in found.reason
+    assert "yielded" in found.reason
     assert f"{0.8 * ARM:.3g} w·p" in found.reason
 
 

@@ -219,6 +219,6 @@ def test_what_cannot_be_smoothed_is_refused_in_words(
 
 @pytest.mark.parametrize("wish", [{"preset": "paper"}, {"strategy": "peel"}])
 def test_it_is_not_recorded_again(wish: dict[str, str]) -> None:
-    with pytest.raises(InputError, match="it is not recorded again") as told:
+    with pytest.raises(InputError, match="smoothing runs no new explosion") as told:
         Request(smooth=True, **wish).check()  # pyright: ignore[reportArgumentType]
     assert told.value.where == next(iter(wish))

@@ -44,7 +44,7 @@ def file_in(name: str) -> object:
         ("d02_y_up.glb", 17, (4, 3, 6), ""),
         ("d03_instancing_required.glb", 5, (4, 2, 1), ""),
         ("e02_negative_volume.3mf", 27000, (30, 30, 30), "cutters"),
-        ("e06_not_printable.3mf", 5, (4, 1, 2), "not to be printed"),
+        ("e06_not_printable.3mf", 5, (4, 1, 2), "not printed"),
     ],
 )
 def test_read_mesh_gives_the_right_solid(
@@ -395,8 +395,8 @@ FANS = b"element trifans 1\nproperty list int int vertex_indices\nend_header"
         (scene(lambda d: d["nodes"].append({"mesh": 0})), "outside of the scene"),
         (scene(lambda d: d["meshes"].append(d["meshes"][0])), "outside of the scene"),
         (scene(lambda d: d.update(animations=[{"channels": [], "samplers": []}])), "animations"),
-        (archive(mesh_xml(2, 3, 4) + mesh_xml(1, 1, 1, number=2), 1), "does not build"),
-        (archive(mesh_xml(2, 3, 4), 1, other=mesh_xml(9, 9, 9)), "does not build"),
+        (archive(mesh_xml(2, 3, 4) + mesh_xml(1, 1, 1, number=2), 1), "not part of the build"),
+        (archive(mesh_xml(2, 3, 4), 1, other=mesh_xml(9, 9, 9)), "not part of the build"),
         (archive(mesh_xml(2, 3, 4) + mesh_xml(1, 1, 1, kind="mould", number=2), 1, 2), "cutters"),
         *(
             (
@@ -427,7 +427,7 @@ def test_read_mesh_with_more_content_notes_what_is_left_out(data: bytes, note: s
 @pytest.mark.parametrize(
     ("data", "code", "words"),
     [
-        (scene(lambda d: d.update(scene=-1)), "damaged", "scene -1 of 1"),
+        (scene(lambda d: d.update(scene=-1)), "damaged", "scene -1, but has 1 scenes"),
         (scene(lambda d: d["asset"].update(version="1.0")), "wrong-version", "version 1.0"),
         (scene(lambda d: d["asset"].update(version="3.0")), "wrong-version", "version 3.0"),
         (scene(lambda d: d["asset"].update(minVersion="2.1")), "wrong-version", "version 2.1"),

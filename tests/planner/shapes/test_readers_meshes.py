@@ -269,7 +269,7 @@ def test_an_stl_with_a_wrong_count_is_told_apart_by_its_name() -> None:
     assert "100000 triangles and the file holds 576" in refusal_of(more, filename="x.stl").detail
     assert refusal_of(data[:-20], filename="x.STL").code == "truncated"
     noted = solid_in(data + b"tail", "x.stl")
-    assert "left alone" in noted.notes[0]
+    assert "ignored" in noted.notes[0]
     assert refusal_of(data + bytes(9999), filename="x.stl").code == "damaged"
 
 
@@ -443,7 +443,7 @@ def test_the_ways_in_which_scenes_are_written(way: str) -> None:
     change(document)
     solid = solid_in(json.dumps(document).encode())
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(volume, rel=1e-4)
-    assert solid.notes == (("points and lines were left out.",) if way == "points beside" else ())
+    assert solid.notes == (("points and lines were ignored.",) if way == "points beside" else ())
 
 
 def test_a_long_chain_of_nodes_is_followed() -> None:

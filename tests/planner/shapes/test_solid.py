@@ -42,7 +42,7 @@ def test_vertices_that_almost_meet_are_sewn_together() -> None:
     noise = np.random.default_rng(0).normal(scale=1e-8, size=(3 * len(mesh.faces), 3))
     corners = np.round(mesh.triangles.reshape(-1, 3) + noise, 12)
     solid = Solid.from_triangles(corners, np.arange(len(corners)).reshape(-1, 3))
-    assert any("sewn" in note for note in solid.notes)
+    assert any("merged" in note for note in solid.notes)
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(mesh.volume, rel=1e-3)
 
 
@@ -75,7 +75,7 @@ def test_a_triangle_that_disagrees_is_turned_to_agree() -> None:
     solid = Solid.from_triangles(TETRAHEDRON, faces)
     assert (solid.closed, solid.oriented) == (True, True)
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(1 / 6)
-    assert solid.notes == ("1 triangle was turned to agree with the neighbours.",)
+    assert solid.notes == ("1 triangle was flipped to match the neighbours.",)
 
 
 CUBES = {

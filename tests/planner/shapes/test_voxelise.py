@@ -255,7 +255,7 @@ def test_a_sheet_without_thickness_has_no_inside() -> None:
     a, b, c, d = (r.ravel() for r in (rows[:-1, :-1], rows[1:, :-1], rows[1:, 1:], rows[:-1, 1:]))
     faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
     sheet = Solid(name="s", vertices=points, faces=faces, closed=False, oriented=False)
-    with pytest.raises(InputError, match="encloses nothing"):
+    with pytest.raises(InputError, match="encloses no volume"):
         voxelise(sheet, cells=100)
 
 
@@ -366,7 +366,7 @@ def test_what_is_kept_of_a_thin_solid_is_true_and_what_is_lost_is_said(cells: in
     assert voxels.iou > {20: 0.2, 160: 0.42, 480: 0.7}[cells]
     legs_kept = np.ptp(voxels.shape.cells, axis=0).min() * voxels.pitch > 4
     assert legs_kept or any("is lost" in note for note in voxels.notes)
-    said = [note for note in voxels.notes if "only" in note and "ask for more modules" in note]
+    said = [note for note in voxels.notes if "only" in note and "use more modules" in note]
     assert len(said) == (voxels.iou < 0.5)
 
 
@@ -377,7 +377,7 @@ def test_a_shape_that_is_kept_whole_has_nothing_said_of_loss() -> None:
 def test_more_that_keeps_less_is_said() -> None:
     voxels = voxelise(solid_of(box(3, 3, 3)), cells=39)
     assert voxels.below == 27
-    assert "the next smaller count keeps more of the shape." in voxels.notes
+    assert "the next smaller number of modules preserves more of the shape." in voxels.notes
 
 
 def test_the_largest_body_is_laid_as_if_it_were_alone() -> None:

@@ -145,7 +145,7 @@ def test_towers_beside_each_other_are_told_apart_from_overhangs() -> None:
 
 
 def test_a_shape_whose_paths_all_have_hairpins_is_told_so() -> None:
-    with pytest.raises(InputError, match="turns back above itself") as error:
+    with pytest.raises(InputError, match="turns back directly above itself") as error:
         table_paths(front("###", "###"), turned=False)
     assert error.value.code == "hairpins-only"
     assert why_none(shape("wrench-24"))[0].code == "hairpins-only"

@@ -38,7 +38,7 @@ def test_its_page_shows_all_of_them(service: Service, quickest: dict[str, Any]) 
     plans = facts["choice"]["plans"]
     assert [plan["chosen"] for plan in plans].count(True) == 1
     assert f"fastest of {len(plans)} plans" in facts["verdict"]["text"]
-    assert "more computing" in facts["choice"]["text"]
+    assert "of further computing" in facts["choice"]["text"]
     assert len(facts["attempts"]) >= len(plans)
     (first,) = (way for way in facts["compare"] if way["text"] == "First verified plan")
     assert first["form"]["prefer"] == "computing"

@@ -147,7 +147,7 @@ def test_a_plan_that_never_comes_to_its_shape_is_no_beginning(
     shutil.copyfile(theirs / "chain.json", mine / "chain.json")
     status, problem = desk.refused(refold=over["id"], shape="mallet-24")
     assert (status, problem["code"]) == (422, "refold-not-folded")
-    assert "wrench-24 that does not lead from straight to folded" in problem["detail"]
+    assert "wrench-24 that does not start straight and end folded" in problem["detail"]
 
 
 def cli(*arguments: object) -> tuple[int, str]:

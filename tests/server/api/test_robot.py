@@ -382,7 +382,7 @@ def test_what_cannot_be_proved_clear_would_not_do(
     limits = ["--max-speed", "0.5", "--max-acceleration", "1", "--out", out]
     command = ["retime", str(tmp_path), *limits]
     done = CliRunner().invoke(application(), command)
-    assert "not proved clear" in " ".join(done.stdout.split())
+    assert "clearance not proved" in " ".join(done.stdout.split())
     assert done.exit_code == 3
     command.append("--no-check")
     unseen = CliRunner().invoke(application(), command)

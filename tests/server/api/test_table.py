@@ -44,7 +44,7 @@ def asked(desk: Service, path: str = "/api/folds", **form: str) -> Any:
         ({"prefer": "time"}, "unsuited-world", "got the preference time"),
         ({"method": "exact"}, "unsuited-world", "got the path method exact"),
         ({"ends": "surface"}, "unsuited-world", "got the choice of ends surface"),
-        ({"start": "0,0,0"}, "unsuited-world", "got a cell to start in"),
+        ({"start": "0,0,0"}, "unsuited-world", "got a start cell"),
         ({"method": "snake"}, "unsuited-world", "got the path method snake"),
         ({"settings": "table_torque=0"}, "bad-settings", "got table_torque = '0'"),
         ({"shape": "tetra-ring"}, "unsuited-world", "got the module tetrahedron"),
@@ -129,7 +129,7 @@ def test_a_fold_on_a_table_tells_what_it_asks(service: Service, resting: dict[st
     assert told["text"].endswith("frictionless")
     assert told["assumptions"] == table["assumptions"]
     assert ["Torque limit", "at most 9 w·p"] in told["rows"]
-    assert "Frames undone" in [label for label, _ in told["rows"]]
+    assert "Frames taken back while unfolding" in [label for label, _ in told["rows"]]
     assert "From" in told["servos"] and told["named"]
     (floating, other) = facts["compare"]
     assert floating["form"] == {"fold": resting["id"], "seed": 0, "settings": ""}

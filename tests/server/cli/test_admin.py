@@ -149,7 +149,7 @@ def test_a_fold_is_queued_again_and_begins_anew(place: Path) -> None:
     assert refused.exit_code == 1 and "is verified" in refused.stderr
     # A fold whose job was lost in a crash is stuck; this one lost its request, too.
     lost = run(place, "requeue", "waits")
-    assert lost.exit_code == 1 and "no input any more" in lost.stderr
+    assert lost.exit_code == 1 and "no input file any more" in lost.stderr
 
 
 def test_a_fold_whose_files_a_sweeper_removes_is_not_queued_again(

@@ -54,7 +54,7 @@ def test_cells_in_no_order_are_told_and_read_as_voxels_when_asked(tmp_path: Path
     out = str(tmp_path / "path.json")
     told = foldback("shape", str(file), "--out", out, "--json")
     assert told.returncode == 0, told.stderr
-    note = "Read as voxels, since cells 0 and 1 are not neighbours."
+    note = "Read as voxels, because cells 0 and 1 are not neighbours."
     assert json.loads(told.stdout.splitlines()[-1])["notes"][0] == note
     asked = foldback("shape", str(file), "--out", out, "--as-voxels", "--json")
     assert asked.returncode == 0, asked.stderr
@@ -75,7 +75,7 @@ def test_that_it_compiles_is_told_while_it_does(
     monkeypatch.setattr(fold, "run_stage", compiling)
     monkeypatch.setattr(fold, "next_stage", MagicMock(return_value=None))
     assert fold.compute(tmp_path, 1) == {}
-    assert "compiling(only once on this machine)" in capsys.readouterr().err
+    assert "compiling(once on each machine)" in capsys.readouterr().err
 
 
 def test_a_name_that_is_none_gets_the_nearest_ones(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def test_a_stuck_plan_says_why_and_where(directory: Path) -> None:
 def test_what_came_to_no_plan_says_how_far_it_came(directory: Path) -> None:
     before = sorted(directory.iterdir())
     found = told(directory)
-    assert (found["heading"], found["text"]) == ("Not finished", "It was still on its way.")
+    assert (found["heading"], found["text"]) == ("Not finished", "The chain was still unfolding.")
     assert len(found["modules"]) > 2
     assert sorted(directory.iterdir()) == before
 

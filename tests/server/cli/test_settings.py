@@ -55,8 +55,8 @@ def test_a_slash_at_the_end_of_an_origin_is_left_out(
     [
         ("ORIGINS", "example.org", "got 'example.org', expected a scheme and a host"),
         ("ORIGINS", "https://a.org/page", "without a path"),
-        ("ORIGINS", "[https://a.org", "got '[https://a.org', expected names with commas between"),
-        ("ORIGINS", "[1]", "got '1', expected names with commas between"),
+        ("ORIGINS", "[https://a.org", "got '[https://a.org', expected names separated by commas"),
+        ("ORIGINS", "[1]", "got '1', expected names separated by commas"),
         ("ORIGINS", "https://a:port", "expected a scheme and a host"),
         ("EMBED_ORIGINS", "https://a.org; script-src *", "expected a scheme and a host"),
         ("TRUSTED_PROXIES", "proxy", "got 'proxy', expected an address or a network"),

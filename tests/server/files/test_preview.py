@@ -114,7 +114,7 @@ def test_a_list_of_cells_in_no_order_is_taken_as_voxels_and_that_is_said(desk: S
     data = json.dumps(cells).encode()
     found = report(desk, data)
     assert (found["kind"], found["as_voxels"]) == ("voxels", True)
-    assert found["notes"][0] == "Read as voxels, since cells 1 and 2 are not neighbours."
+    assert found["notes"][0] == "Read as voxels, because cells 1 and 2 are not neighbours."
     assert is_path(found["cells"])
     assert {tuple(c) for c in found["cells"]} == {tuple(c) for c in cells}
     asked = report(desk, data, as_voxels="true")
@@ -252,7 +252,7 @@ def test_blocks_are_no_remedy_for_cells_apart(desk: Service) -> None:
     apart = voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]])
     found = report(desk, apart, method="blocks")
     assert not found["has_path"]
-    assert not any("path in any case" in note for note in found["notes"])
+    assert not any("There is always a path" in note for note in found["notes"])
     refused = [
         desk.http.post("/api/folds", files={"file": ("a.json", apart)}, data={"method": method})
         for method in ("auto", "blocks")
@@ -264,7 +264,7 @@ def test_blocks_are_no_remedy_for_cells_apart(desk: Service) -> None:
     crossed = desk.http.post("/api/folds", files={"file": ("cross.json", voxels(CROSS))})
     assert "'blocks'" in crossed.json()["detail"]
     whole = report(desk, voxels(CROSS), method="blocks")
-    assert any("path in any case" in note for note in whole["notes"])
+    assert any("There is always a path" in note for note in whole["notes"])
 
 
 def test_a_path_stays_as_it_is_and_its_knot_is_told(desk: Service) -> None:

@@ -277,7 +277,7 @@ def test_what_is_in_use_is_bounded_too(make: Make, plan: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("enough", "advice"), [(4.0, "ask for rate=4"), (None, "request a higher rate")]
+    ("enough", "advice"), [(4.0, "use rate=4"), (None, "request a higher rate")]
 )
 def test_rows_between_which_modules_overlap_are_refused_with_advice(
     plan: Path, tmp_path: Path, enough: float | None, advice: str

@@ -87,7 +87,7 @@ def test_too_large_an_upload_is_refused_while_it_comes_in(desk: Service) -> None
     answer = desk.http.post("/api/folds", files={"file": ("big.json", b"[" * 400_000)})
     assert answer.status_code == 413
     assert answer.json()["code"] == "too-large"
-    assert "0.191 MB that are accepted" in answer.json()["detail"]
+    assert "0.191 MB, the limit" in answer.json()["detail"]
 
 
 @pytest.mark.long

@@ -227,7 +227,7 @@ def test_the_command_films_a_directory(
     for name, words, said in (
         ("fold.avi", [], ".mp4 or .gif"),
         ("fold.gif", ["--width", "65"], "expected"),
-        ("none/fold.mp4", [], "folder does not exist"),
+        ("none/fold.mp4", [], "folder of the movie does not exist"),
     ):
         refused = film(directory, tmp_path / name, *words)
         assert refused.exit_code == 2 and said in refused.stderr
@@ -248,7 +248,7 @@ def test_without_opengl_it_says_what_to_install(
     directory = service.directory(finished["id"])
     failed = film(directory, tmp_path / "fold.mp4", **environment)
     assert failed.exit_code == 1
-    assert failed.stderr.count("no-gl: no OpenGL is there") == 1
+    assert failed.stderr.count("no-gl: there is no OpenGL") == 1
     assert "apt-get install libegl1" in failed.stderr
     assert not list(tmp_path.iterdir())
 
@@ -264,7 +264,7 @@ def test_movie_without_ffmpeg_says_how_to_get_it_and_gif_works(
     assert "no-encoder: MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or" in (
         failed.stderr
     )
-    assert "pip install 'foldback[movies]'; or ask for a .gif." in failed.stderr
+    assert "pip install 'foldback[movies]', or request a .gif." in failed.stderr
     assert not list(out.iterdir())
     size = ["--width", "128", "--height", "72", "--fps", "10", "--seconds", "0.3"]
     assert film(directory, out / "fold.gif", *size, **without_ffmpeg).exit_code == 0

@@ -24,10 +24,10 @@ def of(network: int, visitor: int, cost_s: float, count: int = 1) -> list[Waitin
     ("waiting", "wanted", "refused"),
     [
         ([], (0, 0, 1200.0), None),
-        ([], (0, 0, 1300.0), "in all"),
+        ([], (0, 0, 1300.0), "0 folds are waiting"),
         (of(0, 0, 300.0), (0, 0, 90.0), None),
-        (of(0, 0, 300.0), (0, 0, 110.0), "your 1 folds"),
-        (of(0, 0, 1.0, 4), (0, 0, 1.0), "4 folds of yours"),
+        (of(0, 0, 300.0), (0, 0, 110.0), "your waiting folds"),
+        (of(0, 0, 1.0, 4), (0, 0, 1.0), "4 of your folds"),
         # A network alone fills half of the queue, whoever its visitors are.
         (of(0, 0, 300.0) + of(0, 1, 200.0), (0, 2, 90.0), None),
         (of(0, 0, 300.0) + of(0, 1, 200.0), (0, 2, 210.0), "2 of them from your network"),

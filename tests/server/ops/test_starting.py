@@ -16,7 +16,7 @@ from server.settings import Settings
 from tests.server.cli.test_command_line import foldback
 
 MISSING = [
-    ({"database_url": "postgresql://nobody@127.0.0.1:1/none"}, "the database does not answer"),
+    ({"database_url": "postgresql://nobody@127.0.0.1:1/none"}, "the database is not available"),
     ({"storage_url": "nonsense://bucket"}, "expected something like s3://bucket/prefix"),
 ]
 

@@ -102,7 +102,7 @@ def test_the_best_of_several_folds_counts(store: Store) -> None:
 
 
 def test_cards_say_within_what_a_shape_rests_on_a_table() -> None:
-    assert HEART.rests == "Can be folded on a table (needs 2.0× a module's own torque)"
+    assert HEART.rests == "Can be folded on a table (needs 2.0× a module's weight × width)"
     assert RING.rests is None
     assert (
         replace(HEART, rests_within=0.0).rests == "Can be folded on a table (needs no motor torque)"

@@ -43,17 +43,17 @@ def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
 @pytest.mark.parametrize(
     ("prefer", "chosen", "text"),
     [
-        ("time", 3, "10 instead of 100 s folding time, after 11 s more computing."),
+        ("time", 3, "10 instead of 100 s of folding time, after 11 s of further computing."),
         (
             "torque",
             2,
             "40 µN·m instead of 100 µN·m of torque at the same folding time of 100 s, "
-            "after 11 s more computing.",
+            "after 11 s of further computing.",
         ),
         (
             "clearance",
             2,
-            "0.0312 instead of 0.0400 pitch proved clearance, after 11 s more computing.",
+            "0.0312 instead of 0.0400 pitch of proved clearance, after 11 s of further computing.",
         ),
         ("clearance", 0, "The first plan that worked is still the best after 11 s"),
     ],
@@ -97,6 +97,6 @@ def test_the_command_line_prints_them(tmp_path: Path, capsys: pytest.CaptureFixt
     lines = capsys.readouterr().out.splitlines()
     (chosen,) = (line for line in lines if line.startswith("→"))
     assert "4. Smoothed 3, seed 1" in chosen
-    assert lines[-1] == "10 instead of 100 s folding time, after 11 s more computing."
+    assert lines[-1] == "10 instead of 100 s of folding time, after 11 s of further computing."
     show_choice(None)
     assert not capsys.readouterr().out

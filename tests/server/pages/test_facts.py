@@ -244,7 +244,7 @@ def test_changed_settings_are_told_and_kept(tmp_path: Path) -> None:
     groups = {group["heading"]: group["rows"] for group in facts["properties"]}
     assert groups["Changed settings"] == [
         {"label": "Radial force gain λ", "value": "0.2 dyn, instead of 0.1"},
-        {"label": "Damping", "value": "0.05 of the speed, each step, instead of 0.1"},
+        {"label": "Damping", "value": "0.05 of the speed per step, instead of 0.1"},
     ]
     assert facts["again"]["form"] == {"fold": "f" * 20, "seed": 0, **row}
     assert facts["refold"] == row

@@ -94,7 +94,7 @@ def test_what_blocks_what_is_listed_and_a_budget_told_in_numbers() -> None:
     move = {"direction": [0, -1, 0], "moved": 0.5, "modules": [5, 2], "overlap": 0.45}
     evidence = {"kind": "blocks", "turns": [turn], "moves": [move]}
     told = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
-    assert told is not None and told["heading"] == "Stalled: modules block each other"
+    assert told is not None and told["heading"] == "Stalled: modules blocked each other"
     assert told["blocks"] == [
         "Hinge 7 at module 5, turned by 2°: modules 5 and 10 overlap by 0.012 pitch",
         "The next part, moved by 0.5 pitch along −y: modules 6 and 3 overlap by 0.45 pitch",
@@ -108,11 +108,11 @@ def test_what_blocks_what_is_listed_and_a_budget_told_in_numbers() -> None:
 
 
 def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:
-    stuck = {"kind": "stopped", "modules": [3, 8], "words": "it was on its way"}
+    stuck = {"kind": "stopped", "modules": [3, 8], "words": "the chain was still unfolding"}
     error = {"code": "time-limit", "detail": "the stage 'explode' took long.", "where": "explode"}
     told = failure(row(error=error), {"stuck": stuck})
     assert told is not None
-    assert told["text"] == "Exploding took long. It was on its way."
+    assert told["text"] == "Exploding took long. The chain was still unfolding."
     # What was complete by then is not told to be on its way.
     detail = {"detail": "the stage 'certify' failed: KeyError: 'x'"}
     told = failure(row(error=detail, stage="certify"), {"stuck": stuck})

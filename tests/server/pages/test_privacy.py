@@ -36,15 +36,15 @@ def words(**settings: object) -> str:
 
 def test_the_page_says_what_the_settings_are() -> None:
     plain = words()
-    assert "Kept until you delete it." in plain and "storage runs low, the folds" not in plain
+    assert "Stored until you delete it." in plain and "storage runs low, the folds" not in plain
     assert "Who runs this service" not in plain
     bounded = words(
         keep_days=30, storage_bytes=64 * MIB, preview_keep_s=7200, movies_of_fold=3,
         imprint_url="https://example.org/imprint?a=1&b=2",
     )  # fmt: skip
-    assert "Kept for 30 days after it was last viewed." in bounded
+    assert "Stored for 30 days after it was last viewed." in bounded
     assert "never within 1 hour of the last view" in bounded
-    assert "not been used for 2 hours" in bounded and "at most 3 movies" in bounded
+    assert "after 2 hours without use" in bounded and "up to 3 movies" in bounded
     assert 'href="https://example.org/imprint?a=1&amp;b=2"' in bounded
 
 
@@ -56,16 +56,16 @@ def test_each_fold_says_what_becomes_of_it() -> None:
     )
     who = "Only people with the link can see it."
     assert who_and_how_long(settings) == who_and_how_long(settings, mine)
-    assert who_and_how_long(settings, mine) == (f"Kept for 1 day after it was last viewed. {who}")
+    assert who_and_how_long(settings, mine) == (f"Stored for 1 day after it was last viewed. {who}")
     assert who_and_how_long(settings, shared) == privacy.FOR_ALL
-    assert who_and_how_long(settings, pinned) == f"Kept permanently. {who}"
+    assert who_and_how_long(settings, pinned) == f"Stored permanently. {who}"
     cancelled = ShownFold.of(a_fold("a", status="cancelled"))
     assert who_and_how_long(settings, cancelled) == (
         f"Cancelled: its files will be deleted within 1 hour. {who}"
     )
     for bound in ("storage_bytes", "storage_of_visitor_bytes"):
         told = who_and_how_long(Settings.model_validate({bound: MIB}))
-        assert told.startswith("Kept while there is storage space;")
+        assert told.startswith("Stored while there is space;")
 
 
 def test_times_have_their_largest_unit() -> None:

@@ -25,7 +25,7 @@ def test_what_is_changed_is_told_beside_what_it_was() -> None:
     settings = "damping=0.05,motor_max_force=12.5,radial_gain=0.2"
     assert changed("paper", settings) == [
         ("Radial force gain λ", "0.2 dyn, instead of 0.1"),
-        ("Damping", "0.05 of the speed, each step, instead of 0.1"),
+        ("Damping", "0.05 of the speed per step, instead of 0.1"),
         ("Joint motor maximum force", "12.5 module mass · pitch²/s², instead of no limit"),
     ]
     assert changed("direct", "step_s=0.02") == [("Step size", "0.02 s, instead of 0.01")]

@@ -86,8 +86,8 @@ test("cells of a file come into the smallest grid with room, in their order wher
   assert.equal(imported([[0, 0, 0], [19, 0, 0]], { ordered: false, least: 10 }).size, 20);
   assert.deepEqual(imported([[0, 0, 0]], { ordered: false, least: 24 }).path, []);
   // However far apart: what they would take is never made.
-  assert.throws(() => imported([[-1e6, 0, 0], [1e6, 0, 0]], { ordered: false, least: 10 }), /Got 2000001×1×1 cells, expected at most 32×32×32/);
-  assert.throws(() => imported([], { ordered: false, least: 10 }), /Got no cells/);
+  assert.throws(() => imported([[-1e6, 0, 0], [1e6, 0, 0]], { ordered: false, least: 10 }), /2000001×1×1 cells, but the grid has at most 32×32×32/);
+  assert.throws(() => imported([], { ordered: false, least: 10 }), /has no cells/);
 });
 
 test("a pointer passes every cell on its way", () => {

@@ -132,8 +132,10 @@ export function imported(cells, { ordered, least }) {
   const extents = high.map((v, axis) => v - low[axis] + 1);
   const fits = fitting(extents);
   if (!cells.length || fits === null) {
-    const found = cells.length ? extents.join("×") : "no";
-    throw new Error(`Got ${found} cells, expected at most ${LARGEST}×${LARGEST}×${LARGEST}; a coarser shape fits.`);
+    if (!cells.length) throw new Error("The shape has no cells.");
+    throw new Error(
+      `The shape has ${extents.join("×")} cells, but the grid has at most ${LARGEST}×${LARGEST}×${LARGEST}. Use a coarser shape.`,
+    );
   }
   const size = Math.max(fits, least);
   const margin = extents.map((extent, axis) => (axis === 2 ? 0 : Math.floor((size - extent) / 2)));

@@ -30,7 +30,7 @@ const PREFERENCES = {
 /** @type {Record<string, string>} */
 const WORLDS = {
   floating: "No gravity. Fastest, and works for any shape.",
-  table: "Stays supported by the table throughout and needs as little motor torque as possible.",
+  table: "The table supports the chain at all times, so the motors need little torque.",
 };
 
 // Options live in the address, so that a link shows the same.
@@ -352,8 +352,8 @@ function trouble(title, details, ways) {
 // What the coloured cells of a shape without a path are.
 /** @type {Record<string, string>} */
 const ODD = {
-  parity: "black cells: there are too many of them",
-  disconnected: "cells apart from the largest part",
+  parity: "cells of the colour that the shape has too many of",
+  disconnected: "cells not connected to the largest part",
   "dead-ends": "cells with a single neighbour",
   overhang: "cells with nothing below them",
   parts: "a layer in several parts",
@@ -364,7 +364,7 @@ function odd(told) {
   const marked = told.has_path ? undefined : told.feasibility?.problems.find(({ cells }) => cells.length);
   get("odd").hidden = get("odd-cells").hidden = !marked;
   get("to-add").hidden = true;
-  get("odd-text").textContent = marked ? ODD[marked.code] ?? "cells in the way of a path" : "";
+  get("odd-text").textContent = marked ? ODD[marked.code] ?? "cells that prevent a path" : "";
 }
 
 // Versions of the shape that were checked to fold on a table. The search ends with the next look.

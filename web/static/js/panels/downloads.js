@@ -220,7 +220,7 @@ export class Downloads {
     };
     const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${this.api}/play`;
     return element("div", {}, form, verdict, links,
-      element("p", { class: "hint" }, "Joint targets in real time; they wait if the robot falls behind:"),
+      element("p", { class: "hint" }, "Joint targets in real time, which pause if the robot falls behind:"),
       element("p", {}, element("code", { class: "address" }, address)));
   }
 }

@@ -220,7 +220,7 @@ export class ModulePanel {
    * @param {number} clearance
    */
   showNearest(nearest, clearance) {
-    if (nearest < 0) { this.near.replaceChildren("none within a pitch"); return; }
+    if (nearest < 0) { this.near.replaceChildren("none within a module width"); return; }
     const link = element("button", { class: "inline", type: "button" }, `Module ${nearest + 1}`);
     link.onclick = () => this.player.send({ do: "select", module: nearest });
     this.near.replaceChildren(link, clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);
