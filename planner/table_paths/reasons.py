@@ -181,7 +181,8 @@ def _borne_by_nothing(cells: Ints) -> Ints:
 
 def _tipping(side: Side, margin: float, what: str, cells: Ints) -> NoPath:
     detail = (
-        f"{what} would tip over: its centre of mass is {-margin:.2g} module widths outside its base."
+        f"{what} would tip over: its centre of mass is {-margin:.2g} module widths "
+        "outside its base."
         if margin < 0
         else f"{what} would hardly stand: its centre of mass is {margin:.2g} module widths "
         f"inside the rim of its base, expected at least {SAFE:g}."
