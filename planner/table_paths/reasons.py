@@ -123,7 +123,7 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
         free = climbed(side.cells, seed=seed, downs=True, hairpins_allowed=True, effort=effort)
         if free.status == "found":
             return None, _hairpins_only(
-                side, "every path that begins flat on the floor, also one that goes down,"
+                side, "every path that starts flat on the floor, even one that goes down,"
             )
     return None, None
 
@@ -168,7 +168,10 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
 
 
 def _hairpins_only(side: Side, which: str) -> NoPath:
-    detail = f"{which} turns back above itself somewhere, and a chain cannot fold that on a table."
+    detail = (
+        f"{which} turns back directly above itself somewhere, and a chain cannot fold such a turn "
+        "on a table."
+    )
     return _no_path(side, "hairpins-only", detail, may_fall=True)
 
 

@@ -156,7 +156,7 @@ def test_settings_of_the_table_reach_the_explosion() -> None:
 def test_a_shape_without_a_path_for_a_table_is_told_why() -> None:
     shape = (SHAPES / "wrench-24.json").read_bytes()
     made = prepare(shape, "wrench-24.json", ON_TABLE.path_options())
-    with pytest.raises(InputError, match="hairpin"):
+    with pytest.raises(InputError, match="turns back directly above itself"):
         _ = made.chain
 
 

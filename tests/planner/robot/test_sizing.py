@@ -149,7 +149,7 @@ def test_those_that_would_do_come_first_and_too_short_a_range_is_told() -> None:
     would = [fit.would_do for fit in fits]
     assert would == sorted(would, reverse=True) and {*would} == {True, False}
     (mg996r,) = (fit for fit in fits if fit.servo.name == "MG996R")
-    assert mg996r.against == ("turns 120° only",)
+    assert mg996r.against == ("turns only 120°",)
 
 
 def test_hinges_turn_no_faster_than_the_one_that_turns_most() -> None:

@@ -64,7 +64,7 @@ def test_it_exits_with_3_when_none_would_do() -> None:
     assert ask("--torque", "3160", "--pitch-mm", "40").exit_code == 3
     alone = ask(*WANTED, "--servo", "mg996r", "--mass-g", "130")
     assert alone.exit_code == 3
-    assert "turns 120° only" in " ".join(alone.stdout.split())
+    assert "turns only 120°" in " ".join(alone.stdout.split())
 
 
 def test_a_fold_tells_how_long_it_takes_at_least(tmp_path: Path) -> None:
