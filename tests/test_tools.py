@@ -1,4 +1,4 @@
-"""What somebody without Chromium or PostgreSQL is told before the first test."""
+"""Message before the first test if Chromium or PostgreSQL is missing."""
 
 from __future__ import annotations
 

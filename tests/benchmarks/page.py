@@ -93,7 +93,7 @@ CEILING = """async (seconds) => {
   await new Promise((done) => setTimeout(done, 1000 * seconds));
   return pictures / seconds;
 }"""
-"""How often this machine's browser can show a canvas that fills the window and holds nothing."""
+"""Frames per second of an empty canvas that fills the window."""
 PLAY = """async (seconds) => {
   const { player } = window.foldback;
   let drawn = 0;

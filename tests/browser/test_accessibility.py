@@ -1,4 +1,4 @@
-"""What axe-core finds on the pages: nothing, in light and dark, on a phone and a laptop."""
+"""axe-core reports nothing on the pages, in light and dark, on a phone and a laptop."""
 
 from __future__ import annotations
 

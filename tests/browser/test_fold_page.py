@@ -22,7 +22,7 @@ from web.timeline.view import TimelineView
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 SMALL = {"width": 480, "height": 400}
-"""What software takes little time to paint."""
+"""Window size in pixels that software rendering paints quickly."""
 
 SHAPE = Path(__file__).parents[2] / "examples" / "shapes" / "wrench-24.json"
 DROP = """([text, name]) => {
@@ -262,7 +262,7 @@ def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, wrench: str) -> No
 
 WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= text.clientHeight
   && text.getBoundingClientRect().right <= innerWidth"""
-"""Whether nothing of a text is cut off."""
+"""JavaScript function that returns true if no part of a text is cut off."""
 
 
 @pytest.mark.long

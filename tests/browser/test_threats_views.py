@@ -57,7 +57,7 @@ REACHES = """async () => {
   }
   return reached;
 }"""
-"""What a script can get at where it runs."""
+"""Objects that a script in the view can access."""
 HANDED = """async ([messages]) => {
   const [view] = document.querySelectorAll("iframe");
   const hand = () => {

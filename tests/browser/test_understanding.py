@@ -48,7 +48,7 @@ AT_REST = """() => new Promise((done) => {
 
 
 SMALL = {"width": 480, "height": 400}
-"""What software takes little time to paint."""
+"""Window size in pixels that software rendering paints quickly."""
 
 
 def opened(visit: Visit, fold: str, *, view: bool = False, **options: object) -> Page:

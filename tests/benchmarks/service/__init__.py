@@ -1,1 +1,1 @@
-"""What a service does for visitors: the time that it says is left, movies, weights of pages."""
+"""Benchmarks of the service: estimated remaining time, movies, sizes of pages."""

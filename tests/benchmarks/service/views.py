@@ -35,7 +35,7 @@ MAX_SHARE: Final = 0.01
 STEP: Final = 10
 """Every which frame is looked at for parts of the chain outside of the picture."""
 FOLLOWED: Final = 10
-"""How many of the shapes are looked at for that."""
+"""Number of shapes that are checked for this."""
 SHARES: Final = (
     ("fold", 1366, 768),
     ("fold", 390, 844),

@@ -19,7 +19,7 @@ from tests.tools import CHROMIUM
 SHAPES: Final = ("wrench-24", "wrench-80")
 SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
 REST_MS: Final = 1500
-"""How long nothing may be fetched until a page is taken to be all there."""
+"""Milliseconds without a request after which a page counts as loaded."""
 UNCOVERED: Final = "() => document.getElementById('cover').classList.contains('gone')"
 SEEN: Final = {
     "fold": UNCOVERED,

@@ -1,1 +1,1 @@
-"""What folds on a table: statics, paths, explosions."""
+"""Benchmarks of folds on a table: statics, paths, explosions."""

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 STEPS: Final = 30
 """Frames of every kind that are timed, one going on from the other."""
 NOISE_RAD: Final = 0.003
-"""How far hinges of a packed core are off, as where springs have pushed."""
+"""Random error of the hinges of a packed core, in rad, as caused by springs."""
 BARS_MS: Final = {32: None, 64: 10.0, 160: 40.0}
 STRETCH_MS: Final = {64: 2.0, 160: 8.0}
 SEEDS: Final = (0, 1, 2)

@@ -44,7 +44,7 @@ LATER = (
     "torque_source",
     "torque_frames",
 )
-"""What certificates of earlier versions did not tell."""
+"""Fields that certificates of earlier versions did not have."""
 KINEMATIC = "simulated_modules=2"
 """Settings with which nothing longer is simulated."""
 ROLLED_UP = np.tile([np.pi / 2, 0.0], 22)

@@ -1,4 +1,4 @@
-"""Of several plans that were refused the closest is shown, whatever comes after and is cut off."""
+"""The best of several refused plans is shown, even if later attempts are interrupted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is tried after a first verified plan, for a wish, and which plan is the best then."""
+"""Attempts after the first verified plan for a preference, and the choice of the best."""
 
 from __future__ import annotations
 

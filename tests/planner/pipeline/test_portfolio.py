@@ -1,4 +1,4 @@
-"""What is tried next, why, and which of several failures is shown."""
+"""Order of attempts, and the failure shown among several."""
 
 from __future__ import annotations
 

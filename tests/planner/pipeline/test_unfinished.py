@@ -1,4 +1,4 @@
-"""What is kept and told of a fold that a limit or somebody has ended."""
+"""Results of a fold that a limit or its owner stopped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where modules touch the floor and each other."""
+"""Contacts of modules with the floor and with each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the holder of a token has made: lists, names, and what changes hands."""
+"""Folds of an owner token: lists, names and transfers."""
 
 from __future__ import annotations
 

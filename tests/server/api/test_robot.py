@@ -1,4 +1,4 @@
-"""What a robot gets of a fold: trajectories, torques, and a motion in real time."""
+"""Robot API: trajectories, torques and motions in real time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be asked for, over HTTP and on the command line: one check, the same words."""
+"""Parameters over HTTP and on the command line: one check, the same messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `foldback play` says of a directory that holds no verified plan, and viser in its place."""
+"""`foldback play` for directories without a verified plan, and with viser."""
 
 from __future__ import annotations
 

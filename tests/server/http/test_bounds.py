@@ -1,4 +1,4 @@
-"""What one visitor may take of the service, and what is said when it is too much."""
+"""Limits for one visitor, and the responses beyond them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What HTTP says of the errors of the service."""
+"""HTTP responses for errors of the service."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was answered within the last second is answered again, and nothing else is."""
+"""Response cache: responses are reused for one second, and only marked ones."""
 
 from __future__ import annotations
 

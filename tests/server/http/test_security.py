@@ -1,4 +1,4 @@
-"""What every answer says to browsers, and whose pages may talk to the service."""
+"""Security headers of all responses, and the origins that may call the service."""
 
 from __future__ import annotations
 

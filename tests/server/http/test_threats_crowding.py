@@ -1,4 +1,4 @@
-"""What a few strangers do that others should wait for, and they do not."""
+"""Requests of a few addresses do not delay those of others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is accepted, what is refused, and in which words."""
+"""Uploads: accepted and refused files, and the messages of refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was accepted is finished, whatever is killed meanwhile."""
+"""Durability: accepted folds are finished, whichever processes are killed meanwhile."""
 
 from __future__ import annotations
 

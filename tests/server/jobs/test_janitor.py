@@ -1,4 +1,4 @@
-"""What is forgotten, and what stays."""
+"""Janitor: removal of expired folds and leftover files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long folds still take: by what is measured here, or nothing."""
+"""Estimated remaining time of folds, from measurements on this machine only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What costs much is made a few at once, and nobody alone takes all the places."""
+"""Quotas: few expensive computations at once, and no visitor occupies all slots."""
 
 from __future__ import annotations
 

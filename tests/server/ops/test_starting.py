@@ -1,4 +1,4 @@
-"""What is said when the service can't start, and what to do."""
+"""Messages when the service cannot start, with a remedy."""
 
 from __future__ import annotations
 

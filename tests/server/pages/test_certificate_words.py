@@ -1,4 +1,4 @@
-"""What a certificate says in words claims no more than it proves."""
+"""Texts of a certificate claim no more than it proves."""
 
 from __future__ import annotations
 

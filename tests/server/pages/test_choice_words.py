@@ -1,4 +1,4 @@
-"""What a wish had to choose from, in words: a row for each plan, what was gained, what it cost."""
+"""Table of the plans for a preference: a row for each plan, with gain and cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a fold's page says, in numbers and in words."""
+"""Figures and texts of a fold's page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a fold sticks and what was tried, as its page tells it."""
+"""Location of a stall and list of attempts on the fold's page."""
 
 from __future__ import annotations
 

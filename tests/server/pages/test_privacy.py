@@ -1,4 +1,4 @@
-"""What pages say of how long folds are kept and who sees them: as the settings have it."""
+"""Retention and visibility of folds on the pages match the settings."""
 
 from __future__ import annotations
 
