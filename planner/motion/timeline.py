@@ -132,7 +132,7 @@ class TimelineWriter:
             arrays["folded_rad"].size if self._windowed else len(attributes["chain"]["folded_rad"])
         )
         self._waiting: list[Motion] = []
-        self._next_flush = time.monotonic() + FLUSH_EVERY_S
+        self._next_flush = time.monotonic()  # the first frames are shown at once
         self._status: Status = "growing"
 
     @classmethod

@@ -19,9 +19,9 @@ const AHEAD = 6; // chunks of a long timeline that are fetched before they are a
 const BEHIND = 1;
 const RETRY_MS = 300;
 /** Pause before the next look for the first frames of a fold that has just begun. A larger value delays the first motion. Chosen. */
-const QUICK_RETRY_MS = 100;
+const QUICK_RETRY_MS = 50;
 /** Number of those looks, after which the fold is taken to wait in the queue. A larger value costs requests. Chosen. */
-const MAX_QUICK_TRIES = 20;
+const MAX_QUICK_TRIES = 40;
 const LOOK_MS = 1000;
 const MOST_LOOKS = 1800; // half an hour
 const WAIT_S = 1;
@@ -232,7 +232,10 @@ export class Timeline extends Emitter {
   }
 
   async begin() {
-    const [bundle, first] = await Promise.all([this.source.bundle(), this.source.batch({ to: 1 })]);
+    // A fold that has just begun is asked for frames alone until there are some.
+    const waited = this.tries ? await this.source.batch({ to: 1 }) : null;
+    const none = this.tries && !waited?.header.total;
+    const [bundle, first] = none ? [null, null] : await Promise.all([this.source.bundle(), waited ?? this.source.batch({ to: 1 })]);
     if (!bundle || !first || !first.header.total) {
       this.tell("waiting");
       await pause(this.tries++ < MAX_QUICK_TRIES ? QUICK_RETRY_MS : RETRY_MS);

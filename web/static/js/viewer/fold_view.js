@@ -16,6 +16,10 @@ import { get } from "../lib/text.js";
 
 const DRAW_MS = 250;
 const START_DELAY_MS = 1500;
+/** Number of processor cores up to which the 3D view waits while a fold is computed, because service and browser may share them. Chosen: it takes 3 of 11 s on two cores. */
+const MAX_SHARED_CORES = 4;
+/** Longest such wait; the page's own drawing is shown meanwhile. A larger value lets a long fold have all cores. Chosen. */
+const MAX_WAIT_3D_MS = 15_000;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 // The button that shows the path of the chain through see-through modules.
@@ -87,7 +91,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   const place = new Place({
     player, view: () => viewOf(player, through.on), colour: (key) => legend.ask(key), path: (on) => through.set(on),
   }, calm);
-  through.changed = () => place.note();
+  through.changed = () => { place.note(); start3d(); };
   new ResizeObserver(() => player.show(true)).observe(frame);
   offerSides(player);
   new Keys(player, bar, { alone: true, module: panel && (() => panel.begin()) });
@@ -95,6 +99,8 @@ export function view({ source, figures, load, over = true, details = null, play 
   let started = false;
   function start3d() {
     if (started) return;
+    const computing = timeline.growing && performance.now() < MAX_WAIT_3D_MS;
+    if (sketch.worker && computing && navigator.hardwareConcurrency <= MAX_SHARED_CORES && !through.on) return;
     started = true;
     // To ask is to start the browser's 3D graphics, which takes a second where they are software.
     if (hasWebGL()) { load(frame); return; }
@@ -102,6 +108,8 @@ export function view({ source, figures, load, over = true, details = null, play 
     if (!sketch.worker) get("cover-text").textContent = "This browser shows no 3D graphics";
   }
   setTimeout(start3d, sketch.worker ? START_DELAY_MS : 0);
+  setTimeout(start3d, MAX_WAIT_3D_MS);
+  timeline.on("settled", start3d);
 
   timeline.on("damaged", (/** @type {string} */ detail) => {
     get("cover").classList.remove("gone");
