@@ -224,7 +224,7 @@ def test_an_exception_marks_the_timeline_failed_and_keeps_its_frames(
 def test_a_closed_timeline_takes_no_frames(place: FilePath, hook_chain: Chain) -> None:
     writer = TimelineWriter.create(place, hook_chain)
     writer.close()
-    with pytest.raises(TimelineError, match="only a growing one"):
+    with pytest.raises(TimelineError, match="only to a growing one"):
         writer.append(some_frames(1))
 
 
