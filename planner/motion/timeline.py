@@ -487,7 +487,7 @@ class Timeline:
         if not (0 <= start <= end <= self._frames and stride >= 1):
             raise TimelineError(
                 f"got frames {start} to {end} by {stride}, expected a range within the "
-                f"{self._frames} existing frames."
+                f"timeline's {self._frames} frames."
             )
         return end
 

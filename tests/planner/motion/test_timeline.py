@@ -173,7 +173,7 @@ def test_a_killed_writer_leaves_only_whole_frames(
     timeline = Timeline.open(place)
     assert (len(timeline), timeline.status) == (5, "growing")
     assert_same(timeline.frames(), some_frames(5))
-    with pytest.raises(TimelineError, match="within the 5 existing frames"):
+    with pytest.raises(TimelineError, match="within the timeline's 5 frames"):
         timeline.frames(0, 6)
 
     with TimelineWriter.reopen(place) as again:

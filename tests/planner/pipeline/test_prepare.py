@@ -137,7 +137,7 @@ def test_where_no_path_begins_another_is_kept_and_it_says_so() -> None:
     prepared = prepare(voxels(cells), "box.json", PathOptions(start=(1, 0, 0)))
     assert "colour" in prepared.not_started
     assert prepared.report()["cells"][0] != [1, 0, 0]
-    with pytest.raises(InputError, match="elsewhere") as refused:
+    with pytest.raises(InputError, match="Choose another start") as refused:
         _ = prepared.chain
     assert refused.value.code == "no-start"
     with pytest.raises(InputError) as refused:

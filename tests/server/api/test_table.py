@@ -130,7 +130,7 @@ def test_a_fold_on_a_table_tells_what_it_asks(service: Service, resting: dict[st
     assert told["assumptions"] == table["assumptions"]
     assert ["Torque limit", "at most 9 w·p"] in told["rows"]
     assert "Frames undone while unfolding" in [label for label, _ in told["rows"]]
-    assert "From" in told["servos"] and told["named"]
+    assert "These suit a pitch of" in told["servos"] and told["named"]
     (floating, other) = facts["compare"]
     assert floating["form"] == {"fold": resting["id"], "seed": 0, "settings": ""}
     assert (other["form"]["world"], other["form"]["settings"]) == ("table", "table_torque=9")
