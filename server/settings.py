@@ -138,8 +138,8 @@ class Settings(BaseSettings):
     )
     finished_folds: bool = Field(
         default=True,
-        description="Add the package's finished folds to a new database. They do not come back "
-        "after they were deleted.",
+        description="Add the package's finished folds to a new database. Deleted ones are "
+        "not added again.",
     )
     lease_s: float = Field(
         default=15.0,
@@ -227,7 +227,8 @@ class Settings(BaseSettings):
         default=5.0,
         gt=0,
         description="Maximum average number of lists (`/api/mine`, `/api/folds`, `/gallery`, `/`) "
-        "that one visitor may load per second. After a pause, 20 times as many at once.",
+        "that one visitor may load per second. After a pause, 20 times as many may be "
+        "loaded at once.",
     )
     max_modules: int = Field(
         default=12_000, ge=3, description="Maximum number of modules of a chain."
@@ -242,12 +243,13 @@ class Settings(BaseSettings):
     preview_search_seconds: float = Field(
         default=4.0,
         gt=0,
-        description="Part of preview_seconds for the search for a path through unsplit cells.",
+        description="Part of `FOLDBACK_PREVIEW_SECONDS` that the search for a path through unsplit "
+        "cells may take.",
     )
     files_waiting: int = Field(
         default=8,
         ge=1,
-        description="Maximum number of exports and pictures that are created or wait.",
+        description="Maximum number of exports and pictures that wait or are being created.",
     )
     files_waiting_of_visitor: int = Field(
         default=3, ge=1, description="Maximum number of one visitor's exports and pictures."
@@ -255,8 +257,8 @@ class Settings(BaseSettings):
     answers_waiting: int = Field(
         default=12,
         ge=1,
-        description="Maximum number of large answers (frames, trajectories, motors) that are "
-        "prepared or wait.",
+        description="Maximum number of large answers (frames, trajectories, motors) that wait "
+        "or are being prepared.",
     )
     answers_waiting_of_visitor: int = Field(
         default=4, ge=1, description="Maximum number of one visitor's large answers."
@@ -380,8 +382,8 @@ class Settings(BaseSettings):
         length = len(value.get_secret_value()) if value else 0
         if value and length < MIN_TOKEN_LENGTH:
             raise ValueError(
-                f"got a token of {length} characters, expected {MIN_TOKEN_LENGTH} or more; make "
-                "one by `openssl rand -hex 32`."
+                f"got a token of {length} characters, expected {MIN_TOKEN_LENGTH} or more; create "
+                "one with `openssl rand -hex 32`."
             )
         return value or None
 
@@ -502,7 +504,7 @@ def unknown_names(names: Iterable[str]) -> dict[str, str | None]:
 
 def unknown_words(name: str, nearest: str | None) -> str:
     """What is said of a name that is no setting."""
-    return f"{name} is no setting and is ignored" + (f"; is {nearest} meant?" if nearest else "")
+    return f"{name} is not a setting and is ignored" + (f"; is {nearest} meant?" if nearest else "")
 
 
 def _is_origin(value: str) -> bool:

@@ -339,7 +339,7 @@ def _unusable(
     """
     joints = len(chain.folded_rad)
     if start is not None and (start.module.name, len(start)) != (chain.module.name, len(chain)):
-        return f"{start.name} and {chain.name} are not of the same modules"
+        return f"{start.name} and {chain.name} do not have the same modules"
     motions: dict[str, Motion] = {}
     if record is not None:
         motions["record"] = record.frames

@@ -73,8 +73,7 @@ class Curves:
         end = frames if stop is None else stop
         if not 0 <= start <= end <= frames:
             raise TimelineError(
-                f"got frames {start} to {end}, expected a range within the {frames} frames there "
-                "are."
+                f"got frames {start} to {end}, expected a range within the fold's {frames} frames."
             )
         try:
             found: dict[str, Any] = {name: array[start:end] for name, array in arrays.items()}

@@ -69,7 +69,7 @@ def checked_cells(cells: ArrayLike) -> NDArray[np.int64]:
         raise InputError(
             "not-cells",
             f"got an array of shape {raw.shape} and type {raw.dtype}, expected (n, 3) whole "
-            "numbers: one cell a row.",
+            "numbers: one cell per row.",
         )
     values = raw.astype(np.float64)
     check_coordinates(

@@ -67,7 +67,8 @@ class Trail:
         whole = raw.astype(np.int64)
         if np.abs(whole).max() > LARGEST_COORDINATE:
             raise InputError(
-                "too-far", f"expected coordinates of at most {LARGEST_COORDINATE} in size."
+                "too-far",
+                f"expected coordinates between -{LARGEST_COORDINATE} and {LARGEST_COORDINATE}.",
             )
         _check(whole)
         whole.setflags(write=False)

@@ -100,8 +100,8 @@ def explode_as_published(
                     recorder.commit()
             if len(snapshots) * len(state.angles) > MOST_ANGLES:
                 reason = (
-                    f"{len(snapshots)} snapshots are the limit for a chain of this length, which "
-                    "was not straight by then; set a longer snapshot_interval."
+                    f"the chain was not straight after {len(snapshots)} snapshots, the limit for "
+                    "its length; set a longer snapshot_interval."
                 )
                 break
             if steps % CHECK_EVERY == 0:

@@ -69,8 +69,8 @@ def strategies_for(
     if not possible:
         raise InputError(
             "unsuited-world",
-            f"got a chain of {chain.module.name}s that do not fold into cells for a fold on a "
-            "table, expected cubes that do; use the world floating.",
+            f"got a chain of {chain.module.name}s for a fold on a table, expected cubes that fold "
+            "into the cells of a lattice; use the world floating.",
         )
     if wished == AUTO:
         return tuple(name for name in _preferred(chain) if name in possible) or possible[:1]

@@ -232,7 +232,9 @@ class TimelineWriter:
             TimelineError: When they are not of the kind or of the chain that it is for.
         """
         if self._status != "growing":
-            raise TimelineError(f"the timeline is {self._status}; only a growing one takes frames.")
+            raise TimelineError(
+                f"the timeline is {self._status}; frames can be added only to a growing one."
+            )
         if isinstance(frames, Windows) != self._windowed:
             expected = "Windows" if self._windowed else "Frames"
             raise TimelineError(f"got {type(frames).__name__}, expected {expected}.")
@@ -485,7 +487,7 @@ class Timeline:
         if not (0 <= start <= end <= self._frames and stride >= 1):
             raise TimelineError(
                 f"got frames {start} to {end} by {stride}, expected a range within the "
-                f"{self._frames} frames there are."
+                f"timeline's {self._frames} frames."
             )
         return end
 

@@ -75,7 +75,7 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
         yield Problem(
             code="parity",
             detail=f"coloured like a chessboard, it has {black} black and {n - black} white cells; "
-            "a chain needs as many of each, or one more.",
+            "a chain needs equal numbers, or one more of one colour.",
             cells=tuples(cells[balance == np.sign(balance.sum())]),
             amount=excess - 1,
         )

@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 LARGEST_MESH: Final = 20_000
 MOST_FAULTS: Final = 2
 """Of a path for a table that are told."""
-TABLE_REMEDY: Final = "Take another count of modules, blocks or a repair, or fold in zero gravity."
+TABLE_REMEDY: Final = (
+    "Choose another number of modules, blocks or a repair, or fold in zero gravity."
+)
 """What helps a shape without a path for a table."""
 SEARCH_S: Final = 20.0
 

@@ -129,7 +129,7 @@ class _Packer:
         other = "reference_rad" if name == "joint_angles_rad" else name
         known = _unpacked(dict(self.arrays), self.coded).get(f"playback.npz/{other}")
         if known is None or not np.array_equal(known, array):
-            raise InputError("not-packable", f"{file}: {name} is not that of the playback.")
+            raise InputError("not-packable", f"{file}: {name} differs from the playback.")
         return True
 
     def _add_angles(self, key: str, name: str, array: Array, reference: Array | None) -> None:

@@ -33,7 +33,7 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
     refuse_unread_keys(document, KEYS)
     kind = document.get("module", "cube")
     if not isinstance(kind, str):
-        raise InputError("wrong-type", f"got {quote(kind)}, expected a text.", where="module")
+        raise InputError("wrong-type", f"got {quote(kind)}, expected text.", where="module")
     module = module_named(quote(kind))
     angles_deg = _angles(document, module, source)
     _refuse_radians(angles_deg)

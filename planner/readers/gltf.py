@@ -125,7 +125,9 @@ def _chunks(data: bytes) -> dict[int, bytes]:
         size = int.from_bytes(data[at : at + 4], "little")
         kind = int.from_bytes(data[at + 4 : at + 8], "little")
         if at + 8 + size > len(data):
-            raise InputError("truncated", f"a chunk of {size} bytes reaches behind the file's end.")
+            raise InputError(
+                "truncated", f"a chunk of {size} bytes reaches beyond the end of the file."
+            )
         found.setdefault(kind, data[at + 8 : at + 8 + size])
         at += 8 + size
     return found

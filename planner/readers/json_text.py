@@ -108,7 +108,7 @@ def text_field(document: dict[str, Any], key: str) -> str:
     """
     value = document.get(key, "")
     if not isinstance(value, str):
-        raise InputError("wrong-type", f"got {quote(value)}, expected a text.", where=key)
+        raise InputError("wrong-type", f"got {quote(value)}, expected text.", where=key)
     return clean_name(value)
 
 

@@ -40,7 +40,9 @@ def read_off(data: bytes, source: Source) -> Solid:
         data = COMMENT.sub(b"", data)
     (kind, *first), at, number = _words(data, 0, 0)
     if "4" in kind or "n" in kind:
-        raise InputError("unsupported", f"{kind} meshes are not read; save the mesh as plain OFF.")
+        raise InputError(
+            "unsupported", f"{kind} meshes are not supported; save the mesh as plain OFF."
+        )
     if first[:1] == ["BINARY"]:
         raise InputError("unsupported", "this is a binary OFF mesh; save it as text.")
     if not first:

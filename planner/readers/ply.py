@@ -88,7 +88,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
     others = [e.name for e in elements if e.count and any(p.length for p in e.properties)]
     lists = [name for name in others if name not in ("face", "tristrips")]
     if points is None or not sum(map(len, parts)):
-        found = f"the element {quote(lists[0])!r} is not read" if lists else "points alone"
+        found = f"the element {quote(lists[0])!r} is not supported" if lists else "points alone"
         raise InputError(
             "no-triangles",
             f"got a PLY file without faces ({found}), expected a closed surface of polygons.",

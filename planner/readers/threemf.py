@@ -132,8 +132,8 @@ def _models(archive: zipfile.ZipFile) -> list[str]:
     if not models:
         raise InputError(
             "wrong-kind",
-            "this looks like a zip archive without a 3MF model; unpack it and send the mesh that "
-            "it holds.",
+            "this looks like a zip archive without a 3MF model; unpack it and send the mesh "
+            "it contains.",
         )
     if any(e.flag_bits & 1 for e in models):
         raise InputError("unsupported", "the archive is encrypted; export it without a password.")

@@ -57,7 +57,7 @@ def retimed(
         if not BOUNDS[0] <= value <= BOUNDS[1]:
             raise InputError(
                 "bad-bound",
-                f"got a largest {name} of {value:g} {unit}, expected {BOUNDS[0]:g} to "
+                f"got a maximum {name} of {value:g} {unit}, expected {BOUNDS[0]:g} to "
                 f"{BOUNDS[1]:g}.",
                 where=f"max_{name}",
             )

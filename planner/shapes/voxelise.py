@@ -111,8 +111,8 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
         word = "cell was" if joined.added == 1 else "cells were"
         notes.append(f"{joined.added} {word} added to keep thin parts connected.")
     if joined.dropped:
-        word = "cell" if joined.dropped == 1 else "cells"
-        notes.append(f"{joined.dropped} loose {word} at thin parts removed.")
+        word = "cell was" if joined.dropped == 1 else "cells were"
+        notes.append(f"{joined.dropped} loose {word} removed at thin parts.")
     filled = fine.fill(made.offset_threshold).astype(np.float64)
     total = max(float(filled.sum()), np.finfo(float).tiny)
     kept = checked_fraction(float(filled[joined.cells].sum()) / total, "share of the volume")

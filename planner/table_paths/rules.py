@@ -132,8 +132,8 @@ def _hairpins(order: Ints) -> list[Fault]:
     return [
         Fault(
             code="hairpin",
-            detail=f"the path turns back directly above itself at cells {a} to {b}, expected the "
-            "links before and after vertical links not to be opposite.",
+            detail=f"the path turns back directly above itself at cells {a} to {b}, expected a "
+            "path that does not reverse its direction across vertical links.",
             at=a,
             cells=_named(order[a : b + 1]),
         )

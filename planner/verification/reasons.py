@@ -120,7 +120,7 @@ def _budget_differs(
     """Where a budget is not what the parameters allow, or was not used up."""
     spent, allowed, used = told["spent"], told["allowed"], told["used"]
     if record.status not in STATUSES[spent]:
-        yield f"spent: got {spent}, which does not end an explosion as {record.status}"
+        yield f"spent: got {spent}, which does not fit the status {record.status}"
     counted = {
         "steps": record.steps,
         "motion": record.steps,

@@ -247,7 +247,7 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
         text = fewer
         notes.append(
             "model.xml, from an earlier version, exempts neighbours from collision; the replay "
-            "checked them all the same."
+            "checked them nevertheless."
         )
     try:
         size = own_parameters(plan, None).module_size

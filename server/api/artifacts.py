@@ -61,7 +61,7 @@ async def get_frames(
     if start > end:
         raise Unusable(
             "no-such-frames",
-            f"got frames {start} to {end}, expected a range within the {total} there are.",
+            f"got frames {start} to {end}, expected a range within the fold's {total} frames.",
             where="query.from",
         )
     numbers = 2 * len(timeline.chain.joint_names) + (7 * len(timeline.chain) if poses else 0)

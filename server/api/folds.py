@@ -75,7 +75,7 @@ def _options(
         Form(description="Path method. `blocks` splits each voxel into 2×2×2 modules."),
     ] = "auto",
     repair: Annotated[
-        bool, Form(description="Add or remove cells if there is no path without that.")
+        bool, Form(description="Add or remove cells if the shape has no path.")
     ] = False,
     ends: Annotated[
         Literal["any", "surface"],

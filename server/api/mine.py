@@ -36,7 +36,7 @@ BEFORE: Final = r"^[0-9]{1,12}(\.[0-9]{1,12})?,[A-Za-z0-9_-]{1,32}$"
 class MovieMade(BaseModel):
     """A movie that one has asked for."""
 
-    title: str = Field(description="What pages call its fold.")
+    title: str = Field(description="Name of the movie's fold, as shown on pages.")
     created_at: datetime
     movie: MovieBody
 
@@ -141,7 +141,5 @@ def post_my_key(context: Here, token: Holder, wanted: KeyWanted | None = None) -
     """Move all items of this token to another token; this token stops working."""
     new = (wanted.owner_token if wanted is not None else None) or new_token()
     if new == token:
-        raise Malformed(
-            "same-key", ("got the key that is to be replaced; send another key, or none.")
-        )
+        raise Malformed("same-key", "got the same key again; send a new key, or none.")
     return KeyReplaced(owner_token=new, folds=replace_token(context.store, token, new))

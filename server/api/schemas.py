@@ -155,10 +155,10 @@ class Progress(BaseModel):
     simulated_s: float = Field(description="Simulated time of the stage, s; 0 if unknown.")
     message: str
     plan: int = Field(
-        description="Number of the plan that is computed, from 1; 0 if it is not counted."
+        description="Number of the current plan, counted from 1; 0 if plans are not counted."
     )
     plans: int = Field(
-        description="About how many plans are computed in all, with a preference; 0 if unknown."
+        description="Estimated number of plans in all, for a fold with a preference; 0 if unknown."
     )
     modules: int
     queue_position: int = Field(
@@ -173,8 +173,8 @@ class Progress(BaseModel):
         description="Estimated waiting time, s; null if it is not waiting or no worker runs."
     )
     remaining_s: int | None = Field(
-        description="Estimated time until the end, s, with the wait, from similar folds; 0 if this "
-        "fold takes longer than they did; null if unknown or finished."
+        description="Estimated remaining time, s, including the wait, based on similar folds; 0 if "
+        "this fold takes longer than those; null if unknown or finished."
     )
     preparing: PreparingBody | None = Field(
         description="Progress of compiling the solvers, while no worker can compute yet."
@@ -222,7 +222,7 @@ class Fold(BaseModel):
     module_size: float | None
     strategy: str = Field(description="Explosion strategy; `auto` chooses by size and path.")
     prefer: str = Field(
-        description="What is optimised among verified plans; `computing` takes the first one."
+        description="Goal of the choice among verified plans; `computing` takes the first one."
     )
     world: str = Field(description="World: `floating` without gravity, or on a `table`.")
     progress: Progress
@@ -470,7 +470,7 @@ class Preview(BaseModel):
     start: list[int] | None = Field(description="The requested start cell.")
     not_started: str = Field(
         description="Reason why no path starts in that cell; the path then starts elsewhere. Empty "
-        "if it does."
+        "if one does."
     )
     expected_s: float = Field(description="Estimated time of the fold, s.")
     expected_as_published_s: float = Field(description="Estimated time with the preset `paper`, s.")

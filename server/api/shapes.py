@@ -119,10 +119,10 @@ async def post_offers(
     ],
     seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
 ) -> TableOffers:
-    """Search for a repair, 2×2×2 modules and nearby counts; a client that leaves ends the search.
+    """Search for a repair, 2×2×2 modules and nearby counts, until the client disconnects.
 
-    Take the same options as for the preview that found no path on a table. It may take as long as a
-    preview, and counts as one.
+    Send the same options as for the preview that found no path on a table. The search may take
+    as long as a preview, and counts as one.
     """
     options = bounded(replace(options, seed=seed), context.settings.max_modules)
     visitor = context.visitor(request)

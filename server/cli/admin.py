@@ -21,7 +21,9 @@ Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 DataDir = Annotated[Path | None, typer.Option(help="Data directory of the service.")]
 AsJson = Annotated[bool, typer.Option("--json", help="As JSON.")]
 Ids = Annotated[list[str], typer.Argument(help="Ids of the folds.")]
-Force = Annotated[bool, typer.Option("--force", help="Do it in cases that are normally refused.")]
+Force = Annotated[
+    bool, typer.Option("--force", help="Also act in cases that are normally refused.")
+]
 COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
 VISITOR: Final = 8
 """Letters that are shown of who asked: enough to tell visitors apart."""

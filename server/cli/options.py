@@ -65,7 +65,7 @@ Modules = Annotated[
 ]
 Method = Annotated[str, typer.Option(help="Path method: auto, blocks, exact or snake.")]
 Repair = Annotated[
-    bool, typer.Option("--repair", help="Add or remove cells if there is no path without that.")
+    bool, typer.Option("--repair", help="Add or remove cells if the shape has no path.")
 ]
 Ends = Annotated[
     str, typer.Option(help="Ends of the chain: any, or surface (both on the outside).")

@@ -258,7 +258,7 @@ class Previews:
                 self._unread.pop(preview_id, None)
         found = read_report(place)
         if found is None and gone is not None and gone():
-            raise Unavailable("gone", "The preview was cancelled, because its client had gone.")
+            raise Unavailable("gone", "The preview was cancelled, because its client disconnected.")
         if found is None:
             raise NoSuchPreviewError(preview_id)
         self._elsewhere.keep_report(place)
@@ -303,7 +303,7 @@ class Previews:
                 raise _problem(error, self._settings.preview_seconds) from None
         found = _json_at(place / OFFERS)
         if found is None:
-            raise Unavailable("gone", "The search was cancelled, because its client had gone.")
+            raise Unavailable("gone", "The search was cancelled, because its client disconnected.")
         self._elsewhere.keep_report(place)
         return found
 

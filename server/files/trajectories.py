@@ -235,8 +235,8 @@ class Trajectories:
             advice = f"use rate={enough:g}" if enough else "request a higher rate, or no rate"
             raise Unusable(
                 "rows-overlap",
-                f"got rows with a step in which modules overlap by {-told['min_clearance']:.2g} "
-                f"pitch, expected none when joints turn evenly between rows; {advice}.",
+                f"got rows between which modules overlap by {-told['min_clearance']:.2g} pitch "
+                f"if joints turn evenly, expected no overlap; {advice}.",
                 where="query.rate",
             )
         return told["min_clearance"], told["clearance_bound"]

@@ -178,7 +178,7 @@ class Quota:
             deadline = time.monotonic() + self._timeout_s
             while not begun.wait(min(LOOK_EVERY_S, self._timeout_s)):
                 if unwanted is not None and unwanted():
-                    raise Unavailable("gone", ("Cancelled, because the client had gone."))
+                    raise Unavailable("gone", "Cancelled, because the client disconnected.")
                 if time.monotonic() >= deadline:
                     raise _busy(Unavailable, f"Other {self._what} are being created")
             if permit.displaced:

@@ -118,17 +118,17 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     rests = f"stays on the table and needs at most {largest}"
     text = sentence(rests if table.rests else table.verdict.removeprefix("failed: "))
     rows: list[tuple[str, str | None]] = [
-        ("Frame that needs most torque", None if table.frame is None else str(table.frame + 1)),
+        ("Frame with the highest torque", None if table.frame is None else str(table.frame + 1)),
         ("1 w·p (module weight × pitch)", quantity(table.unit_nm, "N·m")),
         ("Torque limit", None if table.bound is None else f"at most {table.bound:g} w·p"),
         ("Friction", "none" if table.friction == 0.0 else f"μ = {table.friction:g}"),
         ("Base", _base(table)),
         ("Lowest corner", _lowest(table.clearance)),
-        ("Frames that would tip over", str(len(table.unbalanced) or "none")),
+        ("Frames in which the chain would tip over", str(len(table.unbalanced) or "none")),
     ]
     if record is not None:
         rows += [
-            ("Frames taken back while unfolding", quantity(record.taken_back)),
+            ("Frames undone while unfolding", quantity(record.taken_back)),
             ("Torque limit while unfolding", _rose(record)),
         ]
     servos, named = _servos(table) if table.torque is not None else ("", [])
@@ -178,7 +178,8 @@ def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
         return "No servo in our list is strong enough for PLA modules of any pitch.", []
     least = length_m(larger[0][0])
     text = (
-        f"No servo in our list suits PLA modules at this pitch. From a pitch of {least}, these do:"
+        "No servo in our list suits PLA modules at this pitch. "
+        f"These suit a pitch of {least} or more:"
     )
     return text, [servo for pitch_m, servo in larger if pitch_m <= NEAR * larger[0][0]]
 
@@ -259,8 +260,8 @@ def linked(certificate: CertificateFigures) -> str | None:
     if (bound := exempt["worst_overlap_bound"]) is not None:
         told += f": full cubes would overlap by up to {math.ceil(bound * 100) / 100:.2f} pitch"
     return (
-        f"{told}. Real modules need rounded edges: nothing farther than {radius:g} pitch from a "
-        f"joint (removes {100 * exempt['relief_share']:.0f} % of the volume)."
+        f"{told}. Real modules need rounded edges: no material farther than {radius:g} pitch "
+        f"from a joint (removes {100 * exempt['relief_share']:.0f} % of the volume)."
     )
 
 

@@ -173,7 +173,7 @@ def test_a_killed_writer_leaves_only_whole_frames(
     timeline = Timeline.open(place)
     assert (len(timeline), timeline.status) == (5, "growing")
     assert_same(timeline.frames(), some_frames(5))
-    with pytest.raises(TimelineError, match="within the 5 frames"):
+    with pytest.raises(TimelineError, match="within the timeline's 5 frames"):
         timeline.frames(0, 6)
 
     with TimelineWriter.reopen(place) as again:
@@ -224,7 +224,7 @@ def test_an_exception_marks_the_timeline_failed_and_keeps_its_frames(
 def test_a_closed_timeline_takes_no_frames(place: FilePath, hook_chain: Chain) -> None:
     writer = TimelineWriter.create(place, hook_chain)
     writer.close()
-    with pytest.raises(TimelineError, match="only a growing one"):
+    with pytest.raises(TimelineError, match="only to a growing one"):
         writer.append(some_frames(1))
 
 

@@ -219,7 +219,7 @@ def tampered(directory: FilePath, **changes: Any) -> tuple[str, ...]:
 def test_another_beginning_is_noticed(copy: FilePath, plan: Plan) -> None:
     assert "does not start folded as mallet-24" in "".join(tampered(copy, start=plan.chain))
     assert tampered(copy, start=None)
-    assert "not of the same modules" in "".join(tampered(copy, start=line(24 + 1)))
+    assert "do not have the same modules" in "".join(tampered(copy, start=line(24 + 1)))
 
 
 def test_a_plan_that_leaves_straight_out_is_refused(copy: FilePath, plan: Plan) -> None:

@@ -192,7 +192,7 @@ def test_a_budget_is_that_of_the_parameters_and_used_up() -> None:
         ({"used": 9}, "as in the record"),
         ({"allowed": 30_000}, "expected at least the limit"),
         ({"allowed": 5}, "as in the parameters"),
-        ({"spent": "pushes"}, "end an explosion as timeout"),
+        ({"spent": "pushes"}, "does not fit the status timeout"),
         ({"bent_hinges": 1}, "bent_hinges"),
         ({"largest_bend_rad": 0.1}, "largest_bend_rad"),
     ):

@@ -128,8 +128,8 @@ def test_a_fold_on_a_table_tells_what_it_asks(service: Service, resting: dict[st
     assert told["text"].endswith("frictionless")
     assert told["assumptions"] == table["assumptions"]
     assert ["Torque limit", "at most 9 w·p"] in told["rows"]
-    assert "Frames taken back while unfolding" in [label for label, _ in told["rows"]]
-    assert "From" in told["servos"] and told["named"]
+    assert "Frames undone while unfolding" in [label for label, _ in told["rows"]]
+    assert "These suit a pitch of" in told["servos"] and told["named"]
     (floating, other) = facts["compare"]
     assert floating["form"] == {"fold": resting["id"], "seed": 0, "settings": ""}
     assert (other["form"]["world"], other["form"]["settings"]) == ("table", "table_torque=9")
@@ -191,7 +191,7 @@ def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(desk: Serv
     none, same = slab_without_a_path(desk)
     (problem,) = none["feasibility"]["problems"]
     assert problem["detail"].startswith(
-        "coloured like a chessboard, it has 5 black and 3 white cells; a chain needs as many"
+        "coloured like a chessboard, it has 5 black and 3 white cells; a chain needs equal"
     )
     offers = desk.http.post("/api/shapes/offers", data=same).json()["offers"]
     assert [offer["kind"] for offer in offers] == ["repair", "blocks"]

@@ -122,7 +122,7 @@ def test_a_name_that_is_no_setting_is_told(
     monkeypatch.setenv("FOLDBACK_ORIGIN", "https://a.org")
     with caplog.at_level(logging.WARNING):
         warn_of_unknown_names(logging.getLogger("foldback"))
-    words = "FOLDBACK_ORIGIN is no setting and is ignored; is FOLDBACK_ORIGINS meant?"
+    words = "FOLDBACK_ORIGIN is not a setting and is ignored; is FOLDBACK_ORIGINS meant?"
     assert caplog.messages == [words]
     found = machine.variables(Settings())
     assert (found.verdict, found.found) == ("warning", words)

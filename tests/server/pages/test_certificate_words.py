@@ -99,12 +99,13 @@ def test_a_torque_is_a_peak_only_where_every_step_was_looked_at() -> None:
 def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:
     assert linked(SIMULATED) == (
         "Linked modules share a joint and are not checked against each other: full cubes would "
-        "overlap by up to 0.30 pitch. Real modules need rounded edges: nothing farther than 0.525 "
-        "pitch from a joint (removes 22 % of the volume)."
+        "overlap by up to 0.30 pitch. Real modules need rounded edges: no material farther than "
+        "0.525 pitch from a joint (removes 22 % of the volume)."
     )
     assert linked({"exempt_pairs": EXEMPT | {"worst_overlap_bound": None}}) == (
         "Linked modules share a joint and are not checked against each other. Real modules need "
-        "rounded edges: nothing farther than 0.525 pitch from a joint (removes 22 % of the volume)."
+        "rounded edges: no material farther than 0.525 pitch from a joint (removes 22 % of the "
+        "volume)."
     )
     assert linked({"exempt_pairs": {"apart": 1}}) == (
         "All modules are checked against each other, including linked ones."

@@ -43,7 +43,7 @@ test("a fold that waits gives its reason", () => {
     "In the queue", "Next in line", "In the queue, behind 1 other fold", "In the queue, behind 3 other folds",
   ]);
   assert.deepEqual([1, 3].map((place) => queueWords(place, 1)), [
-    "Next in line, after the fold that is running", "In the queue, behind 3 other folds",
+    "Next in line, after the running fold", "In the queue, behind 3 other folds",
   ]);
 });
 

@@ -52,7 +52,7 @@ function motors(torque, peak) {
 }
 
 test("without a motor the answer is what is needed, not a refusal", () => {
-  assert.equal(motorWords(motors(null, 201)), "Motors of 201 N·m or more are strong enough. joint_2_y needs most: 201 N·m, 0.47 s into the motion.");
+  assert.equal(motorWords(motors(null, 201)), "Motors of 201 N·m or more are strong enough. joint_2_y needs the most: 201 N·m, 0.47 s into the motion.");
 });
 
 test("what is needed is rounded up", () => {
@@ -60,6 +60,6 @@ test("what is needed is rounded up", () => {
 });
 
 test("a motor is judged in a sentence with a capital", () => {
-  assert.match(motorWords(motors(3, 0.5)), /^Yes, 3 N·m is enough\. joint_2_y needs most: 500 mN·m/);
-  assert.match(motorWords(motors(3, 501)), /^No, 3 N·m is too weak for 1 of 2 hinges\. joint_2_y needs most: 501 N·m/);
+  assert.match(motorWords(motors(3, 0.5)), /^Yes, 3 N·m is enough\. joint_2_y needs the most: 500 mN·m/);
+  assert.match(motorWords(motors(3, 501)), /^No, 3 N·m is too weak for 1 of 2 hinges\. joint_2_y needs the most: 501 N·m/);
 });

@@ -257,7 +257,7 @@ get("complete").onclick = async () => {
     // What was drawn meanwhile is not drawn over.
     if (painting.path !== drawn.path) return;
     if (found) hand.step(() => hand.follow(found));
-    else refused = "No path through the remaining cells was found from here. Draw from the other end, or cut the path and try again.";
+    else refused = "Found no path from here through the remaining cells. Draw from the other end, or cut the path and try again.";
   } catch (error) {
     refused = wordsOf(error);
   } finally {

@@ -22,9 +22,9 @@ const HINTS = {
 /** @type {Record<string, string>} */
 const PREFERENCES = {
   computing: "Stops at the first plan that works.",
-  time: "Tries several plans and keeps the one that folds fastest.",
-  torque: "Tries several plans and keeps the one that needs least torque in the same folding time.",
-  clearance: "Tries several plans and keeps the one with the most clearance.",
+  time: "Tries several plans and chooses the one that folds fastest.",
+  torque: "Tries several plans and chooses the one that needs the least torque for the same folding time.",
+  clearance: "Tries several plans and chooses the one with the most clearance.",
 };
 
 /** @type {Record<string, string>} */

@@ -45,7 +45,7 @@ export class Advance {
 export function queueWords(place, running = 0) {
   const ahead = place - 1 + running;
   if (place < 1) return "In the queue";
-  if (place === 1 && running === 1) return "Next in line, after the fold that is running";
-  if (place === 1 && running) return `Next in line, after one of ${running} folds that are running`;
+  if (place === 1 && running === 1) return "Next in line, after the running fold";
+  if (place === 1 && running) return `Next in line, after one of the ${running} running folds`;
   return ahead ? `In the queue, behind ${ahead} other fold${ahead > 1 ? "s" : ""}` : "Next in line";
 }

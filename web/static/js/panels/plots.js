@@ -43,9 +43,9 @@ function onTable(table) {
   }];
 }
 
-const SOME_FRAMES = "computed from the motion in some frames; the lines connect them";
+const SOME_FRAMES = "computed from the motion at some frames; lines connect these frames";
 // The certificate has the peak of the motors at every step, which inverse dynamics of frames does not give.
-const ALL_FRAMES = "computed from the motion between frames; Properties shows the peak of the simulated motors";
+const ALL_FRAMES = "computed from the motion between frames; for the peak of the simulated motors, see Properties";
 
 /**
  * @param {string} name
