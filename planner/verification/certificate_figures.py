@@ -143,10 +143,15 @@ class ToldFigures:
 
 
 def _told(certificate: Certificate) -> dict[str, Any]:
-    """What a certificate says; of a table without the time that balancing took."""
+    """Return the certificate's values; of a table without computing time and explanations.
+
+    The explanations (``assumptions``) are texts, which later versions may word differently.
+    """
     values: dict[str, Any] = {**certificate.as_dict()}
     if (table := values.get("table")) is not None:
-        values["table"] = {name: value for name, value in table.items() if name != "seconds"}
+        values["table"] = {
+            name: value for name, value in table.items() if name not in ("seconds", "assumptions")
+        }
     return values
 
 
