@@ -19,6 +19,7 @@ from tests.benchmarks.plan_files import plan_files
 from tests.benchmarks.portfolio import portfolio
 from tests.benchmarks.scaling import scaling
 from tests.benchmarks.service.compiling import compiling
+from tests.benchmarks.service.dropped import dropped
 from tests.benchmarks.service.movies import movies
 from tests.benchmarks.service.remaining import remaining
 from tests.benchmarks.service.views import views
@@ -62,6 +63,7 @@ SECTIONS = {
     "page": page,
     "long-folds": long_folds,
     "compiling": compiling,
+    "dropped": dropped,
     "movies": movies,
     "remaining": remaining,
     "weights": weights,
