@@ -113,9 +113,10 @@ def views(reference_seconds: float) -> Section:
         service = Service(Path(folder) / "data", prewarm=True).start()
         browser = playwright.chromium.launch(executable_path=CHROMIUM.get(), args=FLAGS)
         try:
-            folds = {shape: service.fold(shape=shape)["id"] for shape in SHAPES}
-            for fold in folds.values():
-                service.wait_over(fold)
+            folds: dict[str, str] = {}
+            for shape in SHAPES:
+                folds[shape] = service.fold(shape=shape)["id"]
+                service.wait_over(folds[shape])
             for shape, fold in folds.items():
                 for kind in KINDS:
                     address = _address(service, fold, kind, Path(folder))
