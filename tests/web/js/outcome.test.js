@@ -6,9 +6,9 @@ import { announcementOf, headingOf, titleOf } from "../../../web/static/js/panel
 const facts = (tone) => ({ name: "torus", verdict: { tone, text: "" } });
 
 test("title_while_a_fold_runs_shows_the_progress", () => {
-  assert.equal(titleOf({ status: "running", stage: "explode", fraction: 0.429 }, "torus"), "42 % · torus · foldback");
-  assert.equal(titleOf({ status: "running", stage: "read" }, "torus"), "0 % · torus · foldback");
-  assert.equal(titleOf({ status: "queued", stage: "read", fraction: 0.4 }, "torus"), "Waiting · torus · foldback");
+  assert.equal(titleOf({ status: "running", stage: "explode", fraction: 0.429 }, "torus", "Exploding"), "Exploding 42 % · torus · foldback");
+  assert.equal(titleOf({ status: "running", stage: "read" }, "torus", "Reading"), "Reading 0 % · torus · foldback");
+  assert.equal(titleOf({ status: "queued", stage: "read", fraction: 0.4 }, "torus", "Reading"), "Waiting · torus · foldback");
 });
 
 test("title_at_the_verdict_shows_a_mark", () => {

@@ -108,6 +108,15 @@ for (const message of [{ do: "seek", frame: 40 }, { do: "step", by: 1 }, { do: "
   });
 }
 
+test("story_address_without_a_view_goes_on", () => {
+  const { story, send } = told();
+  send({ do: "select", module: null });
+  send({ do: "set", from: null, to: null, loop: false, speed: 1, follow: true });
+  assert.ok(story.telling);
+  send({ do: "set", from: null, to: 9 });
+  assert.ok(!story.telling);
+});
+
 test("story_visitor_who_turned_the_view_sees_no_jump_back_at_the_verdict", () => {
   const { timeline, playhead, story, pass, finish } = told({ playback: 200 });
   story.heard({ do: "orbit", turn: [1, 0] });

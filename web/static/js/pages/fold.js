@@ -111,7 +111,7 @@ if (facts.running) {
   progress(([{ Progress }, { Outcome }]) => {
     const outcome = new Outcome(toast);
     return new Progress(facts, {
-      toast, onProgress: (now) => outcome.progress(now, facts.name), onDone: (now) => { show(now); outcome.end(now); },
+      toast, onProgress: (now, stage) => outcome.progress(now, facts.name, stage), onDone: (now) => { show(now); outcome.end(now); },
     });
   });
 }

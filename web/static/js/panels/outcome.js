@@ -5,13 +5,14 @@ import { get } from "../lib/text.js";
 const MARKS = /** @type {Record<string, string>} */ ({ good: "✓", bad: "✕" });
 const ICON = "/static/icon.svg";
 
-// The title of the tab while a fold runs.
+// The title of the tab while a fold runs. Each stage counts from 0.
 /**
- * @param {ProgressTold} now
+ * @param {Pick<ProgressTold, "status" | "fraction">} now
  * @param {string} name
+ * @param {string} stage
  */
-export function titleOf({ status, fraction }, name) {
-  const share = status === "queued" ? "Waiting" : `${Math.floor(100 * (fraction ?? 0))} %`;
+export function titleOf({ status, fraction }, name, stage) {
+  const share = status === "queued" ? "Waiting" : `${stage} ${Math.floor(100 * (fraction ?? 0))} %`;
   return `${share} · ${name} · foldback`;
 }
 
@@ -44,8 +45,9 @@ export class Outcome {
   /**
    * @param {ProgressTold} now
    * @param {string} name
+   * @param {string} stage
    */
-  progress(now, name) { document.title = titleOf(now, name); }
+  progress(now, name, stage) { document.title = titleOf(now, name, stage); }
 
   /** @param {Facts} facts */
   end(facts) {

@@ -17,7 +17,7 @@ const OVER = ["verified", "failed", "cancelled"];
 export class Progress {
   /**
    * @param {Facts} facts
-   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void, onProgress?: (now: ProgressTold) => void }} around
+   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void, onProgress?: (now: ProgressTold, stage: string) => void }} around
    */
   constructor(facts, { onDone, toast, onProgress = () => {} }) {
     this.facts = facts;
@@ -76,7 +76,7 @@ export class Progress {
     if (OVER.includes(now.status)) return; // the verdict follows
     const { advance } = this;
     if (now.status === "running") advance.note(now);
-    this.onProgress(now.status === "running" ? { ...now, fraction: advance.fraction } : now);
+    this.onProgress(now.status === "running" ? { ...now, fraction: advance.fraction } : now, advance.name());
     const compiling = now.message === COMPILING ? { fraction: now.fraction ?? 0, remaining_s: null } : null;
     const preparing = now.preparing ?? compiling;
     const queue = now.queue_position ?? 0;

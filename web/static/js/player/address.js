@@ -127,6 +127,7 @@ export class Place {
     if (view.camera) player.send({ do: "camera", camera: view.camera });
     else if (this.acted && view.follow) player.send({ do: "camera", camera: null });
     if (play && !this.calm) player.send({ do: "play" });
+    if (play === false) player.send({ do: "pause" });
     return view.frame !== null || play !== null;
   }
 

@@ -57,7 +57,8 @@ export class Story {
 
   /** @param {Command} message */
   heard(message) {
-    if (ENDING.has(message.do) || (message.do === "set" && (message.live || message.reverse || message.from !== undefined || message.to !== undefined))) this.end();
+    // An address without a loop sets its ends to null, which is no act of a visitor.
+    if (ENDING.has(message.do) || (message.do === "set" && (message.live || message.reverse || message.from != null || message.to != null))) this.end();
     else if (message.do === "orbit" || (message.do === "select" && message.module !== null)) this.looking = true;
   }
 

@@ -1,0 +1,182 @@
+"""The way through the pages: the hero, a fold while it is computed, its menu, Compare, embeds."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from tests.browser.conftest import keep
+from tests.browser.test_fold_page import dropped, seek
+from tests.server.service import STAIRS, Service
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+
+MOVING = {"reduced_motion": "no-preference", "width": 480, "height": 400}
+NOTE = """(() => {
+  const noted = window.noted = { frames: [], titles: [], toasts: [] };
+  const note = (list, value) => { if (value && list.at(-1) !== value) list.push(value); };
+  const look = () => {
+    const { player } = window.foldback ?? {};
+    if (player?.shown)
+      noted.frames.push([player.playhead.frame, player.timeline.over, player.story.telling]);
+    note(noted.titles, document.title);
+    const toast = document.getElementById("toast");
+    if (toast && !toast.hidden) note(noted.toasts, toast.textContent);
+    requestAnimationFrame(look);
+  };
+  look();
+})()"""
+"""Notes what a page shows in each of its pictures."""
+FRAME = "() => foldback.player.playhead.frame"
+AT_LAST_FRAME = """() => {
+  const { timeline, playhead } = foldback.player;
+  return timeline.over && !playhead.is.playing && playhead.frame === timeline.last;
+}"""
+
+
+def held(page: Page, address: str) -> list[Route]:
+    """Hold back what the page asks for, until ``release``."""
+    routes: list[Route] = []
+    page.route(address, lambda route: routes.append(route))
+    return routes
+
+
+def release(page: Page, routes: list[Route]) -> None:
+    while not routes:
+        page.wait_for_timeout(20)
+    routes[0].continue_()
+
+
+def test_hero_is_paused_and_goes_on(visit: Visit) -> None:
+    page = visit("/", view=False, **MOVING)
+    button = page.locator("#hero-pause")
+    expect(button).to_have_accessible_name("Pause the animation")
+    page.wait_for_function(f"() => ({FRAME})() > 0")
+    button.click()
+    expect(button).to_have_accessible_name("Play the animation")
+    frame = page.evaluate(FRAME)
+    page.wait_for_timeout(200)
+    assert page.evaluate(FRAME) == frame
+    button.press("Enter")
+    expect(button).to_have_accessible_name("Pause the animation")
+    page.wait_for_function(f"() => ({FRAME})() !== {frame}")
+
+
+def test_fold_that_runs_plays_from_its_start_and_rests_on_the_finished_shape(
+    visit: Visit, service: Service
+) -> None:
+    page = visit("/shapes/new", view=False, **MOVING)
+    page.add_init_script(NOTE)
+    verdict = held(page, "**/facts")
+    page.goto("/")
+    page.locator("#seed").evaluate("seed => { seed.value = 77; }")
+    page.locator("[data-shape=wrench-24]").click()
+    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    page.wait_for_function("() => window.foldback?.player.playhead.frame > 9")
+    release(page, verdict)
+    page.evaluate("foldback.player.send({ do: 'set', speed: 4 })")  # less to draw
+    page.wait_for_function(AT_LAST_FRAME)
+    keep(page, "story-over")
+    noted = page.evaluate("noted")
+    frames = [frame for frame, *_ in noted["frames"]]
+    assert frames[0] < 3, "it begins with the drawing"
+    explosion = page.evaluate("foldback.timeline.outline.phases[0].to")
+    early = [at for at in noted["frames"] if 0 < at[0] < explosion and not at[1]]
+    assert early, "it plays before the verdict"
+    assert all(telling for *_, telling in early), "at the pace of the story"
+    steps = [after - before for before, after in zip(frames, frames[1:], strict=False)]
+    assert sum(step < 0 for step in steps) <= 1, "only the finale begins anew"
+    assert max(steps) < explosion / 2, "the explosion is not skipped"
+    titles = noted["titles"]
+    assert any(re.fullmatch(r"[A-Z][a-z ]+ \d+ % · Small wrench · foldback", t) for t in titles)
+    assert titles[-1] == "✓ Small wrench"
+    assert "✓ Small wrench folds: verified" in noted["toasts"]
+    expect(page.locator("#toast")).to_have_attribute("role", "status")
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
+
+
+def test_visitor_who_scrubs_a_fold_that_runs_is_not_interrupted(
+    visit: Visit, service: Service
+) -> None:
+    page = visit("/shapes/new", view=False, **MOVING)
+    verdict = held(page, "**/facts")
+    page.goto(f"/folds/{service.fold(shape='wrench-24', seed='78')['id']}")
+    page.wait_for_function("() => window.foldback?.player.playhead.frame > 0.5")
+    page.locator("#scrub").press("Home")
+    page.locator("#scrub").press("ArrowRight")
+    page.wait_for_function("() => !foldback.timeline.growing")
+    release(page, verdict)
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
+    assert page.evaluate(FRAME) == 1
+    assert not page.evaluate("foldback.player.is.playing")
+
+
+@pytest.mark.long
+def test_menu_of_a_fold_leads_on_and_renames_it(visit: Visit) -> None:
+    page = visit("/", view=False)
+    path = {"format": "foldback-path/1", "cells": STAIRS, "name": "stairs"}
+    dropped(page, json.dumps(path), "stairs.json")
+    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
+    menu, rename = page.get_by_role("button", name="Menu"), page.locator("#rename")
+    menu.click()
+    links = page.locator("#ways-list a").evaluate_all("(all) => all.map((a) => a.pathname)")
+    assert links == ["/", "/gallery", "/my-folds"]
+    expect(rename).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(rename).to_be_hidden()
+    expect(menu).to_be_focused()
+    menu.click()
+    rename.click()
+    page.keyboard.press("Escape")
+    expect(page.locator("#name")).to_have_text("stairs")
+    expect(menu).to_be_focused()
+    menu.click()
+    rename.click()
+    expect(page.get_by_role("textbox", name="New name")).to_have_value("stairs")
+    page.keyboard.type("My stairs")  # in place of the name, which is selected
+    page.keyboard.press("Enter")
+    expect(page.locator("#name")).to_have_text("My stairs")
+    expect(page).to_have_title("My stairs · foldback")
+    expect(menu).to_be_focused()
+    fold = page.url.partition("#")[0].rpartition("/")[2]
+    menu.click()
+    page.get_by_role("link", name="My folds").click()
+    expect(page.locator(f"#folds [data-id='{fold}'] .card-title")).to_have_text("My stairs")
+
+
+@pytest.mark.long
+def test_compare_turns_both_sides_and_its_address_is_the_view(visit: Visit, wrench: str) -> None:
+    page = visit(f"/compare?a={wrench}&b={wrench}", view=False)
+    seek(page, 40)
+    left, right = (page.locator(f"#side-{k} canvas") for k in range(2))
+    before = right.screenshot()
+    box = left.bounding_box()
+    assert box
+    page.mouse.move(box["x"] + 100, box["y"] + 150)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 160, box["y"] + 190, steps=3)
+    page.mouse.up()
+    view = re.compile(r"#frame=41&camera=-?[\d.]+,[\d.]+,1$")
+    page.wait_for_url(view)
+    assert right.screenshot() != before
+    address = page.url
+    page.reload()
+    expect(page.locator("#r-frame")).to_have_text(re.compile("^Frame 41 of"))
+    page.keyboard.press("ArrowRight")  # the address is written anew
+    page.wait_for_url(address.replace("frame=41", "frame=42"))
+
+
+def test_embed_plays_by_itself_when_it_is_asked_to(visit: Visit, wrench: str) -> None:
+    page = visit(f"/embed/{wrench}?autoplay=1#frame=30", view=False, **MOVING)
+    page.wait_for_function("() => window.foldback?.player.playhead.frame > 30")
+    page.goto(f"/embed/{wrench}?autoplay=0&controls=0")
+    page.wait_for_function("() => window.foldback?.player.shown")
+    page.wait_for_timeout(200)
+    assert page.evaluate(FRAME) == 0
+    expect(page.locator("#bar")).to_be_hidden()
