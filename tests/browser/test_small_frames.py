@@ -79,7 +79,7 @@ def test_tap_on_a_module_selects_it(visit: Visit, wrench: str) -> None:
     page.wait_for_function(f"() => foldback.player.selected === {module}")
     page.locator("#drawer-close").click()
     # The view is one stop of the keyboard, and the page shows that it is there.
-    page.locator("#share").focus()
+    page.locator("#ways").focus()
     page.keyboard.press("Tab")
     page.locator("#view.focused").wait_for()
     page.keyboard.press("Tab")

@@ -114,7 +114,7 @@ def kill_each(service: Service, fold_id: str, kind: str, times: int) -> None:
 
     def enough(state: dict[str, Any]) -> bool:
         found = [one for one in service.processes(kind) if one.pid not in killed]
-        if state["stage"] == "explode" and len(killed) < times:
+        if state["stage"] in ("explode", "play_back") and len(killed) < times:
             for process in found:
                 if recorded_by(process):
                     process.kill()

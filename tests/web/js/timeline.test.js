@@ -144,13 +144,13 @@ test("timeline_of_a_running_fold_looks_often_at_first_for_its_frames", async ({ 
   const source = begunAnew([], "complete");
   const { batch } = source;
   const asked = [];
-  source.batch = function first(how) { asked.push(how); return asked.length < 30 ? null : batch.call(this, how); };
+  source.batch = function first(how) { asked.push(how); return asked.length < 50 ? null : batch.call(this, how); };
   const timeline = new Timeline(source, { over: false });
   await pass(timers, 990);
   const often = asked.length;
   await pass(timers, 2000);
-  assert.ok(often >= 8 && asked.length < 30, `${often}, then ${asked.length} requests`);
-  await pass(timers, 2500);
+  assert.ok(often >= 16 && asked.length < 50, `${often}, then ${asked.length} requests`);
+  await pass(timers, 4500);
   assert.ok(timeline.row(0));
   timeline.stop(); // before the test's clock is gone
 });
