@@ -45,6 +45,8 @@ from server.store.owned import change_fold
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
 ID: Final = "^[A-Za-z0-9_-]*$"
+MESHES = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
+"""Endings of the names of mesh files."""
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 
 Here = Annotated[Context, Depends(context_of)]
@@ -244,8 +246,9 @@ def post_fold(
             shape = row.shape
             world, (options, cells) = options.world, noted(context.store.directory(again))
             if world != row.world and world == "table":
-                # A path is one for a floating chain; a mesh became 2×2×2 modules, if not told to.
-                method = "blocks" if cells is None and options.method == "auto" else "auto"
+                # The path of a floating chain is not used; a mesh gets 2×2×2 modules as before.
+                mesh = cells is None or (filename or "").lower().endswith(MESHES)
+                method = "blocks" if mesh and options.method == "auto" else "auto"
                 options = replace(options, as_voxels=True, method=method)
             options = replace(options, world=world)  # which is asked for each time
             checked(asked, options)

@@ -115,7 +115,8 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     table = TableCertificate.from_dict(told)
     friction = table.told_friction
     largest = _torque(table.torque, table.unit_nm, friction)
-    rests = f"stays on the table and needs at most {largest}"
+    needs = f"at most {largest}" if table.torque else f"no holding torque, {friction}"
+    rests = f"stays on the table and needs {needs}"
     text = sentence(rests if table.rests else table.verdict.removeprefix("failed: "))
     rows: list[tuple[str, str | None]] = [
         ("Frame with the highest torque", None if table.frame is None else str(table.frame + 1)),

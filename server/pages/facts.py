@@ -260,7 +260,7 @@ def _verdict(
         reason = reason_for_people(
             summary.get("reason") or (row.error or {}).get("detail") or "", summary
         )
-        parts = ["Not verified", reason, modules]
+        parts = ["Not verified", sentence(reason).removesuffix("."), modules]
         return {"tone": "bad", "text": " · ".join(p for p in parts if p)}
     if row.status == "cancelled":
         return {"tone": "off", "text": "Cancelled before it finished"}

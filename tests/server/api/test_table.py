@@ -239,11 +239,17 @@ def test_gallery_card_under_on_a_table_folds_on_a_table(desk: Service) -> None:
     assert desk.http.get(f"/api/folds/{fold}").json()["world"] == "table"
 
 
-def test_mesh_folded_again_on_a_table_has_the_same_blocks(desk: Service) -> None:
+@pytest.mark.parametrize("previewed", [False, True])
+def test_mesh_folded_again_on_a_table_has_the_same_blocks(desk: Service, previewed: bool) -> None:
     data = trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
     file = {"file": ("torus.stl", cast("bytes", data))}
-    floating = desk.http.post("/api/folds", files=file, data={"modules": "160"}).json()
-    again = desk.http.post("/api/folds", data={"fold": floating["id"], "world": "table"})
+    form = {"modules": "160"}
+    if previewed:
+        found = desk.http.post("/api/shapes/preview", files=file, data=form).json()
+        made = desk.http.post("/api/folds", data={**form, "preview": found["id"]})
+    else:
+        made = desk.http.post("/api/folds", files=file, data=form)
+    again = desk.http.post("/api/folds", data={"fold": made.json()["id"], "world": "table"})
     assert again.status_code == 202, again.text
     directory = desk.directory(again.json()["id"])
     assert json.loads((directory / "request.json").read_bytes())["method"] == "blocks"
