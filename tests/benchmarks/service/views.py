@@ -165,7 +165,8 @@ def _opened(browser: Browser, address: str, size: ViewportSize = SIZE) -> Page:
     context = browser.new_context(viewport=size, color_scheme="dark", reduced_motion="reduce")
     context.set_default_timeout(90_000)
     leave_view_out(context)
-    context.add_init_script(NO_WEBGL)
+    if address.startswith("file:"):  # its 3D view is part of it and cannot be left out
+        context.add_init_script(NO_WEBGL)
     page = context.new_page()
     page.goto(address)
     page.wait_for_function(SETTLED)
