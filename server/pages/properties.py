@@ -39,7 +39,7 @@ from server.store.shown import RUNNING, ShownFold
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
 PLAN: Final = "plan.npy"
 """Part of a plan.npz: all that it says besides its frames, as JSON text."""
-LARGEST_SETTINGS: Final = 16 * 2**20
+MAX_PLAN_JSON_BYTES: Final = 16 * 2**20
 """Bytes of that part; a chain of 12 000 modules takes 3 MB."""
 SUMMARY: Final = "In short"
 """Heading of the first group, which pages show unfolded."""
@@ -290,7 +290,7 @@ def _settings_at(path: Path, changed_ns: int) -> dict[str, dict[str, Any]]:
     del changed_ns
     try:
         with ZipFile(path) as file:
-            if file.getinfo(PLAN).file_size > LARGEST_SETTINGS:
+            if file.getinfo(PLAN).file_size > MAX_PLAN_JSON_BYTES:
                 return {}
         with np.load(path, allow_pickle=False) as arrays:
             plan = json.loads(str(arrays["plan"]))

@@ -69,7 +69,7 @@ def hash_of(token: str) -> str:
 
 
 class Ahead(NamedTuple):
-    """What a queued fold waits for, in its lane.
+    """Work ahead of a queued fold in its lane.
 
     Attributes:
         place: Its place in the queue, 1 for the next.

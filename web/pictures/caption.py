@@ -23,7 +23,7 @@ VERDICT_PX: Final = 30
 
 @dataclass(frozen=True, slots=True)
 class Caption:
-    """What a picture says.
+    """Caption of a picture.
 
     Attributes:
         name: Name of the fold.

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import trimesh
-from playwright.sync_api import Browser, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, ViewportSize
 
+from tests.benchmarks.service.browsing import service_and_browser
 from tests.benchmarks.tables import Section
-from tests.browser.conftest import FLAGS
-from tests.server.service import Service
-from tests.tools import CHROMIUM
 
 DROPS: Final = 4
 """Number of meshes, each a little different, so that none has been folded before."""
@@ -38,21 +35,12 @@ BARS: Final = {"first motion": 1.0, "verified": 5.0}
 def dropped(reference_seconds: float) -> Section:
     """Drop each mesh and press *Fold*; times in seconds and in reference runs."""
     section = Section(name="dropped")
-    with (
-        tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder,
-        sync_playwright() as playwright,
-    ):
-        service = Service(Path(folder) / "data", prewarm=True).start()
-        browser = playwright.chromium.launch(executable_path=CHROMIUM.get(), args=FLAGS)
-        try:
-            service.wait_over(service.fold(shape=WARM)["id"])
-            for drop in range(DROPS):
-                mesh = Path(folder) / f"torus-{drop}.stl"
-                trimesh.creation.torus(10 + 0.05 * drop, 4).export(mesh)
-                section.rows.append(_drop(browser, str(service.http.base_url), mesh))
-        finally:
-            browser.close()
-            service.stop()
+    with service_and_browser() as (service, browser, folder):
+        service.wait_over(service.fold(shape=WARM)["id"])
+        for drop in range(DROPS):
+            mesh = folder / f"torus-{drop}.stl"
+            trimesh.creation.torus(10 + 0.05 * drop, 4).export(mesh)
+            section.rows.append(_drop(browser, str(service.http.base_url), mesh))
     for name, bar in BARS.items():
         seconds = float(np.median([row[name] for row in section.rows]))
         section.add(

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import io
 import re
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from PIL import Image
-from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize
 
+from tests.benchmarks.service.browsing import service_and_browser
 from tests.benchmarks.tables import Section
-from tests.browser.conftest import AT_REST, FLAGS, leave_view_out
+from tests.browser.conftest import AT_REST, leave_view_out
 from tests.browser.test_small_frames import MIN_PICTURE_SHARE, PICTURE_SHARE
 from tests.server.service import Service
-from tests.tools import CHROMIUM
 
 SHAPES: Final = (
     *("tetra-ring", "mallet-24", "tetra-dodecahedron", "wrench-24", "box-4x4x4", "letter-f"),
@@ -106,29 +105,20 @@ def views(reference_seconds: float) -> Section:
     """Turn each fold by hand, open the page's address elsewhere, and compare the pictures."""
     del reference_seconds
     section = Section(name="views")
-    with (
-        tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder,
-        sync_playwright() as playwright,
-    ):
-        service = Service(Path(folder) / "data", prewarm=True).start()
-        browser = playwright.chromium.launch(executable_path=CHROMIUM.get(), args=FLAGS)
-        try:
-            folds: dict[str, str] = {}
-            for shape in SHAPES:
-                folds[shape] = service.fold(shape=shape)["id"]
-                service.wait_over(folds[shape])
-            for shape, fold in folds.items():
-                for kind in KINDS:
-                    address = _address(service, fold, kind, Path(folder))
-                    section.rows.append(_compared(browser, address, shape, kind))
-            outside = [
-                _outside(browser, _address(service, folds[shape], "page", Path(folder)))
-                for shape in SHAPES[:FOLLOWED]
-            ]
-            shares = [_share(browser, service, folds["wrench-24"], *size) for size in SHARES]
-        finally:
-            browser.close()
-            service.stop()
+    with service_and_browser() as (service, browser, folder):
+        folds: dict[str, str] = {}
+        for shape in SHAPES:
+            folds[shape] = service.fold(shape=shape)["id"]
+            service.wait_over(folds[shape])
+        for shape, fold in folds.items():
+            for kind in KINDS:
+                address = _address(service, fold, kind, folder)
+                section.rows.append(_compared(browser, address, shape, kind))
+        outside = [
+            _outside(browser, _address(service, folds[shape], "page", folder))
+            for shape in SHAPES[:FOLLOWED]
+        ]
+        shares = [_share(browser, service, folds["wrench-24"], *size) for size in SHARES]
     for kind in KINDS:
         worst = max(row["worst share"] for row in section.rows if row["kind"] == kind)
         section.add(

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from playwright.sync_api import Browser, Page, Request, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, Page, Request, ViewportSize
 
+from tests.benchmarks.service.browsing import service_and_browser
 from tests.benchmarks.tables import Section
-from tests.browser.conftest import FLAGS
 from tests.server.service import Service
-from tests.tools import CHROMIUM
 
 SHAPES: Final = ("wrench-24", "wrench-80")
 SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
@@ -49,18 +46,9 @@ def weights(reference_seconds: float) -> Section:
     """Opens each page in a browser that has seen none before."""
     del reference_seconds
     section = Section(name="weights")
-    with (
-        tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder,
-        sync_playwright() as playwright,
-    ):
-        service = Service(Path(folder) / "data", prewarm=True).start()
-        browser = playwright.chromium.launch(executable_path=CHROMIUM.get(), args=FLAGS)
-        try:
-            for name, path in _pages(service):
-                section.rows.append(_weighed(browser, f"{service.http.base_url}{path}", name))
-        finally:
-            browser.close()
-            service.stop()
+    with service_and_browser() as (service, browser, _):
+        for name, path in _pages(service):
+            section.rows.append(_weighed(browser, f"{service.http.base_url}{path}", name))
     for row in section.rows:
         requests, kilobytes = row["in all"], row["kB"]
         before = BEFORE.get(row["page"])
