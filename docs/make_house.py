@@ -20,6 +20,7 @@ FLOORS: Final = (
     ("planner",),
     ("planner.kernels",),
     ("planner.chain",),
+    ("planner.parameters",),
     ("planner.shapes", "planner.motion", "planner.simulation"),
     ("planner.clearance", "planner.readers"),
     ("planner.statics",),

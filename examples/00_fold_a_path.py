@@ -8,9 +8,9 @@ from planner.certificate.certificate import certify
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.explosion.simultaneous import explode
+from planner.parameters.parameters import preset
 from planner.playback.playback import play_back
 from planner.readers import read
-from planner.simulation.parameters import preset
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

@@ -9,9 +9,9 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.explosion.simultaneous import explode
+from planner.parameters.explosion import ExplosionParameters
 from planner.progress import Progress
 from planner.readers import read
-from planner.simulation.parameters import ExplosionParameters
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

@@ -11,8 +11,8 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.explosion.simultaneous import explode
 from planner.motion.timeline import Timeline, TimelineWriter
+from planner.parameters.explosion import ExplosionParameters
 from planner.readers import read
-from planner.simulation.parameters import ExplosionParameters
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

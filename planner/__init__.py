@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from planner.motion.record import Record
     from planner.motion.timeline import Timeline, TimelineWriter
     from planner.motion.windows import Windows
+    from planner.parameters.parameters import PRESETS, Parameters, preset
     from planner.pipeline.fold import fold
     from planner.pipeline.refold import refold
     from planner.pipeline.smooth import smooth_plan
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from planner.playback.playback import Playback, play_back
     from planner.progress import Progress
     from planner.readers import read
-    from planner.simulation.parameters import PRESETS, Parameters, preset
     from planner.verification.verify import Verification, verify
 
 __all__ = [
@@ -87,7 +87,7 @@ _HOMES = {
     "planner.pipeline.fold": ("fold",),
     "planner.chain.kinematics": ("Poses", "forward_kinematics"),
     "planner.chain.module": ("CUBE", "TETRAHEDRON", "Module"),
-    "planner.simulation.parameters": ("PRESETS", "Parameters", "preset"),
+    "planner.parameters.parameters": ("PRESETS", "Parameters", "preset"),
     "planner.chain.path": ("Path",),
     "planner.plan.plan": ("Plan",),
     "planner.playback.playback": ("Playback", "play_back"),

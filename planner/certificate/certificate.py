@@ -30,10 +30,10 @@ from planner.motion.frames import PHASES, Frames
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.windows import Windows
+from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 from planner.playback.unfolding import ENDS_WITHIN_RAD
 from planner.progress import Cancelled, Progress, Report, never, silent
-from planner.simulation.parameters import Parameters
 
 Array = NDArray[np.float64]
 FOLDED_WITHIN: Final = 0.01

@@ -35,7 +35,7 @@ from planner.motion.frames import PHASES, Frames
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.timeline import Timeline
 from planner.motion.windows import Windows
-from planner.simulation.parameters import Parameters
+from planner.parameters.parameters import Parameters
 
 Array = NDArray[np.float64]
 MARGIN: Final = 32

@@ -26,7 +26,7 @@ from planner.cores import cores
 from planner.errors import InputError
 from planner.motion.frames import Frames
 from planner.motion.motion import Motion
-from planner.simulation.parameters import Base
+from planner.parameters.explosion import Base
 from planner.statics.balance import LEAST, Balance, Standing
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, floor_clearances
 from planner.statics.friction import FANS, SIDES, Friction

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 from planner.errors import InputError
-from planner.simulation.parameters import Base
+from planner.parameters.explosion import Base
 
 FORMAT: Final = "foldback-table/1"
 FRICTIONLESS: Final = "frictionless"

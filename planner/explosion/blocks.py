@@ -19,8 +19,8 @@ from planner.chain.chain import Chain
 from planner.explosion.simultaneous import Engine, Simultaneous
 from planner.motion.frames import Frames
 from planner.motion.record import Record
+from planner.parameters.explosion import ExplosionParameters
 from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.parameters import ExplosionParameters
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments
 

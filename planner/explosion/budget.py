@@ -13,7 +13,8 @@ from planner.explosion.paper import MOST_ANGLES
 from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.motion.stuck_figures import Spent
-from planner.simulation.parameters import PaperExplosionParameters, Parameters
+from planner.parameters.parameters import Parameters
+from planner.parameters.published import PaperExplosionParameters
 
 SLIGHT_RAD: Final = 0.1
 """Bends below this are not told at all."""

@@ -31,11 +31,9 @@ from planner.motion.frames import PHASES, Frames
 from planner.motion.record import Record
 from planner.motion.stuck_figures import StuckFigures
 from planner.motion.windows import Windows
+from planner.parameters.explosion import ExplosionParameters
+from planner.parameters.parameters import Parameters
 from planner.pathfinding.knot_diagram import diagram_of
-from planner.simulation.parameters import (
-    ExplosionParameters,
-    Parameters,
-)
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

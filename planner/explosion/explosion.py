@@ -19,8 +19,8 @@ from planner.errors import SimulationError
 from planner.explosion.recorder import Recorder
 from planner.motion.motion import Motion
 from planner.motion.record import Record, RecordStatus
+from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.progress import Cancelled, Progress, Report
-from planner.simulation.parameters import ExplosionParameters, PeelingParameters
 from planner.simulation.reduced import Acceleration, State
 
 COMMIT_EVERY: Final = 25

@@ -22,9 +22,9 @@ from planner.kernels.pairs import near_pairs, repulsion
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import Frames
 from planner.motion.record import Record, RecordStatus
+from planner.parameters.published import PaperExplosionParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.model import Material
-from planner.simulation.parameters import PaperExplosionParameters
 from planner.simulation.reduced import State
 from planner.simulation.segments import Segments
 

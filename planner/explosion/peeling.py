@@ -38,10 +38,10 @@ from planner.kernels.core import FIXED
 from planner.kernels.peeling import Caps, window_forces, window_haste
 from planner.motion.record import Record
 from planner.motion.windows import Windows
+from planner.parameters.explosion import PeelingParameters
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.anchored import Anchored, ContactFinder
 from planner.simulation.model import Material
-from planner.simulation.parameters import PeelingParameters
 from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]

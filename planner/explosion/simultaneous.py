@@ -32,10 +32,10 @@ from planner.explosion.straightening import straightening
 from planner.kernels.pairs import largest_haste, near_pairs, repulsion
 from planner.motion.frames import Frames
 from planner.motion.record import Record
+from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.model import Material
-from planner.simulation.parameters import ExplosionParameters
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments

@@ -25,18 +25,17 @@ from planner.explosion.simultaneous import explode
 from planner.explosion.table import explode_on_table
 from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.pathfinding.peelability import peelable
-from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.parameters import (
+from planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from planner.parameters.parameters import (
     AUTO,
     BASELINE,
     STRATEGY_OPTIONS,
-    ExplosionParameters,
-    PaperExplosionParameters,
     Parameters,
-    PeelingParameters,
     unknown_strategy,
 )
+from planner.parameters.published import PaperExplosionParameters
+from planner.pathfinding.peelability import peelable
+from planner.progress import Cancelled, Report, never, silent
 
 OFF_SQUARE: Final = 1e-4
 """Share of a right angle by which a cube's folded hinge may differ from a multiple of one."""

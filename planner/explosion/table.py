@@ -30,8 +30,8 @@ from planner.explosion.table_way import way_out
 from planner.kernels.core import FIXED
 from planner.motion.record import Record
 from planner.motion.windows import Windows
+from planner.parameters.explosion import TableParameters
 from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.parameters import TableParameters
 from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]

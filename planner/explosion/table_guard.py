@@ -21,7 +21,7 @@ from planner.explosion.peeling import FEWEST_LEFT
 from planner.explosion.peeling_window import Bend, Peelable
 from planner.kernels.core import FIXED
 from planner.motion.record import TableRecord
-from planner.simulation.parameters import TableParameters
+from planner.parameters.explosion import TableParameters
 from planner.statics.balance import Balance
 from planner.statics.contacts import SUNK, floor_clearances
 from planner.statics.friction import Friction

@@ -22,7 +22,7 @@ Ints = NDArray[np.int64]
 
 
 class Caps(NamedTuple):
-    """What may happen in one step, see ``planner.simulation.parameters``."""
+    """What may happen in one step, see ``planner.parameters.parameters``."""
 
     joint_rad: float
     pair: float

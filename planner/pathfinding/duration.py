@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from planner.chain.module import LONG_CHAIN
-from planner.simulation.parameters import FLOATING
+from planner.parameters.parameters import FLOATING
 
 CHOOSING: Final = 8.0
 """Factor of what a fold costs when it chooses among several plans."""

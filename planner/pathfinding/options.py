@@ -7,8 +7,8 @@ from typing import Final
 
 from planner.chain.module import CUBE, MODULES
 from planner.errors import InputError
+from planner.parameters.parameters import WORLDS, World
 from planner.pathfinding import ENDS, METHODS, Cell
-from planner.simulation.parameters import WORLDS, World
 
 DEFAULT_MODULES: Final = 160
 MODULE_COUNTS: Final = (8, 20_000)

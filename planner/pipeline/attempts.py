@@ -24,13 +24,13 @@ from planner.explosion.diagnosis import diagnose
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.parameters.parameters import Parameters
 from planner.pipeline.attempt import Attempt, Try
 from planner.pipeline.attempt_folders import ATTEMPTS, CANDIDATES
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import PlanFigures
 from planner.playback.playback import Playback
 from planner.progress import Report
-from planner.simulation.parameters import Parameters
 
 MOST_JUDGED: Final = 6
 """Playbacks of one fold that get a certificate, at most, before one is verified."""

@@ -13,16 +13,12 @@ from typing import Final
 
 from planner.chain.module import Module, module_named
 from planner.explosion.expected_cost import IN_LAYERS, INTERLOCKED
+from planner.parameters.parameters import FLOATING, Parameters
+from planner.parameters.playback import PlaybackParameters
+from planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
 from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
-from planner.simulation.parameters import (
-    FLOATING,
-    PUBLISHED_PLAYBACK,
-    PaperExplosionParameters,
-    Parameters,
-    PlaybackParameters,
-)
 
 MAX_EXPECTED_S: Final = 3600.0
 """Largest expected cost in seconds: limits of a stage end a fold about then. Chosen."""

@@ -10,6 +10,7 @@ from planner.chain.chain import Chain
 from planner.explosion.strategies import others_for, strategies_for
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
+from planner.parameters.explosion import ExplosionParameters
 from planner.pipeline import attempt_folders, attempts
 from planner.pipeline.attempt import Attempt, Try
 from planner.pipeline.attempts import Candidates
@@ -27,7 +28,6 @@ from planner.pipeline.request import Request
 from planner.progress import Cancelled, Progress, Report
 from planner.robot import MOST_ANGLES, RECORDED_PLAN, WAYS
 from planner.robot.smoothed import smoothed_record
-from planner.simulation.parameters import ExplosionParameters
 
 DENSER: Final = 4
 """Factor of the frames that a plan may get when it is smoothed, peeled ones most."""

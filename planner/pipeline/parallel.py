@@ -24,12 +24,12 @@ from planner.explosion.strategies import let_go, windowed
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
+from planner.parameters.parameters import Parameters
 from planner.pipeline.attempt import MOST, Attempt, Try
 from planner.pipeline.attempt_folders import TIMELINE
 from planner.pipeline.attempts import made
 from planner.pipeline.portfolio import Portfolio
 from planner.progress import Cancelled, Progress, Report
-from planner.simulation.parameters import Parameters
 
 ASIDE: Final = ".foldback-tries"
 """Folder in a fold's directory, with a folder for each try of another process."""

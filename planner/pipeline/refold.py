@@ -39,7 +39,7 @@ def refold(
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
         settings: Other numbers for ``paper`` or ``direct``, as ``damping=0.05,radial_gain=0.2``:
-            see ``planner.pipeline.settings``.
+            see ``planner.parameters.settings``.
         directory: Where the plan, the timeline and the model are kept; nowhere when None.
         progress: Told how far it is.
 

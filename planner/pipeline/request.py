@@ -10,12 +10,7 @@ from typing import Any, Final
 
 from planner.chain.module import CUBE
 from planner.errors import InputError
-from planner.pathfinding import Cell
-from planner.pathfinding.options import MODULE_COUNTS, PathOptions
-from planner.pathfinding.starts import cell_of
-from planner.pipeline.preference import COMPUTING, Preference, preference_named
-from planner.pipeline.settings import read_settings, settings_text, with_settings
-from planner.simulation.parameters import (
+from planner.parameters.parameters import (
     AUTO,
     BASELINE,
     STRATEGY_OPTIONS,
@@ -25,6 +20,11 @@ from planner.simulation.parameters import (
     preset,
     unknown_strategy,
 )
+from planner.parameters.settings import read_settings, settings_text, with_settings
+from planner.pathfinding import Cell
+from planner.pathfinding.options import MODULE_COUNTS, PathOptions
+from planner.pathfinding.starts import cell_of
+from planner.pipeline.preference import COMPUTING, Preference, preference_named
 
 MODULE_SIZES: Final = (0.1, 1.0)
 LARGEST_SEED: Final = 2**32 - 1
@@ -44,7 +44,7 @@ class Request:
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
         settings: Other numbers for the preset ``paper`` or ``direct``, see
-            ``planner.pipeline.settings``.
+            ``planner.parameters.settings``.
         strategy: How the chain is let go: ``auto``, or one of ``planner.explosion.strategies``.
         prefer: Which of several verified plans is wanted; with ``computing`` the first one.
         refold: Whether the chain begins folded as the plan beside it says, not straight.

@@ -29,6 +29,8 @@ from planner.motion.frames import PHASES
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.motion.windows import Windows
+from planner.parameters.explosion import ExplosionParameters, TableParameters
+from planner.parameters.parameters import BASELINE
 from planner.pipeline import attempts, manifest
 from planner.pipeline.attempt_folders import (
     CERTIFICATE,
@@ -66,7 +68,6 @@ from planner.playback.unfolding import check_fits
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.robot import RECORDED_PLAN
 from planner.robot.smoothed import before_and_after, check_smoothable
-from planner.simulation.parameters import BASELINE, ExplosionParameters, TableParameters
 
 STRONGER_MOTORS: Final = 1.5
 """Limit of the motors on a table, as a multiple of what standing asks in the record …"""

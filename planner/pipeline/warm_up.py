@@ -24,6 +24,9 @@ from planner.explosion.paper import explode_as_published
 from planner.explosion.simultaneous import explode
 from planner.kernels.articulated import Contacts, add_many_contacts, articulated
 from planner.kernels.trails import one_circuit
+from planner.parameters.explosion import ExplosionParameters
+from planner.parameters.playback import RobotParameters
+from planner.parameters.published import PaperExplosionParameters
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.compiling import Compiling, beside, end_with_parent, motions_beside
 from planner.pipeline.compiling_lock import FIRST, REST, CompilingLock
@@ -37,11 +40,6 @@ from planner.plan.formats import write_path
 from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
 from planner.simulation.model import SOLIMP
-from planner.simulation.parameters import (
-    ExplosionParameters,
-    PaperExplosionParameters,
-    RobotParameters,
-)
 from planner.simulation.robot import Robot, RobotBody
 
 STEPPING_BACK: Final = 10

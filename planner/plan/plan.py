@@ -37,9 +37,9 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record, save_npz
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.motion.windows import Windows
+from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 from planner.playback.unfolding import ENDS_WITHIN_RAD, Unfolding
-from planner.simulation.parameters import Parameters
 
 Array = NDArray[np.float64]
 FORMAT: Final = "foldback-plan/3"

@@ -13,6 +13,7 @@ from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.motion.frames import Frames, Phase
 from planner.motion.record import Record
+from planner.parameters.playback import PlaybackParameters
 from planner.playback.controllers import (
     ComputedTorque,
     Controller,
@@ -36,7 +37,6 @@ from planner.playback.setpoints import (
 from planner.playback.time_law import TimeLaw, hinge_bounded_law, torque_bounded_law
 from planner.playback.unfolding import Unfolding
 from planner.simulation.model import Material
-from planner.simulation.parameters import PlaybackParameters
 from planner.simulation.robot import Robot, RobotBody
 from planner.simulation.tree import RateMotors, Servos, Tree
 

@@ -13,10 +13,10 @@ from planner.chain.chain import Chain
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import PHASES, Frames, Phase
 from planner.motion.windows import Windows
+from planner.parameters.playback import PlaybackParameters
 from planner.playback.reference import clear_reference
 from planner.playback.time_law import LAW_STEPS, hinge_bounded_times, smooth_law
 from planner.playback.unfolding import Unfolding
-from planner.simulation.parameters import PlaybackParameters
 
 Array = NDArray[np.float64]
 CHUNK: Final = 256

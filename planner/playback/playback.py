@@ -22,6 +22,7 @@ from planner.motion.inverse import inverse_dynamics
 from planner.motion.motion import Motion, motion_arrays, motion_from_arrays
 from planner.motion.record import Record, save_npz
 from planner.motion.windows import Windows
+from planner.parameters.playback import PlaybackParameters
 from planner.playback.course import Course
 from planner.playback.kinematic import kinematic_frames, windowed_frames
 from planner.playback.run import PlaybackStatus, Run
@@ -29,7 +30,6 @@ from planner.playback.unfolding import Unfolding
 from planner.playback.window_course import WindowCourse
 from planner.playback.window_run import WindowRun
 from planner.progress import Cancelled, Progress, Report, never, silent
-from planner.simulation.parameters import PlaybackParameters
 
 Array = NDArray[np.float64]
 FRAME_RAD: Final = 0.04

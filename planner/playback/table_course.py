@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.motion.windows import Windows
+from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.table_curve import TableCurve
 from planner.playback.time_law import bounded_profile, duration, law_from_profile
-from planner.simulation.parameters import TablePlaybackParameters
 from planner.simulation.table_body import TableBody
 
 Array = NDArray[np.float64]

@@ -23,12 +23,12 @@ from planner.errors import InputError, SimulationError
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import Frames
 from planner.motion.windows import Windows
+from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.course import LOST_RAD
 from planner.playback.playback import Playback
 from planner.playback.run import ARRIVED_WITHIN, CHECK_EVERY, REPORT_EVERY_S, PlaybackStatus
 from planner.playback.table_course import TableCourse
 from planner.progress import Cancelled, Progress, Report, never, silent
-from planner.simulation.parameters import TablePlaybackParameters
 from planner.simulation.table_body import TableBody
 
 Array = NDArray[np.float64]

@@ -19,10 +19,10 @@ from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.motion.frames import PHASES
 from planner.motion.windows import Windows
+from planner.parameters.playback import PlaybackParameters
 from planner.playback.reference import ROOM, STOP_ROOM_RAD
 from planner.playback.setpoints import SETTLE_STEPS
 from planner.playback.time_law import TimeLaw, law_from_profile, torque_bounded_profile
-from planner.simulation.parameters import PlaybackParameters
 from planner.simulation.window_body import Lumps, WindowBody
 
 Array = NDArray[np.float64]

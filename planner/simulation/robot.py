@@ -22,9 +22,9 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
 from planner.errors import SimulationError
 from planner.kernels.robot import advance, servo_torques, stop_drifting
+from planner.parameters.playback import RobotParameters
 from planner.simulation.model import Material
 from planner.simulation.mujoco import mujoco
-from planner.simulation.parameters import RobotParameters
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
+from planner.parameters.playback import TablePlaybackParameters
 from planner.simulation.model import (
     SOLIMP,
     STIFF,
@@ -26,7 +27,6 @@ from planner.simulation.model import (
     set_inertia,
 )
 from planner.simulation.mujoco import mujoco
-from planner.simulation.parameters import TablePlaybackParameters
 
 Array = NDArray[np.float64]
 BAD: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
+from planner.parameters.playback import RobotParameters
 from planner.simulation.mujoco import mujoco
-from planner.simulation.parameters import RobotParameters
 from planner.simulation.robot import Faults
 from planner.simulation.window_body import Lumps, WindowBody
 

@@ -8,11 +8,12 @@ from pathlib import Path as FilePath
 from typing import Any, get_args
 
 from planner.errors import UNREADABLE, InputError, PlannerError, named
+from planner.parameters.explosion import Base
+from planner.parameters.parameters import FLOATING, WORLDS, Parameters, preset
 from planner.pipeline.fold_directory import read_request
 from planner.pipeline.preference import COMPUTING
 from planner.plan.differences import Differences, value_differences, versus_plan
 from planner.plan.plan import Plan, versions
-from planner.simulation.parameters import FLOATING, WORLDS, Base, Parameters, preset
 
 
 def playback_number(plan: Plan, name: str) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from planner.motion.frames import Frames
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.windows import Windows
+from planner.parameters.playback import TablePlaybackParameters
 from planner.plan.differences import (
     FIGURES_ATOL,
     FIGURES_RTOL,
@@ -24,7 +25,6 @@ from planner.plan.differences import (
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.table_playback import time_unit_s
-from planner.simulation.parameters import TablePlaybackParameters
 from planner.verification.own_parameters import (
     is_on_table,
     own_parameters,

@@ -17,8 +17,8 @@ from planner.chain.chain import Chain
 from planner.errors import UNREADABLE
 from planner.motion.record import Record
 from planner.motion.stuck_figures import BudgetFigures, EvidenceFigures, StuckFigures
+from planner.parameters.explosion import PeelingParameters
 from planner.plan.differences import Differences
-from planner.simulation.parameters import PeelingParameters
 from planner.verification.block_reason import blocks_differ
 from planner.verification.knot_reason import knot_differs
 

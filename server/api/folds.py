@@ -14,12 +14,13 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from planner.errors import InputError
 from planner.names import clean_name
+from planner.parameters.setting import Setting
+from planner.parameters.settings import MAX_TEXT_CHARS, SETTINGS, TABLE_SETTINGS
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pathfinding.starts import TEXT as START
 from planner.pathfinding.starts import cell_of
 from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
 from planner.pipeline.request import Request as Asked
-from planner.pipeline.settings import LONGEST, SETTINGS, TABLE_SETTINGS, Setting
 from planner.readers.limits import quote
 from server.api.base_folds import beginning_noted, beginning_of
 from server.api.context import Context, context_of, in_list_rate
@@ -179,7 +180,7 @@ def post_fold(
         str,
         Form(
             # Longer ones are refused in the planner's words.
-            json_schema_extra={"maxLength": LONGEST},
+            json_schema_extra={"maxLength": MAX_TEXT_CHARS},
             description="Other values for the presets `paper` and `direct`, for example "
             f"`damping=0.05,radial_gain=0.2`. Available settings: {listed(SETTINGS)}.",
         ),

@@ -15,10 +15,10 @@ from typing import Any, BinaryIO
 
 from planner.errors import InputError
 from planner.files import json_of
+from planner.parameters.parameters import AUTO
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import Request
-from planner.simulation.parameters import AUTO
 from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
 from server.api.context import Context

@@ -8,7 +8,7 @@ from typing import Annotated, Final
 import typer
 
 from planner.errors import InputError
-from planner.pipeline.settings import IDEAL
+from planner.parameters.settings import IDEAL
 
 ROBOTS: Final = {"typical": (), "ideal": (IDEAL,)}
 """What each kind of robot is in settings."""

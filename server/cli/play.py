@@ -23,11 +23,11 @@ from planner.errors import InputError, TimelineError
 from planner.explosion.diagnosis import stuck_of
 from planner.files import json_of
 from planner.motion.timeline import Timeline
+from planner.parameters.parameters import FLOATING
 from planner.pipeline.attempt_folders import CERTIFICATE, TIMELINE, result
 from planner.pipeline.request import Request
 from planner.pipeline.stages import work_out_figures
 from planner.pipeline.unfinished import stopped_where
-from planner.simulation.parameters import FLOATING
 from server.api import frames as timelines
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from planner.pipeline.settings import NO_LIMIT
+from planner.parameters.settings import NO_LIMIT
 from server.cli.options import AsJson
 from server.pages.setting_words import ROBOT_ROWS, ROWS, SOURCES, TABLE_ROWS
 

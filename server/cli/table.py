@@ -14,8 +14,8 @@ from planner.certificate.table import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.errors import InputError
 from planner.files import write_whole
+from planner.parameters.explosion import Base
 from planner.plan.plan import Plan
-from planner.simulation.parameters import Base
 from server.cli.inputs import refuse
 from server.cli.options import AsJson
 

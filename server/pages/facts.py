@@ -17,12 +17,12 @@ from planner.errors import UNREADABLE
 from planner.exports import exports_of
 from planner.files import json_of
 from planner.motion.record import TableRecord
+from planner.parameters.parameters import AUTO, FLOATING
+from planner.parameters.settings import TABLE_SETTINGS
 from planner.pipeline.attempt_folders import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import LARGEST_SEED, Request
-from planner.pipeline.settings import TABLE_SETTINGS
 from planner.robot import MOST_ANGLES
-from planner.simulation.parameters import AUTO, FLOATING
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words

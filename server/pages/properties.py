@@ -23,10 +23,10 @@ from planner.chain.module import CUBE, MODULES
 from planner.errors import UNREADABLE, TimelineError
 from planner.files import json_of
 from planner.motion.timeline import Timeline
+from planner.parameters.parameters import FLOATING
 from planner.pipeline.attempt_folders import CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.robot import RECORDED, SOFTENED
-from planner.simulation.parameters import FLOATING
 from planner.verification.integrity import damaged_among
 from server.pages import certificate_words
 from server.pages.choice_words import PREFERENCE_WORDS

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from typing import Final
 
 from planner.errors import InputError
-from planner.pipeline.settings import (
+from planner.parameters.parameters import Parameters, preset
+from planner.parameters.setting import Setting, Source, Value
+from planner.parameters.settings import (
+    ALL_SETTINGS,
     ROBOT_SETTINGS,
     SETTINGS,
     TABLE_SETTINGS,
-    Setting,
-    Source,
-    Value,
     read_settings,
+    value_of,
     value_text,
 )
-from planner.simulation.parameters import Parameters, preset
 from server.pages.quantities import quantity
 
 DIGITS: Final = 6
@@ -47,9 +47,9 @@ def _rows(settings: tuple[Setting, ...], parameters: Parameters) -> tuple[Settin
             name=setting.name,
             label=setting.label,
             unit=setting.unit,
-            default=value_text(setting.default(parameters)),
+            default=value_text(value_of(setting, parameters)),
             source=setting.source,
-            meaning=setting.meaning,
+            meaning=setting.help,
             words=setting.words,
         )
         for setting in settings
@@ -62,7 +62,6 @@ ROBOT_ROWS: Final = _rows(ROBOT_SETTINGS, preset("default"))
 """Of the robots that a plan is tried on."""
 TABLE_ROWS: Final = _rows(TABLE_SETTINGS, preset("default"))
 """Of a fold on a table."""
-ALL: Final = (*SETTINGS, *ROBOT_SETTINGS, *TABLE_SETTINGS)
 
 
 def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
@@ -75,8 +74,8 @@ def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
         return [("Settings", settings)]
     return [
         (setting.label, f"{_told(found[setting.name], setting.unit)}, instead of {default}")
-        for setting in ALL
-        if setting.name in found and (default := _told(setting.default(usual)))
+        for setting in ALL_SETTINGS
+        if setting.name in found and (default := _told(value_of(setting, usual)))
     ]
 
 
@@ -86,7 +85,7 @@ def in_a_line(settings: str) -> str:
         found = read_settings(settings)
     except InputError:
         return f", {settings}"
-    return "".join(f", {s.label} {_told(found[s.name])}" for s in ALL if s.name in found)
+    return "".join(f", {s.label} {_told(found[s.name])}" for s in ALL_SETTINGS if s.name in found)
 
 
 def _told(value: Value, unit: str = "") -> str:

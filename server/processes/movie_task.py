@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from planner.files import json_of
-from planner.simulation.parameters import FLOATING
+from planner.parameters.parameters import FLOATING
 from server.processes.children import Child, ChildError
 from server.processes.limits import ChildLimits
 

@@ -13,8 +13,8 @@ from typing import Final
 
 from cachetools import TTLCache
 
+from planner.parameters.parameters import AUTO, FLOATING
 from planner.pipeline.preference import COMPUTING
-from planner.simulation.parameters import AUTO, FLOATING
 from server.store.durations import Duration, durations_like, typical_s
 from server.store.folds import Store, cost_of
 from server.store.tables import FoldRow

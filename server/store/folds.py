@@ -19,11 +19,11 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session, sessionmaker
 
+from planner.parameters.parameters import AUTO, FLOATING
 from planner.pipeline.expected_cost import ExpectedCost, expected_cost
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.pipeline.request import Request
 from planner.progress import COMPILING
-from planner.simulation.parameters import AUTO, FLOATING
 from server.limits.fair_queue import QUICK_S, is_quick, network_of, slice_s, ticks, turn_of
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError

@@ -10,8 +10,8 @@ from typing import Final, Protocol
 
 from planner.certificate.figures import Fault, FoldSummary
 from planner.chain.module import CUBE
+from planner.parameters.parameters import AUTO, FLOATING
 from planner.pipeline.preference import COMPUTING
-from planner.simulation.parameters import AUTO, FLOATING
 from server.store.tables import FoldRow
 
 RUNNING: Final = ("queued", "running")

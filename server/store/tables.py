@@ -31,8 +31,8 @@ class FoldRow(Base):
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
     ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
     ``prefer`` tells which of several plans is wanted, see ``planner.pipeline.preference``;
-    ``world`` is where it folds, see ``planner.simulation.parameters.WORLDS``;
-    ``settings`` is what ``planner.pipeline.settings.settings_text`` makes of those of its
+    ``world`` is where it folds, see ``planner.parameters.parameters.WORLDS``;
+    ``settings`` is what ``planner.parameters.settings.settings_text`` makes of those of its
     preset.
 
     ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is

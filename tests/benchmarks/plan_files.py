@@ -11,8 +11,8 @@ from scipy.interpolate import CubicSpline
 
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import Frames
+from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan
-from planner.simulation.parameters import Parameters
 from tests.benchmarks.tables import Section
 from tests.planner.chains import line
 from tests.planner.plans import unverified

@@ -22,6 +22,7 @@ from planner.chain.path import Path as CellPath
 from planner.explosion.blocks import explode_blocks_first
 from planner.explosion.simultaneous import explode
 from planner.motion.record import Record
+from planner.parameters.parameters import Parameters
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
@@ -29,7 +30,6 @@ from planner.pipeline.stages import STAGES, run_stage
 from planner.pipeline.warm_up import warm_up
 from planner.plan.formats import write_path
 from planner.playback.playback import play_back
-from planner.simulation.parameters import Parameters
 from server.store.gallery import Gallery
 from tests.benchmarks.command import Run, fold
 from tests.benchmarks.machine import machine

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from planner.pipeline.settings import SETTINGS
+from planner.parameters.settings import SETTINGS
 from tests.browser.conftest import called_off, keep
 from tests.server.service import STAIRS, Service
 

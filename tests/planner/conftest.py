@@ -13,12 +13,12 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.record import Record
+from planner.parameters.parameters import Parameters
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
-from planner.simulation.parameters import Parameters
 
 SHAPES = FilePath(__file__).parents[2] / "examples" / "shapes"
 REAL = ("wrench-24", "mallet-24", "mallet-64", pytest.param("wrench-94", marks=pytest.mark.long))

@@ -11,8 +11,8 @@ from planner.certificate.certificate import certify
 from planner.chain.chain import Chain
 from planner.motion.frames import Frames
 from planner.motion.motion import Motion
+from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan
-from planner.simulation.parameters import Parameters
 
 
 def changed(plan: Plan, **values: Any) -> Plan:

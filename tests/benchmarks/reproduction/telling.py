@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from itertools import chain
 from typing import Any, Final
 
-from planner.pipeline.settings import SETTINGS
-from planner.simulation.parameters import preset
+from planner.parameters.parameters import preset
+from planner.parameters.settings import SETTINGS, value_of
 from tests.benchmarks.reproduction.experiments import (
     STATEMENTS,
     Experiment,
@@ -353,9 +353,9 @@ def _settings() -> list[dict[str, str]]:
         {
             "label": setting.label,
             "name": setting.name,
-            "value": _value(setting.default(parameters), setting.unit),
+            "value": _value(value_of(setting, parameters), setting.unit),
             "source": SOURCES[setting.source],
-            "meaning": setting.meaning,
+            "meaning": setting.help,
         }
         for setting in SETTINGS
     ]

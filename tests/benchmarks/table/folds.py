@@ -20,7 +20,7 @@ from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.explosion.table import explode_on_table
 from planner.motion.windows import Windows
-from planner.simulation.parameters import Base, TableParameters
+from planner.parameters.explosion import Base, TableParameters
 from planner.table_paths.table_paths import table_paths
 from tests.benchmarks.table.paths import gallery_cells
 from tests.benchmarks.tables import Section

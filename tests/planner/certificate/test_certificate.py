@@ -19,8 +19,8 @@ from planner.chain.statics import GRAVITY_M_S2
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.motion.record import Record
+from planner.parameters.parameters import Parameters, preset
 from planner.playback.playback import Playback
-from planner.simulation.parameters import Parameters, preset
 from tests.planner.chains import coil, in_place, line
 from tests.planner.conftest import REAL
 

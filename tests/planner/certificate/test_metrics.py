@@ -21,8 +21,8 @@ from planner.errors import TimelineError
 from planner.kernels.clearance import pair_separation
 from planner.motion.frames import Phase
 from planner.motion.timeline import Timeline, TimelineWriter
+from planner.parameters.parameters import Parameters
 from planner.pipeline.stages import work_out_figures
-from planner.simulation.parameters import Parameters
 from tests.planner.chains import coil, in_place, random_angles
 
 Array = NDArray[np.float64]

@@ -21,13 +21,13 @@ from planner.files import write_json
 from planner.motion.frames import Frames
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.timeline import TimelineWriter
+from planner.parameters.playback import PlaybackParameters
 from planner.pipeline.fold_directory import read_playback, read_record, read_request, write_request
 from planner.pipeline.manifest import write_manifest
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
-from planner.simulation.parameters import PlaybackParameters
 from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.planner.chains import COIL

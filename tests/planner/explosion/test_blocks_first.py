@@ -12,9 +12,9 @@ from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.explosion.blocks import WINDOW, _BlocksFirst, block_starts, explode_blocks_first
 from planner.explosion.simultaneous import Simultaneous
+from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.assembly import assembly_path
 from planner.simulation.model import Material
-from planner.simulation.parameters import ExplosionParameters
 from planner.simulation.reduced import State
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments

@@ -11,7 +11,7 @@ from planner.explosion import paper
 from planner.explosion.paper import STILL_STEPS, explode_as_published
 from planner.motion.angle_steps import STEP_RAD
 from planner.motion.frames import Frames
-from planner.simulation.parameters import PaperExplosionParameters
+from planner.parameters.published import PaperExplosionParameters
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
 from tests.planner.chains import coil, line

@@ -6,13 +6,9 @@ from dataclasses import FrozenInstanceError
 import pytest
 
 from planner.errors import InputError
-from planner.simulation.parameters import (
-    PRESETS,
-    ExplosionParameters,
-    PaperExplosionParameters,
-    Parameters,
-    preset,
-)
+from planner.parameters.explosion import ExplosionParameters
+from planner.parameters.parameters import PRESETS, Parameters, preset
+from planner.parameters.published import PaperExplosionParameters
 
 
 @pytest.mark.parametrize("name", PRESETS)

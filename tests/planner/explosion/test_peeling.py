@@ -21,12 +21,13 @@ from planner.kernels.peeling import Caps, window_haste
 from planner.motion.motion import motion_arrays
 from planner.motion.record import Record
 from planner.motion.windows import Windows
+from planner.parameters.explosion import PeelingParameters
+from planner.parameters.playback import PlaybackParameters
 from planner.pathfinding.assembly import assembly_path, solid_paths
 from planner.pathfinding.peelability import peelable
 from planner.pathfinding.snake import snake_path
 from planner.playback.kinematic import windowed_frames
 from planner.progress import Progress
-from planner.simulation.parameters import PeelingParameters, PlaybackParameters
 from tests.planner.chains import coil, knotted, line
 
 DEFAULT = PeelingParameters()

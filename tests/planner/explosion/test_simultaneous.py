@@ -13,10 +13,10 @@ from planner.clearance.sweep import sweep
 from planner.errors import SimulationError
 from planner.explosion.simultaneous import Simultaneous, explode
 from planner.motion.frames import Frames
+from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
 from planner.progress import Progress
 from planner.readers import read
-from planner.simulation.parameters import ExplosionParameters
 from planner.simulation.reduced import Acceleration
 from tests.planner.chains import coil, knotted, line, overlapping
 from tests.planner.conftest import REAL, SHAPES

@@ -20,7 +20,8 @@ from planner.explosion.table import explode_on_table
 from planner.explosion.table_guard import SUNK, Guard
 from planner.motion.record import Record
 from planner.motion.windows import Windows
-from planner.simulation.parameters import Base, Parameters, TableParameters
+from planner.parameters.explosion import Base, TableParameters
+from planner.parameters.parameters import Parameters
 from planner.table_paths.table_paths import table_paths
 
 BOX = np.array([(x, y, z) for x in range(3) for y in range(2) for z in range(2)])

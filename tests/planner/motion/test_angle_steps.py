@@ -31,8 +31,8 @@ from planner.motion.angle_steps import (
 from planner.motion.frames import Frames
 from planner.motion.motion import motion_arrays
 from planner.motion.windows import Windows
+from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan
-from planner.simulation.parameters import Parameters
 from tests.planner.chains import line
 from tests.planner.plans import unverified
 

@@ -30,6 +30,7 @@ from planner.motion.motion import motion_arrays
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.motion.windows import Windows
+from planner.parameters.parameters import Parameters, preset
 from planner.pathfinding.assembly import layered_snake
 from planner.pathfinding.candidates import find_paths
 from planner.pathfinding.lattice import neighbours
@@ -41,7 +42,6 @@ from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.shapes.shape import Shape
-from planner.simulation.parameters import Parameters, preset
 from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.planner.chains import in_place, line

@@ -18,6 +18,7 @@ from planner.explosion.simultaneous import explode
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
+from planner.parameters.explosion import ExplosionParameters
 from planner.pipeline import attempts
 from planner.pipeline.attempt import Attempt, Try
 from planner.pipeline.attempt_folders import (
@@ -41,7 +42,6 @@ from planner.pipeline.stages import next_stage, run_stage, run_stages
 from planner.pipeline.unfinished import settle
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
-from planner.simulation.parameters import ExplosionParameters
 from tests.planner.chains import COIL
 
 pytestmark = pytest.mark.slow

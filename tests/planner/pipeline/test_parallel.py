@@ -20,6 +20,7 @@ from planner.chain.chain import Chain
 from planner.explosion.diagnosis import Diagnosis, Kind
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
+from planner.parameters.parameters import preset
 from planner.pipeline.attempt import MOST, Attempt, Try
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.parallel import ASIDE, STALLING, Tries, make_try
@@ -29,7 +30,6 @@ from planner.pipeline.stages import run_stage, run_stages
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
 from planner.progress import Progress, never, silent
-from planner.simulation.parameters import preset
 from tests.planner.chains import COIL, SQUARE, knotted
 
 pytestmark = pytest.mark.slow

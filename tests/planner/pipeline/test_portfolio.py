@@ -18,6 +18,8 @@ from planner.explosion.simultaneous import explode
 from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
+from planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from planner.parameters.parameters import Parameters
 from planner.pipeline import attempts
 from planner.pipeline.attempt import MOST, Attempt, Reason, Try
 from planner.pipeline.fold_directory import write_request
@@ -26,7 +28,6 @@ from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
-from planner.simulation.parameters import ExplosionParameters, Parameters, PeelingParameters
 from tests.planner.peels import snake
 
 BOTH = ("simultaneous", "peel")

@@ -21,6 +21,8 @@ from planner.exports import export_named
 from planner.motion.frames import PHASES, Frames
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
+from planner.parameters.parameters import Parameters
+from planner.parameters.playback import PlaybackParameters
 from planner.pipeline.fold import fold
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.manifest import write_manifest
@@ -32,7 +34,6 @@ from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
 from planner.progress import Progress
 from planner.readers import read
-from planner.simulation.parameters import Parameters, PlaybackParameters
 from planner.verification.verify import verify
 from tests.planner.chains import line
 from tests.planner.conftest import SHAPES, Folded

@@ -6,23 +6,25 @@ import pytest
 
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.parameters.parameters import preset
+from planner.parameters.published import PaperExplosionParameters
+from planner.parameters.setting import Setting
+from planner.parameters.settings import (
+    SETTINGS,
+    read_settings,
+    settings_text,
+    value_of,
+    with_settings,
+)
 from planner.pipeline.fold import fold
 from planner.pipeline.refold import refold
 from planner.pipeline.request import Request
-from planner.pipeline.settings import (
-    SETTINGS,
-    Setting,
-    read_settings,
-    settings_text,
-    with_settings,
-)
-from planner.simulation.parameters import PaperExplosionParameters, preset
 
 PAPER = preset("paper")
 
 
 def test_the_published_figures_are_those_of_the_paper() -> None:
-    published = {s.name: s.default(PAPER) for s in SETTINGS if s.source == "published"}
+    published = {s.name: value_of(s, PAPER) for s in SETTINGS if s.source == "published"}
     assert published == {
         "radial_gain": 0.1,
         "repulsion_gain": 1.0,
@@ -37,15 +39,17 @@ def test_the_published_figures_are_those_of_the_paper() -> None:
 
 @pytest.mark.parametrize("setting", SETTINGS, ids=lambda setting: setting.name)
 def test_every_setting_reaches_its_parameters(setting: Setting) -> None:
-    value = setting.least if setting.least != setting.default(PAPER) else setting.most
+    least, most = setting.range
+    value = least if least != value_of(setting, PAPER) else most
     changed = with_settings(PAPER, read_settings(f"{setting.name}={value}"))
-    assert setting.default(changed) == value != setting.default(PAPER)
+    assert value_of(setting, changed) == value != value_of(setting, PAPER)
     differing = {
         field.name
         for field in fields(PaperExplosionParameters)
         if getattr(changed.explosion, field.name) != getattr(PAPER.explosion, field.name)
     }
-    assert differing == ({setting.explosion} if setting.explosion else set())
+    names = {field.name for field in fields(PaperExplosionParameters)}
+    assert differing == {setting.name} & names
 
 
 def test_density_is_that_of_the_certificate_too() -> None:
@@ -116,9 +120,9 @@ def test_what_is_set_to_what_it_is_anyway_is_the_same_request(
 
 def test_a_default_is_that_of_the_preset() -> None:
     (step,) = (s for s in SETTINGS if s.name == "step_s")
-    assert step.default(PAPER) == 0.01
+    assert value_of(step, PAPER) == 0.01
     direct = replace(preset("direct").playback, step_s=0.005)
-    assert step.default(replace(preset("direct"), playback=direct)) == 0.005
+    assert value_of(step, replace(preset("direct"), playback=direct)) == 0.005
 
 
 @pytest.mark.slow

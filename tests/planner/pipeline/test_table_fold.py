@@ -15,12 +15,12 @@ from examples.run_gallery import SHAPES
 from planner.certificate.table_forces import TableForces
 from planner.errors import InputError
 from planner.motion.frames import Frames
+from planner.parameters.parameters import Parameters
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import Request
 from planner.pipeline.stages import LEAST_TORQUE_WP, STRONGER_MOTORS, run_stages
 from planner.plan.plan import Plan
-from planner.simulation.parameters import Parameters
 from planner.verification.own_parameters import own_parameters
 from planner.verification.verify import verify
 

@@ -18,9 +18,10 @@ from planner.motion.angle_steps import STEP_RAD
 from planner.motion.frames import Frames
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.record import Record
+from planner.parameters.parameters import Parameters, preset
+from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.progress import Progress
-from planner.simulation.parameters import Parameters, PlaybackParameters, RobotParameters, preset
 from planner.simulation.tree import Tree
 from tests.planner.conftest import REAL
 

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from planner.certificate.certificate import Certificate, certify
 from planner.chain.chain import Chain
 from planner.motion.record import Record
+from planner.parameters.parameters import Parameters
+from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.simulation.model import Material, tree_spec
-from planner.simulation.parameters import Parameters, PlaybackParameters, RobotParameters
 from planner.simulation.robot import Robot, RobotBody
 from planner.verification.verify import verify
 from tests.planner.chains import coil, line

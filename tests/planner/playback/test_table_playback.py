@@ -14,8 +14,9 @@ from planner.errors import InputError
 from planner.explosion.table import explode_on_table
 from planner.motion.frames import Frames
 from planner.motion.windows import Windows
+from planner.parameters.explosion import TableParameters
+from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.table_playback import TablePlayback, play_on_table
-from planner.simulation.parameters import TableParameters, TablePlaybackParameters
 from planner.table_paths.table_paths import table_paths
 from planner.verification.table_replay import table_replay
 

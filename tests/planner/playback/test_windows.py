@@ -15,10 +15,10 @@ from planner.chain.dynamics import floating_torques
 from planner.chain.kinematics import forward_kinematics
 from planner.motion.record import Record
 from planner.motion.windows import Windows
+from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.playback.window_course import FRAME_RAD, WindowCourse
 from planner.simulation.model import Material, tree_spec
-from planner.simulation.parameters import PlaybackParameters, RobotParameters
 from planner.simulation.window_body import Lumps, WindowBody
 from planner.simulation.window_robot import WindowRobot
 from tests.planner.peels import peel, snake

@@ -16,13 +16,14 @@ from planner.explosion.diagnosis import Diagnosis, diagnose
 from planner.explosion.simultaneous import explode
 from planner.kernels.backbite import grow
 from planner.motion.record import Record
+from planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from planner.parameters.parameters import Parameters
 from planner.pathfinding.lattice import neighbours
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
-from planner.simulation.parameters import ExplosionParameters, Parameters, PeelingParameters
 from planner.verification.plan_reasons import reason_of
 from planner.verification.reasons import check_reason
 from planner.verification.verify import verify

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from planner.parameters.parameters import PRESETS, STRATEGY_OPTIONS
+from planner.parameters.settings import MAX_TEXT_CHARS, SETTINGS
 from planner.pathfinding import ENDS, METHODS
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pipeline.preference import PREFERENCES
 from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
-from planner.pipeline.settings import LONGEST, SETTINGS
-from planner.simulation.parameters import PRESETS, STRATEGY_OPTIONS
 from server.cli.command_line import application
 from tests.server.service import SPIRAL, Service
 
@@ -105,7 +105,7 @@ def test_the_api_says_what_the_planner_takes(desk: Service) -> None:
     assert tuple(of("prefer")["enum"]) == PREFERENCES
     assert tuple(of("method")["enum"]) == METHODS
     assert tuple(of("ends")["enum"]) == ENDS
-    assert of("settings")["maxLength"] == LONGEST
+    assert of("settings")["maxLength"] == MAX_TEXT_CHARS
     assert all(f"`{setting.name}`" in of("settings")["description"] for setting in SETTINGS)
     for name, limits in (
         ("seed", (0, LARGEST_SEED)),

@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 
 from planner.certificate.table_figures import TableCertificate
 from planner.motion.motion import Motion
-from planner.simulation.parameters import Parameters
+from planner.parameters.parameters import Parameters
 from server.cli.command_line import application
 from tests.planner.certificate.test_table import moving
 from tests.planner.chains import line

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from planner.certificate.table import table_certificate
-from planner.simulation.parameters import Base
+from planner.parameters.explosion import Base
 from server.pages import certificate_words
 from server.pages.certificate_words import (
     clearance,

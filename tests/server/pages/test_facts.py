@@ -15,14 +15,10 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
-from planner.simulation.parameters import (
-    PRESETS,
-    ExplosionParameters,
-    PaperExplosionParameters,
-    PlaybackParameters,
-    RobotParameters,
-    preset,
-)
+from planner.parameters.explosion import ExplosionParameters
+from planner.parameters.parameters import PRESETS, preset
+from planner.parameters.playback import PlaybackParameters, RobotParameters
+from planner.parameters.published import PaperExplosionParameters
 from server.api.schemas import Fold
 from server.jobs.remaining import Remaining
 from server.pages import quantities

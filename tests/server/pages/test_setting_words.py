@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from planner.pipeline.settings import SETTINGS
+from planner.parameters.settings import SETTINGS
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
 from server.cli.command_line import application

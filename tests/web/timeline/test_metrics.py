@@ -11,11 +11,11 @@ from planner.certificate.measure import write_figures
 from planner.certificate.metrics import Figures
 from planner.errors import TimelineError
 from planner.motion.timeline import Timeline
+from planner.parameters.parameters import Parameters
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
-from planner.simulation.parameters import Parameters
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE

@@ -1,0 +1,1 @@
+"""Parameters: every number that a fold depends on, each defined once with its description."""

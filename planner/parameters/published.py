@@ -1,0 +1,193 @@
+"""Parameters of the published method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from planner.chain.module import Module
+from planner.parameters.playback import PlaybackParameters
+from planner.parameters.setting import Setting, setting
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperExplosionParameters:
+    """Parameters of the published explosion: constant gains, step and snapshot interval.
+
+    The figures of the paper have no units; read as centimetres, grams and seconds they are
+    consistent (decision 0002). The ``source`` of each setting says whether the paper gives its
+    value, only names it, or does not have it.
+
+    Attributes:
+        radial_gain: λ of equation 1; its d is the diameter of one module, one pitch.
+        repulsion_gain: γ of equation 3.
+        damping: Fraction of its velocity that the chain loses in each step.
+        friction: Coefficient of friction of contacts.
+        step_s: Time step.
+        pitch_cm: Distance of neighbouring modules, the paper's "diameter".
+        density_kg_m3: Density of a solid module.
+        snapshot_interval: Number of steps between two snapshots.
+        repulsion_cutoff: Distance in pitches above which modules do not repel each other.
+        spring: Stiffness of the hinge springs, which pull towards straight, in g·cm²/s².
+        stop_deg: Angle of the hinges' stops.
+        geom_size: Size of the collision hull.
+        max_steps: Number of steps after which the explosion gives up.
+    """
+
+    radial_gain: float = setting(
+        0.1,
+        Setting(
+            name="radial_gain",
+            label="Radial force gain λ",
+            help="λ in equation 1 of the paper. We take its d as the diameter of one module.",
+            group="published",
+            rank=0,
+            unit="dyn",
+            source="published",
+            range=(0.0, 1e3),
+        ),
+    )
+    repulsion_gain: float = setting(
+        1.0,
+        Setting(
+            name="repulsion_gain",
+            label="Repulsion force gain γ",
+            help="γ in equation 3 of the paper, for modules that are not linked.",
+            group="published",
+            rank=1,
+            unit="dyn·cm²",
+            source="published",
+            range=(0.0, 1e3),
+        ),
+    )
+    damping: float = setting(
+        0.1,
+        Setting(
+            name="damping",
+            label="Damping",
+            help="Fraction of its velocity that the chain loses in each step, also in playback.",
+            group="published",
+            rank=3,
+            unit="of the speed per step",
+            source="published",
+            range=(0.0, 0.9),
+            direct=True,
+        ),
+    )
+    friction: float = setting(
+        0.1,
+        Setting(
+            name="friction",
+            label="Friction",
+            help="Coulomb friction between modules.",
+            group="published",
+            rank=4,
+            source="published",
+            range=(0.0, 2.0),
+            direct=True,
+        ),
+    )
+    step_s: float = setting(
+        0.01,
+        Setting(
+            name="step_s",
+            label="Step size",
+            help="Time step of both simulations.",
+            group="published",
+            rank=6,
+            unit="s",
+            source="published",
+            range=(1e-4, 0.02),
+            direct=True,
+        ),
+    )
+    pitch_cm: float = setting(
+        1.0,
+        Setting(
+            name="pitch_cm",
+            label="Module diameter",
+            help="Length of a module for which the gains are given.",
+            group="published",
+            rank=7,
+            unit="cm",
+            source="published",
+            range=(0.1, 100.0),
+        ),
+    )
+    density_kg_m3: float = setting(
+        2700.0,
+        Setting(
+            name="density_kg_m3",
+            label="Density",
+            help="Density of a module for which the gains are given.",
+            group="published",
+            rank=8,
+            unit="kg/m³",
+            source="published",
+            range=(1.0, 1e5),
+            direct=True,
+        ),
+    )
+    snapshot_interval: int = setting(
+        10,
+        Setting(
+            name="snapshot_interval",
+            label="Snapshot interval",
+            help="Number of explosion steps between two snapshots.",
+            group="published",
+            rank=9,
+            unit="steps",
+            source="named",
+            range=(1, 1000),
+            whole=True,
+        ),
+    )
+    repulsion_cutoff: float = setting(
+        2.5,
+        Setting(
+            name="repulsion_cutoff",
+            label="Repulsion cutoff",
+            help="Modules at a larger distance do not repel each other.",
+            group="published",
+            rank=12,
+            unit="pitches",
+            source="named",
+            range=(1.0, 10.0),
+        ),
+    )
+    spring: float = setting(
+        1.0,
+        Setting(
+            name="spring",
+            label="Hinge spring",
+            help="Straightens the hinges. Under tension it is up to a hundred times stronger.",
+            group="published",
+            rank=13,
+            unit="g·cm²/s²",
+            range=(0.0, 1e3),
+        ),
+    )
+    stop_deg: float = setting(
+        90.0,
+        Setting(
+            name="stop_deg",
+            label="Hinge stops",
+            help="Largest angle of a hinge in the explosion, in both directions.",
+            group="published",
+            rank=14,
+            unit="°",
+            range=(90.0, 92.0),
+        ),
+    )
+    geom_size: float = 0.99
+    max_steps: int = 400_000
+
+    def module_mass_g(self, module: Module) -> float:
+        """Return the mass of a module in grams."""
+        return 1e-3 * self.density_kg_m3 * module.volume * self.pitch_cm**3
+
+
+PUBLISHED_PLAYBACK: Final = PlaybackParameters(
+    controller="paper", step_s=0.01, friction=0.1, damping=0.1, gain=60.0, dynamic_up_to=600
+)
+"""Playback of the presets ``paper`` and ``direct``: the paper's values where it gives them."""

@@ -1,0 +1,219 @@
+"""Settings: parameters of the published method, of robots and of tables, as one text.
+
+``damping=0.05, radial_gain=0.2`` is how people write them on the command line, in the API and on
+the page. Each setting is described where its field is defined: ``planner.parameters.setting``.
+Decision 0002 says what the paper gives and what is read into it, decision 0001 where the values of
+robots come from, decision 0026 those of tables.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, replace
+from typing import Any, Final
+
+from planner.errors import InputError
+from planner.parameters.explosion import TableParameters
+from planner.parameters.parameters import Parameters
+from planner.parameters.playback import PlaybackParameters, RobotParameters
+from planner.parameters.published import PaperExplosionParameters
+from planner.parameters.setting import Group, Setting, Value, setting_of
+
+MAX_TEXT_CHARS: Final = 500
+"""Maximum length of a text of settings. Chosen: all settings at once fit."""
+NO_LIMIT: Final = "none"
+NUMBER: Final = re.compile(
+    r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?|[+-]?\.[0-9]+([eE][+-]?[0-9]+)?"
+)
+MAX_TURN_PER_STEP: Final = 1.0
+"""Maximum fraction of its remaining error by which a motor may turn in one step. Above 1 it turns
+past its target."""
+PARTS: Final = {
+    "explosion": PaperExplosionParameters,
+    "playback": PlaybackParameters,
+    "robot": RobotParameters,
+    "table": TableParameters,
+}
+"""Parameter classes with settings, by the part of ``Parameters`` that they are."""
+IDEAL: Final = "robots=0"
+"""Settings of an ideal robot; only the resolution of its encoders is left as an error."""
+
+
+def _described_fields() -> Iterator[tuple[str, str, Setting | str]]:
+    """Yield part, field and setting (or the name of a shared one) of each field with a setting."""
+    for part, parameters in PARTS.items():
+        for field in fields(parameters):
+            found = setting_of(field)
+            if found is not None:
+                yield part, field.name, found
+
+
+_BY_NAME: Final = {
+    found.name: found for _, _, found in _described_fields() if isinstance(found, Setting)
+}
+_FIELDS: Final[dict[str, dict[str, str]]] = {name: {} for name in _BY_NAME}
+"""For each setting the field that it sets in each part."""
+for _part, _field, _found in _described_fields():
+    _FIELDS[_found if isinstance(_found, str) else _found.name][_part] = _field
+
+
+def _group(name: Group) -> tuple[Setting, ...]:
+    members = (setting for setting in _BY_NAME.values() if setting.group == name)
+    return tuple(sorted(members, key=lambda setting: setting.rank))
+
+
+SETTINGS: Final = _group("published")
+ROBOT_SETTINGS: Final = _group("robot")
+TABLE_SETTINGS: Final = _group("table")
+ALL_SETTINGS: Final = (*SETTINGS, *ROBOT_SETTINGS, *TABLE_SETTINGS)
+
+
+def value_of(setting: Setting, parameters: Parameters) -> Value:
+    """Return the value of a setting in the parameters of a preset that uses it."""
+    parts = {
+        "explosion": parameters.explosion,
+        "playback": parameters.playback,
+        "robot": parameters.playback.robot,
+        "table": parameters.table,
+    }
+    for part, field in _FIELDS[setting.name].items():
+        if isinstance(parts[part], PARTS[part]):
+            return getattr(parts[part], field)
+    raise AssertionError(f"{parameters.preset} does not use {setting.name}")
+
+
+def read_settings(text: str) -> dict[str, Value]:
+    """Return the values of a text such as ``damping=0.05, radial_gain=0.2``.
+
+    Raises:
+        InputError: ``bad-settings``.
+    """
+    found: dict[str, Value] = {}
+    if len(text) > MAX_TEXT_CHARS:
+        raise _bad(f"got {len(text)} characters of settings, expected at most {MAX_TEXT_CHARS}.")
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        name, equals, value = (word.strip() for word in part.partition("="))
+        setting = _BY_NAME.get(name)
+        if setting is None or not equals:
+            names = ", ".join(setting.name for setting in ALL_SETTINGS)
+            raise _bad(f"got {part[:40]!r}, expected NAME=VALUE with one of: {names}.")
+        if name in found:
+            raise _bad(f"got {name} twice, expected only one value for it.")
+        found[name] = _value(setting, value)
+    return found
+
+
+def settings_text(text: str, parameters: Parameters | None = None) -> str:
+    """Return the canonical form of a text of settings: sorted, without spaces.
+
+    Args:
+        text: Settings as they were typed.
+        parameters: Parameters of the preset; settings that do not change them are left out.
+
+    Raises:
+        InputError: ``bad-settings``.
+    """
+    found = read_settings(text)
+    if parameters is not None:
+        found = {
+            name: value
+            for name, value in found.items()
+            if with_settings(parameters, {name: value}) != parameters
+        }
+    return ",".join(f"{name}={value_text(found[name])}" for name in sorted(found))
+
+
+def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Parameters:
+    """Return the parameters with other values.
+
+    Raises:
+        InputError: ``bad-settings`` for a setting that the preset does not use.
+    """
+    parts, density = _parts(parameters), parameters.density_kg_m3
+    for name, value in settings.items():
+        setting = _BY_NAME[name]
+        used = [part for part in _FIELDS[name] if part in parts]
+        if name == "density_kg_m3" and parameters.explosion is None:
+            used.append("density")
+        if not used or not _is_used(setting, parameters):
+            where = f"the preset {parameters.preset}, which does"
+            if setting.group == "table":
+                where = "a fold that floats, which does"
+            raise _bad(f"got {name} for {where} not use it.")
+        number = int(value) if setting.whole and isinstance(value, float) else value
+        for part in set(used) & set(parts):
+            parts[part] = replace(parts[part], **{_FIELDS[name][part]: number})
+        if name == "density_kg_m3" and isinstance(value, float):
+            density = value
+    playback: PlaybackParameters = parts["playback"]
+    if "robot" in parts:
+        playback = replace(playback, robot=parts["robot"])
+    if not playback.robot.runs:
+        playback = replace(playback, controller="computed-torque")
+    turned = playback.gain * playback.step_s
+    if playback.controller not in ("robot", "computed-torque") and turned > MAX_TURN_PER_STEP:
+        raise _bad(
+            f"got motor_gain · step_s = {turned:g}, expected at most {MAX_TURN_PER_STEP:g}: above "
+            "it a motor turns past its target in each step."
+        )
+    return replace(
+        parameters,
+        explosion=parts.get("explosion", parameters.explosion),
+        playback=playback,
+        table=parts.get("table", parameters.table),
+        density_kg_m3=density,
+    )
+
+
+def value_text(value: Value) -> str:
+    """Return a value as it is written in a text of settings."""
+    if isinstance(value, str):
+        return value
+    return NO_LIMIT if value is None else f"{value:.12g}"
+
+
+def _parts(parameters: Parameters) -> dict[str, Any]:
+    """Return the parts of parameters that the preset and the world use."""
+    parts: dict[str, Any] = {"playback": parameters.playback}
+    if isinstance(parameters.explosion, PaperExplosionParameters):
+        parts["explosion"] = parameters.explosion
+    if parameters.playback.controller == "robot":
+        parts["robot"] = parameters.playback.robot
+    if parameters.world == "table":
+        parts["table"] = parameters.table
+    return parts
+
+
+def _is_used(setting: Setting, parameters: Parameters) -> bool:
+    """Return True if a preset uses a setting of which it has the field."""
+    if parameters.explosion is None:
+        return setting.direct
+    return setting.group != "published" or isinstance(
+        parameters.explosion, PaperExplosionParameters
+    )
+
+
+def _value(setting: Setting, text: str) -> Value:
+    if setting.words:
+        if text not in setting.words:
+            raise _bad(
+                f"got {setting.name} = {text[:20]!r}, expected {' or '.join(setting.words)}."
+            )
+        return text
+    if setting.optional and text == NO_LIMIT:
+        return None
+    value = float(f"{float(text):.12g}") if NUMBER.fullmatch(text) else math.nan
+    least, most = setting.range
+    if not least <= value <= most or (setting.whole and value != int(value)):
+        kind = "a whole number" if setting.whole else "a number"
+        none = f", or {NO_LIMIT}" if setting.optional else ""
+        raise _bad(
+            f"got {setting.name} = {text[:20]!r}, expected {kind} from {least:g} to {most:g}{none}."
+        )
+    return value
+
+
+def _bad(detail: str) -> InputError:
+    return InputError("bad-settings", detail)
