@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
-import struct
 from typing import Any, Final, cast
 
 import numpy as np
@@ -18,7 +16,7 @@ from planner.errors import InputError
 from planner.readers.json_text import parse
 from planner.readers.limits import Source, quote
 from planner.readers.polygons import fans
-from planner.readers.trimesh_meshes import triangles_in
+from planner.readers.trimesh_meshes import Triangles, incomplete, joined, placed
 from planner.shapes.solid import Solid, check_triangles
 
 MAGIC: Final = b"glTF"
@@ -88,8 +86,9 @@ def read_gltf(document: Document, source: Source, binary: bytes | None = None) -
     """
     try:
         scene = _Scene(document, binary, source)
-        points, faces = triangles_in(scene.glb(), "glb")
-        points = points @ Y_TO_Z.T
+        with np.errstate(all="ignore"):  # what is not finite is refused with the solid
+            points, faces = scene.triangles()
+            points = points @ Y_TO_Z.T
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise _damaged(f"its scene is broken ({type(error).__name__}: {quote(str(error))})") from (
             error
@@ -133,15 +132,6 @@ def _chunks(data: bytes) -> dict[int, bytes]:
     return found
 
 
-def _packed(document: Document, binary: bytearray) -> bytes:
-    """A GLB file."""
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    length = 28 + len(text) + len(binary)
-    head = MAGIC + struct.pack("<4I", 2, length, len(text), JSON_CHUNK)
-    return b"".join((head, text, struct.pack("<2I", len(binary), BINARY_CHUNK), binary))
-
-
 def _decoded(entry: Document, binary: bytes | None) -> bytes:
     """What a buffer holds."""
     uri = entry.get("uri")
@@ -159,10 +149,9 @@ def _decoded(entry: Document, binary: bytes | None) -> bytes:
 
 
 class _Scene:
-    """What of a scene holds triangles, every bound checked, as a GLB file of its own.
+    """Triangles of a scene, every bound checked before it is used.
 
-    Nothing else of a file gets to trimesh, which reads all that it finds and takes what is missing
-    for zeros.
+    trimesh reads whatever it finds and takes missing data for zeros, so it does not read these.
     """
 
     def __init__(self, document: Document, binary: bytes | None, source: Source) -> None:
@@ -189,48 +178,40 @@ class _Scene:
             _decoded(entry, None if index else binary)
             for index, entry in enumerate(document.get("buffers", []))
         ]
-        self._binary = bytearray()
-        self._views: list[Document] = []
-        self._accessors: list[Document] = []
-        self._places: dict[int, int] = {}
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Parts of the scene that were left out, in plain words."""
         return tuple(self._notes)
 
-    def glb(self) -> bytes:
-        """The file; how many triangles it comes to is counted before anything is made of them."""
+    def triangles(self) -> Triangles:
+        """Return the triangles of all parts, each where the scene puts it.
+
+        The announced numbers are checked before any array is made.
+        """
         nodes = self._nodes()
         used = [mesh for mesh, _ in nodes]
         primitives = {mesh: self._primitives(mesh) for mesh in used}
-        triangles = {m: sum(self._triangles(p) for p in every) for m, every in primitives.items()}
-        check_triangles(sum(triangles[mesh] for mesh in used), self._most)
-        points = {m: sum(self._points(p) for p in every) for m, every in primitives.items()}
-        meshes = [{"primitives": [self._plain(p) for p in e]} for e in primitives.values()]
+        counts = {m: sum(self._triangles(p) for p in every) for m, every in primitives.items()}
+        check_triangles(sum(counts[mesh] for mesh in used), self._most)
+        points = {m: sum(len(self._places(p)) for p in every) for m, every in primitives.items()}
         if (total := sum(points[mesh] for mesh in used)) > MOST_POINTS:
             raise InputError(
                 "too-large",
                 f"got {total} vertices in all parts, expected at most {MOST_POINTS}; join parts "
                 "that share them.",
             )
-        place = {mesh: i for i, mesh in enumerate(primitives)}
-        document: Document = {
-            "asset": {"version": "2.0"},
-            "scene": 0,
-            "scenes": [{"nodes": list(range(len(nodes)))}],
-            "nodes": [{"mesh": place[m], "matrix": t.T.ravel().tolist()} for m, t in nodes],
-            "meshes": meshes,
-            "accessors": self._accessors,
-            "bufferViews": self._views,
-            "buffers": [{"byteLength": len(self._binary)}],
-        }
-        return _packed(document, self._binary)
+        parts = {mesh: [self._part(p) for p in every] for mesh, every in primitives.items()}
+        # The last part comes first, as trimesh has it: how a solid is oriented depends on it.
+        found = [placed(part, where) for mesh, where in nodes[::-1] for part in parts[mesh]]
+        if not found:
+            raise incomplete("glb", "no triangles")
+        return joined(found)
 
     def _nodes(self) -> list[tuple[int, Floats]]:
-        """Meshes that a scene reaches and where they are; without nodes, every mesh as it is.
+        """Return the meshes that the scene reaches, each with its (4, 4) transform.
 
-        trimesh goes back to the root for each node: a long chain of them would take it hours.
+        A file without nodes has every mesh once, where it is.
         """
         nodes = self._document.get("nodes", [])
         if not nodes:
@@ -337,28 +318,26 @@ class _Scene:
         mode = primitive.get("mode", TRIANGLES)
         return corners // 3 if mode == TRIANGLES else max(0, corners - 2)
 
-    def _plain(self, primitive: Document) -> Document:
-        """A primitive of places and corners, of whole triangles or a strip of them."""
-        mode = primitive.get("mode", TRIANGLES)
-        places = primitive["attributes"]["POSITION"]
-        if places not in self._places:
-            self._places[places] = self._add(self._values(places, "VEC3"))
-        corners = np.arange(self._points(primitive), dtype="<u4")
+    def _places(self, primitive: Document) -> NDArray[Any]:
+        """Return the (P, 3) points of a primitive as the file has them."""
+        return self._values(primitive["attributes"]["POSITION"], "VEC3")
+
+    def _part(self, primitive: Document) -> Triangles:
+        """Return the points and triangles of a primitive, in the frame of its mesh."""
+        points = self._places(primitive).astype(np.float64)
+        corners = np.arange(len(points), dtype=np.int64)
         if "indices" in primitive:
-            corners = self._values(primitive["indices"], "SCALAR").ravel()
-        if corners.max() >= self._points(primitive):
-            raise InputError(
-                "bad-index", f"got vertex {corners.max()} of {self._points(primitive)}."
-            )
+            corners = self._values(primitive["indices"], "SCALAR").ravel().astype(np.int64)
+        if corners.max() >= len(points):
+            raise InputError("bad-index", f"got vertex {corners.max()} of {len(points)}.")
+        mode = primitive.get("mode", TRIANGLES)
         if mode == TRIANGLES:
-            corners = corners[: len(corners) // 3 * 3]
-        elif mode == FAN:  # which trimesh leaves out
-            corners = fans(corners.astype("<u4"), np.array([len(corners)])).ravel()
-        return {
-            "attributes": {"POSITION": self._places[places]},
-            "indices": self._add(corners[:, None]),
-            "mode": STRIP if mode == STRIP else TRIANGLES,
-        }
+            return points, corners[: len(corners) // 3 * 3].reshape(-1, 3)
+        if mode == FAN:
+            return points, fans(corners, np.array([len(corners)]))
+        from trimesh.util import triangle_strips_to_faces
+
+        return points, np.asarray(triangle_strips_to_faces([corners]), dtype=np.int64)
 
     def _values(self, index: int, expected: str) -> NDArray[Any]:
         """(count, width) values of an accessor, every bound checked before they are touched."""
@@ -400,23 +379,6 @@ class _Scene:
         if accessor.get("normalized") and kind.kind in "iu":  # which trimesh takes for lengths
             return np.maximum(values / float(np.iinfo(kind).max), -1.0).astype("<f4")
         return values
-
-    def _add(self, values: NDArray[Any]) -> int:
-        """Puts (count, width) values into the file that is made; the number of their accessor."""
-        data = values.tobytes()
-        self._views.append({"buffer": 0, "byteOffset": len(self._binary), "byteLength": len(data)})
-        self._binary += data + bytes(-len(data) % 4)
-        code = next(code for code, kind in KINDS.items() if np.dtype(kind) == values.dtype)
-        width = next(name for name, width in WIDTHS.items() if width == values.shape[1])
-        self._accessors.append(
-            {
-                "bufferView": len(self._views) - 1,
-                "componentType": code,
-                "count": len(values),
-                "type": width,
-            }
-        )
-        return len(self._accessors) - 1
 
 
 def _check_version(asset: Document) -> None:

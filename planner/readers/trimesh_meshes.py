@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import warnings
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
@@ -54,15 +55,43 @@ def triangles_in(data: bytes, kind: Format) -> Triangles:
             raise
         except Exception as error:
             # Its readers raise of many kinds, from KeyError to those of other libraries.
-            raise _damaged(kind, f"{type(error).__name__}: {quote(str(error))}") from error
+            raise incomplete(kind, f"{type(error).__name__}: {quote(str(error))}") from error
     if not found:
-        raise _damaged(kind, "no triangles")
-    if len(found) == 1:
-        return found[0]
-    before = np.cumsum([0, *(len(points) for points, _ in found)])
+        raise incomplete(kind, "no triangles")
+    return joined(found)
+
+
+def joined(parts: Sequence[Triangles]) -> Triangles:
+    """Return the triangles of several parts as those of one; there must be at least one part."""
+    if len(parts) == 1:
+        return parts[0]
+    before = np.cumsum([0, *(len(points) for points, _ in parts)])
     return (
-        np.concatenate([points for points, _ in found]),
-        np.concatenate([faces + n for (_, faces), n in zip(found, before[:-1], strict=True)]),
+        np.concatenate([points for points, _ in parts]),
+        np.concatenate([faces + n for (_, faces), n in zip(parts, before[:-1], strict=True)]),
+    )
+
+
+def placed(part: Triangles, transform: NDArray[np.float64]) -> Triangles:
+    """Return the triangles of a part in the scene's frame, still oriented outwards.
+
+    Args:
+        part: Points and triangles in the part's own frame.
+        transform: (4, 4) homogeneous transform into the scene's frame.
+    """
+    points, faces = part
+    if np.array_equal(transform, np.eye(4)):
+        return part
+    points = points @ transform[:3, :3].T + transform[:3, 3]
+    mirrored = np.linalg.det(transform[:3, :3]) < 0
+    return points, faces[:, ::-1] if mirrored else faces
+
+
+def incomplete(kind: Format, found: str) -> InputError:
+    """Return the error for a mesh that cannot be read to its end."""
+    return InputError(
+        "damaged",
+        f"got an incomplete {kind.upper()} mesh ({found}), expected triangles; save it again.",
     )
 
 
@@ -78,16 +107,5 @@ def _parts(scene: Scene) -> list[Triangles]:
             continue
         points = np.asarray(mesh.vertices, dtype=np.float64)
         faces = np.asarray(mesh.faces, dtype=np.int64)
-        if not np.array_equal(transform, np.eye(4)):
-            points = points @ transform[:3, :3].T + transform[:3, 3]
-            if np.linalg.det(transform[:3, :3]) < 0:
-                faces = faces[:, ::-1]
-        found.append((points, faces))
+        found.append(placed((points, faces), transform))
     return found
-
-
-def _damaged(kind: Format, found: str) -> InputError:
-    return InputError(
-        "damaged",
-        f"got an incomplete {kind.upper()} mesh ({found}), expected triangles; save it again.",
-    )
