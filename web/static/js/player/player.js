@@ -6,7 +6,7 @@
 // It tells what is by events: waiting, begun, outline, state, module, camera, drawn, painted.
 import { CameraRig, USUAL } from "./camera_rig.js";
 import { colouring } from "./colours.js";
-import { frameFolded } from "./foldedness.js";
+import { frameFolded } from "./frames.js";
 import { picked } from "../lib/kinematics.js";
 import { Playhead, after, nextChange } from "./playhead.js";
 import { Story } from "./story.js";

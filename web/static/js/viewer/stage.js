@@ -1,7 +1,7 @@
 // The stage: the 3D scene of a fold, given a pose, colours and a camera frame by frame.
 import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
 import { KEYS } from "../player/keys.js";
-import { buriedBy } from "../player/touching.js";
+import { buriedBy } from "../lib/kinematics.js";
 import { discs, tableColours } from "./table.js";
 
 const GROUND_GAP = 0.35;
