@@ -7,11 +7,10 @@ import { showScale } from "../panels/legend.js";
 import { Place, viewOf } from "../player/address.js";
 import { Pair } from "../player/pair.js";
 import { Player } from "../player/player.js";
-import { StandIn } from "../viewer/fallback.js";
 import { handOn, offerSides, pathButton } from "../viewer/controls.js";
 import { hasWebGL } from "../viewer/scene.js";
 import { Sketch } from "../viewer/sketch.js";
-import { Stage } from "../viewer/stage.js";
+import { Stage, StandIn } from "../viewer/stage.js";
 import { copyText, element, get, later, radians } from "../lib/text.js";
 
 const LOOK_MS = 2000; // at what is said of a fold that is not over

@@ -36,7 +36,7 @@ export class Player extends Emitter {
   // move, the camera is where a frame that is sought asks for it at once.
   /**
    * @param {Timeline} timeline
-   * @param {{ stage?: Stage | null, standIn?: import("../viewer/fallback.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean }} shownOn
+   * @param {{ stage?: Stage | null, standIn?: import("../viewer/stage.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean }} shownOn
    */
   constructor(timeline, { stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false }) {
     super();

@@ -6,11 +6,10 @@ import { Keys } from "../player/keys.js";
 import { Legend } from "../panels/legend.js";
 import { Place, viewOf } from "../player/address.js";
 import { Player } from "../player/player.js";
-import { StandIn } from "./fallback.js";
 import { handOn, offerSides, pathButton } from "./controls.js";
 import { hasWebGL } from "./scene.js";
 import { Sketch } from "./sketch.js";
-import { Stage } from "./stage.js";
+import { Stage, StandIn } from "./stage.js";
 import { get } from "../lib/text.js";
 
 const DRAW_MS = 250;
