@@ -126,7 +126,7 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
     direct = page.url.rsplit("b=", 1)[1]
     service.wait_over(direct)
     # What is said of it follows, though the page was opened before it was over.
-    expect(page.locator("#side-1 .verdict")).to_have_text(re.compile("verified"))
+    expect(page.locator("#side-1 .verdict")).to_have_text(re.compile("Verified"))
     page.context.unroute(VIEW)
     page.reload()
     sides = [page.locator(f"#side-{k}") for k in range(2)]
