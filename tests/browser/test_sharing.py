@@ -93,7 +93,7 @@ def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_pa
     assert path.suffix == ".html"
 
     context = browser.new_context(
-        offline=True, viewport={"width": 560, "height": 400}, reduced_motion="reduce"
+        offline=True, viewport={"width": 560, "height": 440}, reduced_motion="reduce"
     )
     context.set_default_timeout(PATIENCE_MS)
     thrown: list[str] = []
@@ -119,14 +119,14 @@ def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_pa
 
 @pytest.mark.long
 def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}", width=960, height=360, view=False)
+    page = visit(f"/folds/{wrench}", width=960, height=440, view=False)
     page.locator("#compare").click()
     page.get_by_role("button", name="Direct servoing").click()
     page.wait_for_url("**/compare?a=*&b=*")
     direct = page.url.rsplit("b=", 1)[1]
     service.wait_over(direct)
     # What is said of it follows, though the page was opened before it was over.
-    expect(page.locator("#side-1 .verdict")).to_have_text(re.compile("verified"))
+    expect(page.locator("#side-1 .verdict")).to_have_text(re.compile("Verified"))
     page.context.unroute(VIEW)
     page.reload()
     sides = [page.locator(f"#side-{k}") for k in range(2)]

@@ -10,6 +10,9 @@ import pytest
 from web.static_files import COMMENT, STATIC, code_of, scripts_of, text_of
 
 SCRIPTS = sorted(path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js"))
+MAX_SCRIPTS = {"compare": 22, "editor": 7, "embed": 25, "fold": 34, "landing": 17, "preview": 10}
+"""Scripts that a page may load at once. Each is a request; with data, styles and pictures, more of
+them would exceed the number of requests that ``make bench`` (weights) allows the page."""
 WRITTEN = """\
 // What it is for.
 import { get } from "./text.js"; // which is there
@@ -69,3 +72,8 @@ def test_a_page_needs_at_once_what_is_imported_and_later_the_rest() -> None:
         "js/lib/text.js",
         "js/viewer/viewpoint.js",
     )
+
+
+@pytest.mark.parametrize("name", MAX_SCRIPTS)
+def test_page_loads_no_more_scripts_at_once_than_its_requests_allow(name: str) -> None:
+    assert len(scripts_of(f"js/pages/{name}.js", later=False)) <= MAX_SCRIPTS[name]

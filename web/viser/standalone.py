@@ -1,7 +1,8 @@
 """Standalone: a whole fold in one HTML file that plays without a server, from a disk too.
 
 The page is the embedded one: the same scripts, viser's client, the scene bundle and a single
-batch of all frames. Scripts are named by an import map of data addresses: nothing bundles them.
+batch of all frames. Scripts are named by an import map of data addresses: nothing bundles them. The
+map is compressed; a script of the template unpacks it and then imports the entry.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import base64
 import hashlib
 import json
 import re
+import zlib
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, Final
@@ -70,7 +72,7 @@ def standalone_html(
     return render(
         styles=styles,
         theme=code_of(THEME),
-        imports=_script_json({"imports": _imports()}),
+        imports=_text(_import_map()),
         entry=f"foldback/{ENTRY}",
         parts=_script_json(parts),
         facts=facts,
@@ -80,16 +82,17 @@ def standalone_html(
 @cache
 def standalone_scripts() -> str:
     """Changes with the scripts and styles of the page: letters and digits."""
-    found = hashlib.sha256(client().html + json.dumps(_imports()).encode())
+    found = hashlib.sha256(client().html + _import_map())
     for name in (WORKER, THEME, *STYLES):
         found.update((STATIC / name).read_bytes())
     return found.hexdigest()
 
 
 @cache
-def _imports() -> dict[str, str]:
-    """Names of the scripts that the page needs, and the scripts as addresses."""
-    return {f"foldback/{name}": _address_of(name) for name in scripts_of(ENTRY)}
+def _import_map() -> bytes:
+    """Return a compressed import map: names of the scripts that the page needs, and addresses."""
+    imports = {f"foldback/{name}": _address_of(name) for name in scripts_of(ENTRY)}
+    return zlib.compress(json.dumps({"imports": imports}).encode(), 9)
 
 
 def _address_of(name: str) -> str:

@@ -1,7 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Kinematics, picked } from "../../../web/static/js/lib/kinematics.js";
-import { buriedBy, touching } from "../../../web/static/js/player/touching.js";
+import { Kinematics, buriedBy, picked, touching } from "../../../web/static/js/lib/kinematics.js";
 import { close, closeTurns, unpack, vectors } from "./vectors.js";
 
 for (const { name, bundle, given } of vectors.kinematics) {

@@ -1,9 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Draft } from "../../../web/static/js/editor/draft.js";
 import { letterCells } from "../../../web/static/js/editor/letters.js";
 import { visible } from "../../../web/static/js/editor/isometric.js";
-import { MOST_STEPS, Painting, SIZES, cellOf, cellsOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
+import { Draft, MOST_STEPS, Painting, SIZES, cellOf, cellsOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
 import { random } from "./vectors.js";
 
 const SIZE = SIZES[0];

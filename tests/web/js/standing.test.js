@@ -1,7 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { foldedness, frameFolded } from "../../../web/static/js/player/foldedness.js";
-import { Standing } from "../../../web/static/js/player/standing.js";
+import { Standing, foldedness, frameFolded } from "../../../web/static/js/player/frames.js";
 import { close, recorded, unpack, vectors } from "./vectors.js";
 
 const TURN = [Math.SQRT1_2, Math.SQRT1_2, 0, 0]; // a quarter about x

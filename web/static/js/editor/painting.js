@@ -1,11 +1,14 @@
-// A painting: which cells are filled, the path drawn through them, and every step so far, to be undone
-// and done again. A key stands for a cell: (z * size + x) * size + y; x is the row, y the column, z the layer.
+// The draft of the editor: a painting, and the shape's name. A painting has the filled cells, the path drawn
+// through them, and all steps so far, to be undone and done again. A key stands for a cell: (z * size + x) * size + y; x is the row, y the column, z the layer.
 import { neighbours } from "./cell_path.js";
 
 export const SIZES = [10, 16, 20, 24, 32];
 export const MOST_STEPS = 200;
 export const LARGEST = Math.max(...SIZES);
 const KEPT = "foldback:painting";
+const STORED_DRAFT = "foldback:draft";
+const LONGEST_NAME = 60;
+const CHOICES = ["no", "yes", "path"];
 
 /**
  * @param {number} x
@@ -157,6 +160,37 @@ export class Painting {
 
   // How many pieces there are that do not hang together by faces.
   pieces() { return parts(this.cells, this.size).length; }
+}
+
+// The rest of the draft: how cells become modules, and the shape's name.
+export class Draft {
+  /** @param {() => Pick<Storage, "getItem" | "setItem">} storage */
+  constructor(storage) {
+    this.storage = storage;
+    this.how = "no";
+    this.name = "";
+    this.given = ""; // the name that a letter or a file has given
+    try {
+      const { how, name, given } = JSON.parse(storage().getItem(STORED_DRAFT) ?? "{}");
+      if (CHOICES.includes(how)) this.how = how;
+      if (typeof name === "string") this.name = name.slice(0, LONGEST_NAME);
+      if (typeof given === "string") this.given = given;
+    } catch { /* what was stored is no draft */ }
+  }
+
+  /** @param {{ how?: string, name?: string, given?: string }} changed */
+  note(changed) {
+    Object.assign(this, changed);
+    const { how, name, given } = this;
+    try { this.storage().setItem(STORED_DRAFT, JSON.stringify({ how, name, given })); } catch { /* no room, or none allowed */ }
+  }
+
+  // Note a name that a letter or a file gives.
+  /** @param {string} name */
+  give(name) { this.note({ name: name.slice(0, LONGEST_NAME), given: name.slice(0, LONGEST_NAME) }); }
+
+  // Forget the name of what was cleared; one that the visitor has typed stays.
+  clear() { if (this.name === this.given) this.note({ name: "", given: "" }); }
 }
 
 // Cells that hang together by faces, piece by piece, as keys.

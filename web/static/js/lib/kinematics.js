@@ -7,7 +7,7 @@
  * @param {Quaternion} b
  * @param {Quaternion} c
  */
-function times(a, b, c) {
+export function times(a, b, c) {
   const [w, x, y, z] = a;
   const [p, q, r, s] = b;
   c[0] = w * p - x * q - y * r - z * s;
@@ -18,7 +18,7 @@ function times(a, b, c) {
 }
 
 const vectorOf = (/** @type {Numbers} */ p) => /** @type {Vector} */ ([p[0], p[1], p[2]]);
-const quaternionOf = (/** @type {Numbers} */ q) => /** @type {Quaternion} */ ([q[0], q[1], q[2], q[3]]);
+export const quaternionOf = (/** @type {Numbers} */ q) => /** @type {Quaternion} */ ([q[0], q[1], q[2], q[3]]);
 
 // The vector (x, y, z) turned by the quaternion q.
 /**
@@ -279,4 +279,46 @@ export function picked(hull, { positions, wxyzs }, origin, direction) {
     if (enter <= leave && leave > 0 && enter < nearest) { nearest = enter; best = i; }
   }
   return best;
+}
+
+// Middles of faces are compared on a grid.
+const CELLS_PER_PITCH = 4;
+const MAX_CELL = 2 ** 16; // from the origin, either way
+
+// For each module of the folded chain, face by face of `sketch`, the module that it touches there, which hides
+// the face; `modules` where none. `sketch` and `shown_size` as in the scene bundle's header.
+/**
+ * @param {Pick<BundleHeader, "sketch" | "shown_size">} header
+ * @param {Poses} folded
+ */
+export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
+  const { modules: n, corners, faces } = sketch;
+  const middles = faces.map((face) => [0, 1, 2].map((c) => face.reduce((sum, v) => sum + corners[v][c], 0) / face.length / size));
+  const found = new Int32Array(n * faces.length).fill(n);
+  const seen = new Map();
+  for (let i = 0; i < n; i++) {
+    const turn = quaternionOf(wxyzs.subarray(4 * i, 4 * i + 4));
+    middles.forEach((middle, f) => {
+      const key = turned(turn, vectorOf(middle)).reduce((sum, v, c) => sum * 2 * MAX_CELL + Math.round(CELLS_PER_PITCH * (positions[3 * i + c] + v)) + MAX_CELL, 0);
+      const other = seen.get(key);
+      if (other === undefined) { seen.set(key, i * faces.length + f); return; }
+      found[i * faces.length + f] = Math.floor(other / faces.length);
+      found[other] = i;
+    });
+  }
+  return found;
+}
+
+// For each module how many must be folded, from the first on, until all of its faces are hidden.
+/**
+ * @param {Int32Array} neighbours
+ * @param {number} modules
+ */
+export function buriedBy(neighbours, modules) {
+  const faces = neighbours.length / modules;
+  return Int32Array.from({ length: modules }, (_, i) => {
+    let most = i;
+    for (let f = 0; f < faces; f++) most = Math.max(most, neighbours[i * faces + f]);
+    return most + 1;
+  });
 }

@@ -5,15 +5,12 @@ import { COLOURINGS, MEASURED, colouring } from "../player/colours.js";
 import { Timeline, Source } from "../player/timeline.js";
 import { showScale } from "../panels/legend.js";
 import { Place, viewOf } from "../player/address.js";
-import { pathButton } from "../viewer/fold_view.js";
-import { offerSides } from "../player/sides.js";
 import { Pair } from "../player/pair.js";
 import { Player } from "../player/player.js";
-import { StandIn } from "../viewer/fallback.js";
-import { handOn } from "../viewer/hand.js";
+import { handOn, offerSides, pathButton } from "../viewer/controls.js";
 import { hasWebGL } from "../viewer/scene.js";
 import { Sketch } from "../viewer/sketch.js";
-import { Stage } from "../viewer/stage.js";
+import { Stage, StandIn } from "../viewer/stage.js";
 import { copyText, element, get, later, radians } from "../lib/text.js";
 
 const LOOK_MS = 2000; // at what is said of a fold that is not over

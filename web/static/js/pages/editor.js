@@ -1,8 +1,7 @@
 // The editor: a grid for one layer, the tools, the drawing beside it, and the way to a preview or a fold.
 import { checked, told } from "../editor/cell_path.js";
-import { Draft } from "../editor/draft.js";
 import { HINTS, Hand } from "../editor/hand.js";
-import { Painting, SIZES, cellOf, keyOf, keysOf } from "../editor/painting.js";
+import { Draft, Painting, SIZES, cellOf, keyOf, keysOf } from "../editor/painting.js";
 import { imported, resized } from "../editor/shape_tools.js";
 import { Sheet } from "../editor/sheet.js";
 import { duration, element, get, later, whole, wordsOf } from "../lib/text.js";

@@ -1,13 +1,15 @@
-// The timeline bar: phases as two tints, the error as a small area in it, and the playhead.
-import { FrameField } from "./frame_field.js";
-import { LoopRange } from "./loop_range.js";
-import { PHASES, get, radians, seconds } from "../lib/text.js";
+// The timeline bar: phases as two tints, the error as a small area, the playhead, the frame number and the
+// looped part.
+import { PHASES, get, radians, seconds, whole } from "../lib/text.js";
 
 const REAL = "real"; // the speed of the robot
 const SVG = "http://www.w3.org/2000/svg";
 
 const PRESSED = /** @type {const} */ (["reverse", "loop", "follow", "live"]);
 const USED = /** @type {const} */ (["back", "play", "forward", "reverse", "loop", "follow", "speed", "jump"]);
+const FAR = 10; // frames that Shift and the page keys move an end of the loop
+/** @type {Record<string, number>} */
+const STEPS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -FAR, PageUp: FAR, Home: -Infinity, End: Infinity };
 
 export class Bar {
   /**
@@ -191,5 +193,157 @@ export class Bar {
     const last = Math.max(1, Number(this.scrub.max));
     get("head").style.left = `${(100 * Math.min(frame, last)) / last}%`;
     if (Number(this.scrub.value) !== Math.round(frame)) this.scrub.value = String(Math.round(frame));
+  }
+}
+
+// The frame that a text names, counted from 1 as on the page; null when there is no such frame.
+/**
+ * @param {string} text
+ * @param {number} frames
+ */
+export function frameIn(text, frames) {
+  const digits = text.replace(/\s/g, "");
+  const number = /^\d{1,9}$/.test(digits) ? Number(digits) : 0;
+  return number >= 1 && number <= frames ? number - 1 : null;
+}
+
+// The frame number: shown, and typed after a click. Enter goes to that frame, Escape cancels.
+class FrameField {
+  /** @param {Playing} player */
+  constructor(player) {
+    this.player = player;
+    this.button = get("r-frame");
+    this.field = get("frame");
+    this.frame = 0;
+    this.frames = 0;
+    /** @type {HTMLElement | null} where the keyboard was before, but for a button that was clicked */
+    this.before = null;
+    this.button.onclick = ({ detail }) => this.open(detail > 0);
+    this.field.onkeydown = (event) => this.key(event);
+    this.field.oninput = () => this.refuse("");
+    this.field.onblur = () => this.close(frameIn(this.field.value, this.frames)); // some keyboards have no Enter
+  }
+
+  /** @param {State} state */
+  show({ frame, frames }) {
+    this.frame = Math.round(frame);
+    this.frames = frames;
+    this.button.hidden = !this.field.hidden;
+    this.button.textContent = this.words;
+  }
+
+  get words() { return `Frame ${whole(this.frame + 1)} of ${whole(this.frames)}`; }
+
+  // `clicked` says that a pointer has opened it, which leaves the keyboard to the page.
+  open(clicked = false) {
+    if (!this.frames) return;
+    const { activeElement } = document;
+    this.before = !clicked && activeElement instanceof HTMLElement ? activeElement : null;
+    this.player.send({ do: "pause" });
+    this.refuse("");
+    this.field.value = String(this.frame + 1);
+    this.field.setAttribute("aria-label", `Frame to go to, from 1 to ${this.frames}`);
+    this.field.hidden = false;
+    this.button.hidden = true;
+    this.field.select();
+  }
+
+  /** @param {KeyboardEvent} event */
+  key(event) {
+    if (event.isComposing || (event.key !== "Enter" && event.key !== "Escape")) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const frame = event.key === "Enter" ? frameIn(this.field.value, this.frames) : this.frame;
+    if (frame === null) {
+      this.refuse(`Enter a whole number from 1 to ${this.frames}.`);
+      return;
+    }
+    this.close(frame);
+    this.before?.focus();
+  }
+
+  // Says why it does not go there; nothing when all is well.
+  /** @param {string} why */
+  refuse(why) {
+    this.field.setCustomValidity(why);
+    this.field.setAttribute("aria-invalid", String(why !== ""));
+    if (why) this.field.reportValidity();
+  }
+
+  /** @param {number | null} frame */
+  close(frame) {
+    if (this.field.hidden) return;
+    this.button.hidden = false;
+    this.field.hidden = true;
+    if (frame !== null && frame !== this.frame) this.player.send({ do: "seek", frame });
+  }
+}
+
+/** @typedef {"from" | "to"} End */
+
+// The looped part of the track: two ends, dragged or moved with keys.
+class LoopRange {
+  /** @param {Playing} player */
+  constructor(player) {
+    this.player = player;
+    this.last = 0;
+    /** @type {Record<End, number>} */
+    this.at = { from: 0, to: 0 };
+    for (const end of /** @type {const} */ (["from", "to"])) {
+      const handle = get(`range-${end}`);
+      handle.addEventListener("pointerdown", (event) => { event.preventDefault(); handle.focus(); handle.setPointerCapture(event.pointerId); });
+      handle.addEventListener("pointermove", (event) => { if (handle.hasPointerCapture(event.pointerId)) this.move(end, this.frameAt(event.clientX)); });
+      handle.addEventListener("keydown", (event) => this.key(end, event));
+    }
+  }
+
+  /** @param {State} state */
+  show({ loop, from, to, frames }) {
+    get("range").hidden = !loop || frames < 2;
+    if (get("range").hidden) return;
+    this.last = frames - 1;
+    this.at = { from: Math.min(from ?? 0, this.last), to: Math.min(to ?? this.last, this.last) };
+    const part = get("range-part");
+    const [left, right] = [(100 * this.at.from) / this.last, 100 - (100 * this.at.to) / this.last];
+    part.style.left = get("range-from").style.left = `${left}%`;
+    part.style.right = get("range-to").style.right = `${right}%`;
+    part.classList.toggle("whole", from === null && to === null);
+    for (const end of /** @type {const} */ (["from", "to"])) {
+      const handle = get(`range-${end}`);
+      const frame = Math.round(this.at[end]) + 1;
+      handle.setAttribute("aria-valuemax", String(frames));
+      handle.setAttribute("aria-valuenow", String(frame));
+      handle.setAttribute("aria-valuetext", `Frame ${frame} of ${frames}`);
+    }
+  }
+
+  get words() { return get("range").hidden ? "No loop" : `Loop from frame ${Math.round(this.at.from) + 1} to ${Math.round(this.at.to) + 1}`; }
+
+  // An end goes to a frame, and stays a frame away from the other one.
+  /**
+   * @param {End} end
+   * @param {number} frame
+   */
+  move(end, frame) {
+    const [least, most] = end === "from" ? [0, this.at.to - 1] : [this.at.from + 1, this.last];
+    this.player.send({ do: "set", [end]: Math.min(Math.max(frame, least), most) });
+  }
+
+  /**
+   * @param {End} end
+   * @param {KeyboardEvent} event
+   */
+  key(end, event) {
+    const by = STEPS[event.key];
+    if (by === undefined || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    event.stopPropagation(); // the playhead stays
+    this.move(end, this.at[end] + (event.shiftKey ? FAR * by : by));
+  }
+
+  /** @param {number} x */
+  frameAt(x) {
+    const { left, width } = get("track").getBoundingClientRect();
+    return Math.round(((x - left) / width) * this.last);
   }
 }

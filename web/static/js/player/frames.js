@@ -1,5 +1,8 @@
-// Rows of batches: what is told of one frame. Ordinary folds tell all angles, long ones those of a
-// window; web/timeline/frame_batch.py and web/timeline/window_columns.py tell the columns.
+// Frames: their rows in batches, how far the chain is folded, and the orientation in which it is shown.
+import { quaternionOf, times } from "../lib/kinematics.js";
+
+// Rows: the values of one frame. Ordinary folds have all angles, long ones those of a window;
+// web/timeline/frame_batch.py and web/timeline/window_columns.py define the columns.
 
 /**
  * @param {Numbers} a
@@ -171,3 +174,125 @@ export class Window {
    */
   static angle({ first, last, angles, foldedRad }, j) { return j < first ? foldedRad[j] : j < last ? angles[j - first] : 0; }
 }
+
+// The measure of folding: 0 for the straight chain, 1 when all hinges have the angles of the shape. It is the
+// mean over the hinges of angle / goal, each from 0 to 1 and weighted with |goal|. A plain sum of errors would
+// stay at 0 while the chain bends everywhere on its way; this one rises steadily.
+/**
+ * @param {(hinge: number) => number} angle
+ * @param {Floats} goal
+ */
+export function foldedness(angle, goal) {
+  let reached = 0;
+  let all = 0;
+  for (let j = 0; j < goal.length; j++) {
+    const wanted = Math.abs(goal[j]);
+    all += wanted;
+    if (wanted) reached += Math.min(wanted, Math.max(0, angle(j) * Math.sign(goal[j])));
+  }
+  return all > 0 ? reached / all : 1;
+}
+
+// The frame of the fold with that share of folding, between two where need be; found by halving, of the
+// frames that are here.
+/**
+ * @param {import("./timeline.js").Timeline} timeline
+ * @param {number} wanted
+ */
+export function frameFolded(timeline, wanted) {
+  const folding = timeline.outline.phases.findLast(({ name }) => name === "playback");
+  if (!folding) return null;
+  const value = (/** @type {number} */ frame) => {
+    const row = timeline.row(frame);
+    return row && foldedness((j) => timeline.how.angle(row, j), timeline.foldedRad);
+  };
+  let [low, high] = [folding.from, folding.to - 1];
+  if (wanted <= 0) return low;
+  if (wanted >= 1) return high;
+  let [less, more] = [value(low) ?? 0, value(high) ?? 1];
+  while (high - low > 1) {
+    const middle = hereBetween(timeline, low, high);
+    if (middle === null) break;
+    const found = value(middle) ?? 0;
+    if (found < wanted) [low, less] = [middle, found];
+    else [high, more] = [middle, found];
+  }
+  const share = more > less ? (wanted - less) / (more - less) : 1;
+  return low + (high - low) * Math.min(1, Math.max(0, share));
+}
+
+// The frame that is here and nearest to the middle of two, without them.
+/**
+ * @param {import("./timeline.js").Timeline} timeline
+ * @param {number} low
+ * @param {number} high
+ */
+function hereBetween(timeline, low, high) {
+  const middle = Math.floor((low + high) / 2);
+  for (let away = 0; middle - away > low || middle + away < high; away++) {
+    if (middle + away < high && timeline.row(middle + away)) return middle + away;
+    if (middle - away > low && timeline.row(middle - away)) return middle - away;
+  }
+  return null;
+}
+
+/** Seconds in which the correction fades in when a timeline is completed on an open page. Chosen. */
+const FADE_S = 0.8;
+const MIN_SINE = 1e-9; // of half the angle of a correction; a smaller one is none
+
+// The finished shape stands as it was drawn. A chain that floats turns as a whole while it folds, so the
+// orientation at the end of a simulated fold is not that of the drawing. The playback is shown in a frame
+// of reference that turns evenly: not at all at the straight chain, fully at the last frame. Only the
+// orientation of the first or root module changes; hinge angles and files stay as recorded.
+export class Standing {
+  /** @type {{ angle: number, axis: Vector, from: number, to: number } | null} */
+  correction = null;
+  amount = 0; // of the correction that is shown, 0 to 1
+
+  // Sets the correction from the orientations of one module at the last frame and in the drawing.
+  /**
+   * @param {Numbers} end
+   * @param {Numbers} drawn
+   * @param {Phase} folding
+   * @param {boolean} fade
+   */
+  set(end, drawn, { from, to }, fade) {
+    const length = Math.hypot(...Array.from(end)) * Math.hypot(...Array.from(drawn));
+    const [w, x, y, z] = times(quaternionOf(drawn), [end[0], -end[1], -end[2], -end[3]], [0, 0, 0, 0]).map((v) => v / length);
+    const sine = Math.hypot(x, y, z) * (w < 0 ? -1 : 1); // the short way
+    this.correction = Math.abs(sine) < MIN_SINE ? null : { angle: 2 * Math.atan2(Math.abs(sine), Math.abs(w)), axis: [x / sine, y / sine, z / sine], from, to };
+    if (!fade) this.amount = 1;
+  }
+
+  clear() {
+    this.correction = null;
+    this.amount = 0;
+  }
+
+  get fading() { return this.correction !== null && this.amount < 1; }
+
+  // Lets seconds pass; true while the correction fades in.
+  /** @param {number} passed */
+  advance(passed) {
+    if (!this.fading) return false;
+    this.amount = Math.min(1, this.amount + passed / FADE_S);
+    return true;
+  }
+
+  // The orientation that is shown in place of a recorded one at a frame.
+  /**
+   * @param {Floats} wxyz
+   * @param {number} frame
+   */
+  turned(wxyz, frame) {
+    const { correction, amount } = this;
+    if (!correction || !amount || frame <= correction.from) return wxyz;
+    const { angle, axis: [x, y, z], from, to } = correction;
+    const half = (angle / 2) * amount * smooth(Math.min(1, (frame - from) / Math.max(1, to - 1 - from)));
+    const s = Math.sin(half);
+    return Float64Array.from(times([Math.cos(half), s * x, s * y, s * z], quaternionOf(wxyz), [0, 0, 0, 0]));
+  }
+}
+
+/** @param {number} share */
+const smooth = (share) => share * share * (3 - 2 * share);

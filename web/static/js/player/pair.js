@@ -1,6 +1,6 @@
 // Two folds on one playhead: each goes through a phase in step with the other, however many frames it
 // has there; one that has no such phase waits.
-import { frameFolded } from "./foldedness.js";
+import { frameFolded } from "./frames.js";
 import { Playhead } from "./playhead.js";
 import { Emitter } from "../lib/text.js";
 

@@ -6,7 +6,7 @@
 // It tells what is by events: waiting, begun, outline, state, module, camera, drawn, painted.
 import { CameraRig, USUAL } from "./camera_rig.js";
 import { colouring } from "./colours.js";
-import { frameFolded } from "./foldedness.js";
+import { frameFolded } from "./frames.js";
 import { picked } from "../lib/kinematics.js";
 import { Playhead, after, nextChange } from "./playhead.js";
 import { Story } from "./story.js";
@@ -36,7 +36,7 @@ export class Player extends Emitter {
   // move, the camera is where a frame that is sought asks for it at once.
   /**
    * @param {Timeline} timeline
-   * @param {{ stage?: Stage | null, standIn?: import("../viewer/fallback.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean }} shownOn
+   * @param {{ stage?: Stage | null, standIn?: import("../viewer/stage.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean }} shownOn
    */
   constructor(timeline, { stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false }) {
     super();

@@ -1,12 +1,9 @@
 // A fold's frames as they come in: where they are kept, which are fetched next, and the poses of a
 // moment. What has been fetched once is scrubbed without a word to the server.
 import { decode } from "../lib/columns.js";
-import { Whole, Window } from "./frames.js";
-import { Kinematics } from "../lib/kinematics.js";
+import { Standing, Whole, Window, foldedness } from "./frames.js";
+import { Kinematics, touching } from "../lib/kinematics.js";
 import { Emitter } from "../lib/text.js";
-import { foldedness } from "./foldedness.js";
-import { Standing } from "./standing.js";
-import { touching } from "./touching.js";
 
 const AT_ONCE = 2; // requests
 const COARSE = 64; // frames that are fetched first, spread over the whole timeline

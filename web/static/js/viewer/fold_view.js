@@ -5,13 +5,11 @@ import { Timeline } from "../player/timeline.js";
 import { Keys } from "../player/keys.js";
 import { Legend } from "../panels/legend.js";
 import { Place, viewOf } from "../player/address.js";
-import { offerSides } from "../player/sides.js";
 import { Player } from "../player/player.js";
-import { StandIn } from "./fallback.js";
-import { handOn } from "./hand.js";
+import { handOn, offerSides, pathButton } from "./controls.js";
 import { hasWebGL } from "./scene.js";
 import { Sketch } from "./sketch.js";
-import { Stage } from "./stage.js";
+import { Stage, StandIn } from "./stage.js";
 import { get } from "../lib/text.js";
 
 const DRAW_MS = 250;
@@ -21,25 +19,6 @@ const MAX_SHARED_CORES = 4;
 /** Longest such wait; the page's own drawing is shown meanwhile. A larger value lets a long fold have all cores. Chosen. */
 const MAX_WAIT_3D_MS = 15_000;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
-
-// The button that shows the path of the chain through see-through modules.
-/** @param {Stage[]} stages */
-export function pathButton(stages) {
-  const button = get("through");
-  const path = {
-    on: false,
-    changed: () => {},
-    set(/** @type {boolean} */ on) {
-      if (on === path.on) return;
-      path.on = on;
-      button.setAttribute("aria-pressed", String(on));
-      for (const stage of stages) stage.seeThrough(on);
-      path.changed();
-    },
-  };
-  button.onclick = () => path.set(!path.on);
-  return path;
-}
 
 /**
  * The drawer, and what fills its panels.

@@ -1,7 +1,7 @@
 // What pointers and wheels do to the camera.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Hand } from "../../../web/static/js/viewer/hand.js";
+import { Hand } from "../../../web/static/js/viewer/controls.js";
 import { close } from "./vectors.js";
 
 function held(follows = true) {

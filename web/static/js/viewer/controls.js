@@ -1,12 +1,18 @@
-// Hand: what pointers and wheels on a view do to the camera. One pointer turns it, with the right or the
-// middle button it moves the picture; two zoom, and move the picture unless the chain is followed.
+// Controls of a 3D view: pointers and wheels on it, the menu of sides, and the button for the path.
+import { get } from "../lib/text.js";
+
 const MOVED_PX = 4; // a pointer that moves less clicks
 const TURN_RAD = 2 * Math.PI; // for a way as long as the view is high
 const ZOOM_PER_PX = 0.0012; // of a wheel, as an exponent
 const MAX_WHEEL_PX = 400; // of one event
+const QUARTER = Math.PI / 2;
+/** @type {Record<string, [azimuth: number, elevation: number]>} */
+const SIDES = { front: [-QUARTER, 0], right: [0, 0], back: [QUARTER, 0], left: [Math.PI, 0], top: [-QUARTER, QUARTER], below: [-QUARTER, -QUARTER] };
 
 /** @typedef {{ x: number, y: number, fromX: number, fromY: number, button: number, drags: boolean }} Finger */
 
+// Pointers on a view, which move the camera. One turns it, with the right or the middle button it moves the
+// picture; two zoom, and move the picture unless the chain is followed.
 export class Hand {
   /**
    * @param {(orbit: Orbit) => void} does
@@ -80,4 +86,35 @@ export class Hand {
  */
 export function handOn(frame, player) {
   return new Hand((orbit) => player.send({ do: "orbit", ...orbit }), { height: () => Math.max(1, frame.clientHeight), follows: () => player.is.follow });
+}
+
+// The menu of the sides from which a fold can be seen.
+/** @param {Pick<Playing, "send">} player */
+export function offerSides(player) {
+  const menu = get("sides");
+  menu.onchange = () => {
+    const side = SIDES[menu.value];
+    const camera = side ? { azimuth: side[0], elevation: side[1], zoom: 1, aside: null } : null;
+    menu.value = "";
+    player.send({ do: "camera", camera, gently: true });
+  };
+}
+
+// The button that shows the path of the chain through see-through modules.
+/** @param {import("./stage.js").Stage[]} stages */
+export function pathButton(stages) {
+  const button = get("through");
+  const path = {
+    on: false,
+    changed: () => {},
+    set(/** @type {boolean} */ on) {
+      if (on === path.on) return;
+      path.on = on;
+      button.setAttribute("aria-pressed", String(on));
+      for (const stage of stages) stage.seeThrough(on);
+      path.changed();
+    },
+  };
+  button.onclick = () => path.set(!path.on);
+  return path;
 }
