@@ -252,8 +252,13 @@ function show(told) {
   for (const button of layers) {
     button.hidden = (button.dataset.layer === "solid" && !resizable) || (button.dataset.layer === "path" && !path);
   }
-  show3d(told.key);
-  if (!viewing) draw(told.key);
+  picture(told.key);
+}
+
+/** @param {string} key */
+function picture(key) {
+  show3d(key);
+  if (!viewing) draw(key);
 }
 
 // A drawing stands for the 3D view until that is there, or instead of it.
@@ -270,7 +275,7 @@ function draw(key) {
     setTimeout(start3d, DRAW_MS);
   };
   drawing.onerror = () => { drawing.hidden = true; tell3d(); start3d(); };
-  drawing.src = `/previews/${facts.id}/drawing.svg?key=${key}`;
+  drawing.src = `/previews/${facts.id}/drawing.svg?key=${key}${get("to-add").hidden ? "" : "&repair=true"}`;
 }
 
 function tell3d() {
@@ -383,7 +388,7 @@ async function offers() {
   get("seeking").textContent = told.offers.length ? found : answer?.ok ? "No version that folds on a table was found." : "The search for other versions failed.";
   get("repairs").prepend(...told.offers.map(offered));
   get("to-add").hidden = !told.offers.some(({ added }) => added.length);
-  if (report && !get("to-add").hidden) { get("odd").hidden = false; show3d(report.key); }
+  if (report && !get("to-add").hidden) { get("odd").hidden = false; picture(report.key); }
 }
 
 /**
