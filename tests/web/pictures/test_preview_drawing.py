@@ -33,7 +33,7 @@ def test_preview_svg_without_a_path_colours_odd_and_added_cells() -> None:
     marks = [(-y, x, z) for x, y, z in odd]
     assert marks
     assert drawn == isometric_svg(turned, size=480, odd=marks, added=[(0, 5, 0)])
-    assert "iso-odd-top" in drawn
+    assert drawn and "iso-odd-top" in drawn
 
 
 def test_tetrahedra_are_drawn_as_they_lie() -> None:

@@ -205,9 +205,9 @@ function show(told) {
   if (resizable && !options.modules) set(modules, false);
   const asked = told.asked ?? modules;
   const nearest = asked === modules ? "" : `${whole(modules)} is the closest possible count to ${whole(asked)}`;
-  get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || (onTable() ? "" : "Also possible");
   // A neighbouring count may have no path for a table: offers() shows those that were checked.
   const near = onTable() ? [] : [told.below, told.above].flatMap((n) => (n && n !== modules && n <= facts.most_modules ? [n] : []));
+  get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || (near.length ? "Also possible" : "");
   get("nearest").replaceChildren(...near.map((count) => {
     const button = element("button", { type: "button", title: "The closest count that may work" }, whole(count));
     button.onclick = () => { set(count); look(); };
@@ -281,7 +281,7 @@ function draw(key) {
 function tell3d() {
   const why = flat ? "WebGL is missing or switched off" : failed ? "The 3D view could not be loaded" : "";
   get("cover-text").textContent = why ? `${why}, so you see a drawing.` : "Starting the 3D view…";
-  get("cover-more").textContent = why ? "The numbers are still correct, and you can fold the shape." : "";
+  get("cover-more").textContent = !why ? "" : report?.has_path ? "The numbers are still correct, and you can fold the shape." : "The numbers are still correct.";
 }
 
 // To ask is to start the browser's 3D graphics, which takes a second where they are software.
