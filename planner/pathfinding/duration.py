@@ -17,8 +17,8 @@ TABLE_S: Final = 330.0
 """Seconds that ``TABLE_MODULES`` take on a table; measured: 6 minutes, and 8 for 88 with a second
 attempt (docs/decisions/0026-tables.md)."""
 TABLE_POWERS: Final = (3.5, 2.0)
-"""Powers of the number of modules with which that time grows: up to ``TABLE_MODULES``, fitted to 2 s
-of 24 modules and 29 to 62 s of 64, and beyond, where attempts end because they get stuck."""
+"""Powers of the number of modules with which that time grows: up to ``TABLE_MODULES``, fitted to
+2 s of 24 modules and 29 to 62 s of 64, and beyond, where attempts end because they get stuck."""
 
 
 def expected_seconds(

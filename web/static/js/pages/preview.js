@@ -231,6 +231,7 @@ function show(told) {
     path ? [] : onTable() ? [floating()] : repairs(feasibility),
   );
   get("trouble").hidden = path;
+  warn();
   odd(told);
   if (onTable() && !path) offers();
   const repaired = told.notes.find((note) => note.startsWith("Repaired"));
@@ -383,9 +384,7 @@ async function offers() {
   /** @type {{ offers: TableOffer[] }} */
   const told = answer?.ok ? await answer.json().catch(() => ({ offers: [] })) : { offers: [] };
   if (signal.aborted) return;
-  const long = report?.kind === "mesh" && report.modules > facts.table_modules;
-  const found = long ? `Chains of more than ${whole(facts.table_modules)} modules usually get stuck on a table.` : "";
-  get("seeking").textContent = told.offers.length ? found : answer?.ok ? "No version that folds on a table was found." : "The search for other versions failed.";
+  get("seeking").textContent = told.offers.length ? "" : answer?.ok ? "No version that folds on a table was found." : "The search for other versions failed.";
   get("repairs").prepend(...told.offers.map(offered));
   get("to-add").hidden = !told.offers.some(({ added }) => added.length);
   if (report && !get("to-add").hidden) { get("odd").hidden = false; picture(report.key); }
@@ -430,6 +429,12 @@ function floating() {
 function afresh() { options.repair = false; choose("method", "auto"); }
 
 const onTable = () => options.world === "table";
+
+// What to know before a long chain folds on a table.
+function warn() {
+  const long = onTable() && report && report.modules > facts.table_modules;
+  get("long").textContent = long ? `Chains of more than ${whole(facts.table_modules)} modules usually get stuck on a table.` : "";
+}
 
 // What there is for a fold that floats alone goes when it is to rest on a table.
 function worlds() {
