@@ -12,6 +12,14 @@ CHOOSING: Final = 8.0
 MOST_IMPROVING_S: Final = 300.0
 """What such a fold may be expected to cost more than another, at most."""
 
+TABLE_MODULES: Final = 96
+TABLE_S: Final = 330.0
+"""Seconds that ``TABLE_MODULES`` take on a table; measured: 6 minutes, and 8 for 88 with a second
+attempt (docs/decisions/0026-tables.md)."""
+TABLE_POWERS: Final = (3.5, 2.0)
+"""Powers of the number of modules with which that time grows: up to ``TABLE_MODULES``, fitted to
+2 s of 24 modules and 29 to 62 s of 64, and beyond, where attempts end because they get stuck."""
+
 
 def expected_seconds(
     modules: int, preset: str = "default", *, choosing: bool = False, world: str = FLOATING
@@ -24,10 +32,12 @@ def expected_seconds(
         modules: Of its chain.
         preset: Its parameters.
         choosing: Whether it chooses among several plans, see ``planner.pipeline.improvements``.
-        world: Where it folds; on a table runs of 12 to 64 modules were measured.
+        world: Where it folds; on a table runs of 24 to 96 modules were measured.
     """
     if world != FLOATING:
-        return 1.0 + 11.0 * (modules / 32.0) ** 2
+        below, beyond = TABLE_POWERS
+        share = modules / TABLE_MODULES
+        return 1.0 + TABLE_S * share ** (below if share < 1.0 else beyond)
     if choosing:
         plain = expected_seconds(modules, preset)
         return min(CHOOSING * plain, plain + MOST_IMPROVING_S)

@@ -18,6 +18,13 @@ stuck. Measured: tori of 88 and 96 fold there in six to eight minutes of process
 gets stuck; docs/decisions/0026-tables.md."""
 
 
+def table_warning(modules: int, world: World) -> str:
+    """Return what to know before a long chain folds on a table; empty if there is nothing."""
+    if world != "table" or modules <= MAX_TABLE_MODULES:
+        return ""
+    return f"Chains of more than {MAX_TABLE_MODULES} modules usually get stuck on a table."
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathOptions:
     """How a shape is to become a chain.

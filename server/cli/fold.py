@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from rich.table import Table
 from planner.chain.module import module_named
 from planner.cores import cores
 from planner.errors import InputError
+from planner.pathfinding.options import table_warning
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.parallel import Tries
 from planner.pipeline.request import Request
@@ -109,9 +111,11 @@ def fold(
         data, filename = read_input(shape, angles)
         make_directory(out)
         write_request(out, replace(request, filename=filename), data)
-        run_stage(STAGES[0], out)
+        read = run_stage(STAGES[0], out)
     except InputError as error:
         refuse(error, as_json)
+    if warning := table_warning(read["modules"], request.world):
+        print(warning, file=sys.stderr)
     finish(
         compute(out, workers), out, as_json, lambda _: show_choice(choice_of(out, request.prefer))
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ from rich.table import Table
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
 from planner.files import write_whole
+from planner.pathfinding.options import table_warning
 from planner.pipeline.prepare import Preparation, prepare_in_any_order
 from planner.pipeline.request import SHORT_SEED, Request
 from planner.plan.formats import write_chain, write_path
@@ -89,6 +91,8 @@ def shape(
         print(json.dumps({"status": "found" if prepared.chains else "none", **report}), flush=True)
     else:
         show(report, out)
+    if prepared.chains and (warning := table_warning(report["modules"], request.world)):
+        print(warning, file=sys.stderr)
     if not prepared.chains:
         if not as_json:
             refusal = no_path(prepared)

@@ -12,7 +12,13 @@ from fastapi.responses import HTMLResponse, Response
 
 from planner.pathfinding.options import MAX_TABLE_MODULES
 from server.api.context import context_of
-from server.files.previews import KEY, NoSuchPreviewError, Previews, read_report
+from server.files.previews import (
+    KEY,
+    NoSuchPreviewError,
+    Previews,
+    cells_of_repair,
+    read_report,
+)
 from server.http.client_address import address_of
 from server.pages.page import page, script_json
 from server.pages.problem_page import not_found_page
@@ -47,10 +53,12 @@ async def preview_page(request: Request, preview_id: str) -> Response:
 
 
 @router.get("/previews/{preview_id}/drawing.svg")
-async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -> Response:
+async def drawing_of_preview(
+    request: Request, preview_id: str, key: str = "", repair: bool = False
+) -> Response:
     """Return a drawing of the preview with the options of that key, without texts of users."""
     previews = context_of(request).previews
-    svg = await asyncio.to_thread(_drawing, previews, preview_id, key)
+    svg = await asyncio.to_thread(_drawing, previews, preview_id, key, repair=repair)
     if svg is None:
         return Response("not found", status_code=404, media_type="text/plain")
     headers = {
@@ -71,18 +79,18 @@ async def scene_of_preview(
     return Response(data, media_type=BINARY, headers={"Cache-Control": KEPT})
 
 
-def _drawing(previews: Previews, preview_id: str, key: str) -> str | None:
+def _drawing(previews: Previews, preview_id: str, key: str, *, repair: bool) -> str | None:
     if not KEY.fullmatch(key):
         return None
     try:
-        return _drawing_at(previews.place(preview_id, key))
+        return _drawing_at(previews.place(preview_id, key), repair=repair)
     except (NoSuchPreviewError, LookupError, ValueError):
         return None
 
 
 @lru_cache(maxsize=32)
-def _drawing_at(place: Path) -> str | None:
+def _drawing_at(place: Path, *, repair: bool) -> str | None:
     report = read_report(place)
     if report is None:
         raise LookupError(place)  # so that it is looked for again
-    return preview_svg(report)
+    return preview_svg(report, cells_of_repair(place) if repair else ())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from html import escape
 from typing import Final
 
@@ -27,35 +27,44 @@ TONES: Final = {
     "top": "#eceef1",
     "left": "#bcc3cc",
     "right": "#929ba7",
-    "end-top": "#5a7184",
-    "end-left": "#43586a",
-    "end-right": "#324452",
+    "odd-top": "#e05a5f",
+    "odd-left": "#c9232b",
+    "odd-right": "#a0141b",
+    "added-top": "#6c97f5",
+    "added-left": "#3b70ec",
+    "added-right": "#2350c4",
 }
 SIDES: Final = ("left", "right", "top")
 
 
 def isometric_svg(
-    cells: ArrayLike, *, size: int = 320, title: str | None = None, mark_ends: bool = False
+    cells: ArrayLike,
+    *,
+    size: int = 320,
+    title: str | None = None,
+    odd: Collection[Cell] = (),
+    added: Collection[Cell] = (),
 ) -> str:
     """Draws cells as cubes seen from (1, 1, 1), z upward.
 
     Args:
-        cells: (n, 3) whole numbers, in the order of the chain.
+        cells: (n, 3) whole numbers.
         size: Width and height in CSS pixels; the drawing scales.
         title: What a screen reader says; without one the drawing counts as decoration.
-        mark_ends: Whether the first and the last cell are darker than the others.
+        odd: Cells that prevent a path; they are red.
+        added: Further cells that a repair adds; they are blue.
 
     Returns:
         One ``<svg>`` element, with a class ``iso-…`` on each tone.
     """
     order: list[Cell] = [(x, y, z) for x, y, z in np.asarray(cells, dtype=np.int64).tolist()]
-    ends = {order[0], order[-1]} if mark_ends and order else set[Cell]()
+    marks = dict.fromkeys(odd, "odd-") | dict.fromkeys(added, "added-")
     layers: dict[int, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     corners: list[Point] = []
-    for cell, axis in _visible_faces(order):
+    for cell, axis in _visible_faces([*order, *added]):
         paths = layers[sum(cell)]
         paths["gap"].append(_face_path(cell, axis, 1.0, corners))
-        tone = f"end-{SIDES[axis]}" if cell in ends else SIDES[axis]
+        tone = marks.get(cell, "") + SIDES[axis]
         paths[tone].append(_face_path(cell, axis, MODULE_SIZE - ROUNDING, []))
     # Cells of one layer, those with the same x + y + z, never hide one another.
     drawn = "".join(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain.module import CUBE, module_named
 from planner.chain.rotations import matrix_from_wxyz
-from web.pictures.isometric import isometric_svg
+from web.pictures.isometric import Cell, isometric_svg
 from web.pictures.isometric_modules import modules_svg
 
 LARGEST_DRAWING: Final = 20_000
@@ -23,11 +23,14 @@ QUARTER_TURN: Final[NDArray[np.int64]] = np.array([[0, -1, 0], [1, 0, 0], [0, 0,
 """Drawings are seen from where x and y are positive, the 3D view from where only x is."""
 
 
-def preview_svg(report: Mapping[str, Any]) -> str | None:
+def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) -> str | None:
     """Draws the modules of a preview's report, or its cells where there is no chain.
+
+    Without a path, the cells that prevent it are red, as in the 3D view.
 
     Args:
         report: As ``planner.pipeline.prepare.Preparation.report`` gives it.
+        added: Cells that an offered repair adds, to draw in blue.
 
     Returns:
         None when there is nothing to draw, or too much.
@@ -43,4 +46,11 @@ def preview_svg(report: Mapping[str, Any]) -> str | None:
     cells = np.asarray(report["cells"], dtype=np.int64).reshape(-1, 3)
     if not 0 < len(cells) <= LARGEST_DRAWING:
         return None
-    return isometric_svg(cells @ QUARTER_TURN.T, size=SIZE)
+    state = {} if report.get("has_path") else report.get("feasibility") or {}
+    odd = [cell for problem in state.get("problems", ()) for cell in problem["cells"]]
+    return isometric_svg(cells @ QUARTER_TURN.T, size=SIZE, odd=_turned(odd), added=_turned(added))
+
+
+def _turned(cells: Iterable[Sequence[int]]) -> set[Cell]:
+    """Return cells as drawings see them."""
+    return {(-y, x, z) for x, y, z in cells}

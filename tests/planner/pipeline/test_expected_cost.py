@@ -20,6 +20,11 @@ MEASURED = [  # processor seconds of whole folds, and of explosions as published
     (1000, {"settings": "simulated_modules=2000,robots=1"}, 18.3),
     (64, PAPER, 19.0),
     (160, PAPER, 65.0),
+    # On a table: docs/decisions/0026-tables.md
+    (24, {"world": "table"}, 2.0),
+    (64, {"world": "table"}, 62.0),
+    (88, {"world": "table"}, 478.0),
+    (96, {"world": "table"}, 355.0),
 ]
 ENDLESS = [
     (1000, {**PAPER, "settings": "step_s=0.0001,radial_gain=0.001,repulsion_gain=0.001"}),

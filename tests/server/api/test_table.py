@@ -204,6 +204,10 @@ def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(desk: Serv
     scene = f"/previews/{none['id']}/scene/{none['key']}"
     plain, repair = (desk.http.get(scene + more).content for more in ("", "?repair=true"))
     assert b"/added" in repair and b"/added" not in plain
+    drawing = f"/previews/{none['id']}/drawing.svg?key={none['key']}"
+    plain, repair = (desk.http.get(drawing + more).text for more in ("", "&repair=true"))
+    assert "iso-odd-top" in plain
+    assert "iso-added-top" in repair and "iso-added-top" not in plain
     assert desk.http.post("/api/shapes/offers", data={**same, **change}).json() == {"offers": []}
     missing = desk.http.post("/api/shapes/offers", data={**same, "preview": "0" * 20})
     assert missing.status_code == 404

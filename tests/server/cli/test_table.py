@@ -48,6 +48,16 @@ def test_shape_without_a_path_for_a_table_lists_versions_that_have_one(tmp_path:
     assert len(json.loads(out.read_bytes())["cells"]) == 9
 
 
+@pytest.mark.parametrize(("length", "warned"), [(96, False), (97, True)])
+def test_shape_of_a_long_path_for_a_table_warns(tmp_path: Path, length: int, warned: bool) -> None:
+    row, out = tmp_path / "row.json", tmp_path / "path.json"
+    row.write_text(json.dumps([[x, 0, 0] for x in range(length)]))
+    asked = ("shape", str(row), "--world", "table", "--out", str(out))
+    done = CliRunner().invoke(application(), asked, prog_name="foldback")
+    assert done.exit_code == 0, done.output
+    assert ("usually get stuck on a table" in done.stderr) == warned
+
+
 @pytest.fixture
 def plan(tmp_path: Path) -> Path:
     chain = line(6)

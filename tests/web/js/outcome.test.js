@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Advance, queueWords } from "../../../web/static/js/panels/advance.js";
-import { announcementOf, headingOf, titleOf } from "../../../web/static/js/panels/outcome.js";
+import { Outcome, announcementOf, headingOf, titleOf } from "../../../web/static/js/panels/outcome.js";
 
 const facts = (tone) => ({ name: "torus", verdict: { tone, text: "" } });
 
@@ -68,4 +68,29 @@ test("name_while_a_plan_is_smoothed_is_never_exploding", () => {
   assert.equal(names[1], "Smoothing");
   assert.notEqual(names[2], "Smoothing");
   assert.equal(names[3], "Exploding");
+});
+
+test("notification_is_asked_for_on_a_click_only_and_shown_once_in_a_hidden_tab", async () => {
+  const parts = {};
+  let asked = 0;
+  const sent = [];
+  class Notification {
+    static permission = "default";
+    static requestPermission() { asked += 1; return Promise.resolve("granted"); }
+    constructor(title, { tag }) { sent.push([title, tag]); }
+  }
+  Object.assign(globalThis, { Notification, window: { Notification, focus() {} }, document: {
+    hidden: true, title: "", getElementById: (id) => (parts[id] ??= { classList: { add() {} } }),
+  } });
+  const outcome = new Outcome(() => {});
+  const over = { ...facts("good"), id: "abc" };
+  outcome.end(over);
+  assert.deepEqual([asked, sent], [0, []]); // nobody asked for one
+  await parts.notify.onclick();
+  assert.deepEqual([asked, sent], [1, []]);
+  outcome.end(over);
+  assert.deepEqual(sent, [["✓ torus", "abc"]]);
+  document.hidden = false;
+  outcome.end(over);
+  assert.equal(sent.length, 1);
 });

@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { Place } from "../../../web/static/js/player/address.js";
 import { Playhead } from "../../../web/static/js/player/playhead.js";
 import { Story } from "../../../web/static/js/player/story.js";
 
@@ -147,4 +148,12 @@ test("story_calm_shows_the_first_frame_and_the_finished_shape_at_the_verdict", (
 test("story_of_a_fold_that_is_over_tells_nothing", () => {
   const { playhead, story } = told({ playback: 200, growing: false, over: true });
   assert.deepEqual([story.telling, playhead.is.playing], [false, false]);
+});
+
+test("story_of_a_page_that_asks_for_no_autoplay_does_not_start", () => {
+  const { send, pass, playhead, story } = told();
+  Object.assign(globalThis, { addEventListener() {}, location: { hash: "", search: "?autoplay=0" } });
+  new Place({ player: { on() {}, send }, view: () => null, colour() {}, path() {} }, false).go();
+  assert.equal(pass(3), 0);
+  assert.ok(!playhead.is.playing && !story.telling);
 });

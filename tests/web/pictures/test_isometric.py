@@ -61,10 +61,11 @@ def test_everything_lies_within_the_view() -> None:
             assert top <= float(y) <= top + height
 
 
-def test_ends_are_marked_when_asked_for() -> None:
+def test_isometric_odd_and_added_cells_have_colours_of_their_own() -> None:
     cells = [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
-    assert faces(drawing(cells), "end-top") == 0
-    assert faces(drawing(cells, mark_ends=True), "end-top") == 2
+    assert faces(drawing(cells), "odd-top") == 0
+    root = drawing(cells, odd=[(1, 0, 0)], added=[(3, 0, 0)])
+    assert [faces(root, tone) for tone in ("top", "odd-top", "added-top")] == [2, 1, 1]
 
 
 def test_a_title_is_escaped_and_named_and_its_absence_is_decoration() -> None:

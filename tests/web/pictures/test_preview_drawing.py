@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from web.pictures.preview_drawing import LARGEST_DRAWING, preview_svg
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
 
 
-def report(cells: list[list[int]], module: str = "cube") -> dict[str, object]:
+def report(cells: list[list[int]], module: str = "cube") -> dict[str, Any]:
     data = json.dumps({"format": "foldback-voxels/1", "cells": cells}).encode()
     return prepare(data, None, PathOptions(module=module)).report()
 
@@ -23,10 +24,16 @@ def test_cells_are_drawn_from_where_the_3d_view_looks() -> None:
     assert drawn == isometric_svg([[0, 0, 0], [0, 1, 0], [0, 0, 1]], size=480)
 
 
-def test_cells_without_a_path_are_drawn_as_well() -> None:
+def test_preview_svg_without_a_path_colours_odd_and_added_cells() -> None:
     found = report(CROSS)
     assert not found["has_path"]
-    assert "iso-top" in (preview_svg(found) or "")
+    odd = [cell for problem in found["feasibility"]["problems"] for cell in problem["cells"]]
+    drawn = preview_svg(found, [[5, 0, 0]])
+    turned = np.array(found["cells"]) @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
+    marks = [(-y, x, z) for x, y, z in odd]
+    assert marks
+    assert drawn == isometric_svg(turned, size=480, odd=marks, added=[(0, 5, 0)])
+    assert drawn and "iso-odd-top" in drawn
 
 
 def test_tetrahedra_are_drawn_as_they_lie() -> None:

@@ -205,9 +205,9 @@ function show(told) {
   if (resizable && !options.modules) set(modules, false);
   const asked = told.asked ?? modules;
   const nearest = asked === modules ? "" : `${whole(modules)} is the closest possible count to ${whole(asked)}`;
-  get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || (onTable() ? "" : "Also possible");
   // A neighbouring count may have no path for a table: offers() shows those that were checked.
   const near = onTable() ? [] : [told.below, told.above].flatMap((n) => (n && n !== modules && n <= facts.most_modules ? [n] : []));
+  get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || (near.length ? "Also possible" : "");
   get("nearest").replaceChildren(...near.map((count) => {
     const button = element("button", { type: "button", title: "The closest count that may work" }, whole(count));
     button.onclick = () => { set(count); look(); };
@@ -231,6 +231,7 @@ function show(told) {
     path ? [] : onTable() ? [floating()] : repairs(feasibility),
   );
   get("trouble").hidden = path;
+  warn();
   odd(told);
   if (onTable() && !path) offers();
   const repaired = told.notes.find((note) => note.startsWith("Repaired"));
@@ -252,8 +253,13 @@ function show(told) {
   for (const button of layers) {
     button.hidden = (button.dataset.layer === "solid" && !resizable) || (button.dataset.layer === "path" && !path);
   }
-  show3d(told.key);
-  if (!viewing) draw(told.key);
+  picture(told.key);
+}
+
+/** @param {string} key */
+function picture(key) {
+  show3d(key);
+  if (!viewing) draw(key);
 }
 
 // A drawing stands for the 3D view until that is there, or instead of it.
@@ -270,13 +276,13 @@ function draw(key) {
     setTimeout(start3d, DRAW_MS);
   };
   drawing.onerror = () => { drawing.hidden = true; tell3d(); start3d(); };
-  drawing.src = `/previews/${facts.id}/drawing.svg?key=${key}`;
+  drawing.src = `/previews/${facts.id}/drawing.svg?key=${key}${get("to-add").hidden ? "" : "&repair=true"}`;
 }
 
 function tell3d() {
   const why = flat ? "WebGL is missing or switched off" : failed ? "The 3D view could not be loaded" : "";
   get("cover-text").textContent = why ? `${why}, so you see a drawing.` : "Starting the 3D view…";
-  get("cover-more").textContent = why ? "The numbers are still correct, and you can fold the shape." : "";
+  get("cover-more").textContent = !why ? "" : report?.has_path ? "The numbers are still correct, and you can fold the shape." : "The numbers are still correct.";
 }
 
 // To ask is to start the browser's 3D graphics, which takes a second where they are software.
@@ -378,12 +384,10 @@ async function offers() {
   /** @type {{ offers: TableOffer[] }} */
   const told = answer?.ok ? await answer.json().catch(() => ({ offers: [] })) : { offers: [] };
   if (signal.aborted) return;
-  const long = report?.kind === "mesh" && report.modules > facts.table_modules;
-  const found = long ? `Chains of more than ${whole(facts.table_modules)} modules usually get stuck on a table.` : "";
-  get("seeking").textContent = told.offers.length ? found : answer?.ok ? "No version that folds on a table was found." : "The search for other versions failed.";
+  get("seeking").textContent = told.offers.length ? "" : answer?.ok ? "No version that folds on a table was found." : "The search for other versions failed.";
   get("repairs").prepend(...told.offers.map(offered));
   get("to-add").hidden = !told.offers.some(({ added }) => added.length);
-  if (report && !get("to-add").hidden) { get("odd").hidden = false; show3d(report.key); }
+  if (report && !get("to-add").hidden) { get("odd").hidden = false; picture(report.key); }
 }
 
 /**
@@ -425,6 +429,12 @@ function floating() {
 function afresh() { options.repair = false; choose("method", "auto"); }
 
 const onTable = () => options.world === "table";
+
+// What to know before a long chain folds on a table.
+function warn() {
+  const long = onTable() && report && report.modules > facts.table_modules;
+  get("long").textContent = long ? `Chains of more than ${whole(facts.table_modules)} modules usually get stuck on a table.` : "";
+}
 
 // What there is for a fold that floats alone goes when it is to rest on a table.
 function worlds() {

@@ -25,7 +25,7 @@ function onTable({ text, rows, assumptions, servos, named }) {
       element("ul", {}, ...assumptions.map((said) => element("li", {}, said)))),
     listed(rows.map(([label, value]) => ({ label, value }))),
     servos ? element("p", { class: "hint" }, servos) : null, links.length ? element("ul", { class: "servos" }, ...links) : null,
-    servos ? element("p", { class: "hint" }, `${links.length ? "Each link leads to the maker's figures. " : ""}For other pitches and materials, run the command \`foldback servos\`.`) : null);
+    links.length ? element("p", { class: "hint" }, "Each link leads to the maker's figures.") : null);
 }
 
 export class Drawer {
