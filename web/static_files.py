@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import cache
+from hashlib import sha256
 from pathlib import Path, PurePosixPath
 from posixpath import normpath
 from typing import Final
@@ -23,6 +24,8 @@ def text_of(name: str) -> str:
     return (STATIC / name).read_text(encoding="utf-8")
 
 
+VERSIONED: Final = "version"
+"""Folder in addresses before the version of the scripts."""
 COMMENT: Final = re.compile(
     r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n", re.MULTILINE | re.DOTALL
 )
@@ -32,6 +35,19 @@ COMMENT: Final = re.compile(
 def code_of(name: str) -> str:
     """A script without its comments, a quarter of it, which no browser needs."""
     return COMMENT.sub("", text_of(name))
+
+
+@cache
+def scripts_version() -> str:
+    """Return the digest of all scripts, which is part of the addresses under which pages load them.
+
+    Modules import each other by relative addresses, so that all of a page have the same version.
+    """
+    digest = sha256()
+    for path in sorted((STATIC / "js").rglob("*.js")):
+        name = path.relative_to(STATIC).as_posix()
+        digest.update(f"{name}\n{code_of(name)}".encode())
+    return digest.hexdigest()[:12]
 
 
 def imported(name: str, address: str) -> str:

@@ -15,6 +15,7 @@ from planner.errors import InputError
 from planner.pathfinding.knots import Knot, knot_of
 from planner.pathfinding.options import PathOptions
 from planner.pathfinding.starts import started
+from planner.plan.prepared import PreparedChains
 from planner.readers import read
 from planner.shapes.shape import Shape
 
@@ -34,6 +35,8 @@ TABLE_REMEDY: Final = (
 )
 """What helps a shape without a path for a table."""
 SEARCH_S: Final = 20.0
+UNTIMED: Final = ("blocks", "snake", "assembly")
+"""Methods whose result depends on no clock (``planner.pathfinding.candidates``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,6 +98,26 @@ class Preparation:
         what = "no path for a table" if on_table else "no path"
         got = f"{what} through these cells was found{': ' * bool(why)}{why or '.'}"
         raise InputError("no-path", got + remedy)
+
+    @property
+    def repeatable(self) -> bool:
+        """True if a search with another time limit finds the same chains."""
+        return bool(self.chains) and not self.not_started and self.method in UNTIMED
+
+    def prepared(self) -> PreparedChains:
+        """Return the chains and how they were found.
+
+        Raises:
+            InputError: If there is no chain, as ``chain``.
+        """
+        _ = self.chain
+        return PreparedChains(
+            kind=self.kind,
+            method=self.method,
+            notes=self.notes,
+            knot=None if self.knot is None else self.knot.verdict,
+            chains=self.chains,
+        )
 
     def report(self, *, full: bool = True) -> dict[str, Any]:
         """Everything a page shows of it, as plain JSON values; its mesh only when ``full``."""

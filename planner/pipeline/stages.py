@@ -61,7 +61,9 @@ from planner.pipeline.fold_directory import (
 from planner.pipeline.parallel import Tries
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.prepare import prepare
-from planner.pipeline.request import SHORT_SEED
+from planner.pipeline.request import SHORT_SEED, Request
+from planner.plan.prepared import FILE as PREPARED
+from planner.plan.prepared import PreparedChains, key_of
 from planner.playback.playback import Playback, play_back
 from planner.playback.table_playback import play_on_table
 from planner.playback.unfolding import check_fits
@@ -170,13 +172,9 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
         only = Candidates((plan.chain,), two_ended=False)
         return _noted(directory, only, kind="plan", method=None, notes=[], knot=None)
     (directory / RECORDED_PLAN).unlink(missing_ok=True)  # of an earlier fold with a wish
-    prepared = prepare(
-        (directory / "input").read_bytes(),
-        request.filename,
-        request.path_options(),
-        seed=request.seed % SHORT_SEED,
-    )
-    chain, chains = prepared.chain, prepared.chains
+    prepared = _prepared(directory, request)
+    chains = prepared.chains
+    chain = chains[0]
     start = read_start(directory, request)
     if start is not None:
         check_fits(start, chain.module.name, len(chain))
@@ -187,14 +185,24 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
     # A chain comes as it is wanted; what only shows cells may as well begin at their other end.
     told = prepared.kind == "chain" or request.start is not None or request.refold
     told = told or request.world == "table"  # whose path begins on it
-    return _noted(
+    result = _noted(
         directory,
         Candidates(chains, two_ended=not told and on_lattice(chain)),
         kind=prepared.kind,
         method=prepared.method,
         notes=list(prepared.notes),
-        knot=None if prepared.knot is None else prepared.knot.verdict,
+        knot=prepared.knot,
     )
+    (directory / PREPARED).unlink(missing_ok=True)
+    return result
+
+
+def _prepared(directory: FilePath, request: Request) -> PreparedChains:
+    """Return the chains that the preview has stored, or else search for them."""
+    data, options = (directory / "input").read_bytes(), request.path_options()
+    seed = request.seed % SHORT_SEED
+    stored = PreparedChains.load(directory, key_of(data, request.filename, options, seed))
+    return stored or prepare(data, request.filename, options, seed=seed).prepared()
 
 
 def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str, Any]:

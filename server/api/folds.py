@@ -239,7 +239,9 @@ def post_fold(
             "smooth-or-refold", "got the form fields 'smooth' and 'refold', expected one."
         )
     with source:
-        cells = _previewed(context, preview, replace(options, seed=seed))
+        previewed = replace(options, seed=seed)
+        cells = _previewed(context, preview, previewed)
+        prepared = None if preview is None else context.previews.prepared(preview, previewed)
         again = smooth if fold is None else fold
         row = None
         if again is not None:
@@ -279,6 +281,7 @@ def post_fold(
                     token=token_of(credentials) or new_token(),
                     options=options,
                     cells=cells,
+                    prepared=prepared,
                     beginning=beginning,
                     strategy=strategy,
                     prefer=prefer,

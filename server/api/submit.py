@@ -19,6 +19,7 @@ from planner.parameters.parameters import AUTO
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import Request
+from planner.plan.prepared import FILE as PREPARED
 from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
 from server.api.context import Context
@@ -51,6 +52,8 @@ class Submission:
     options: ShapeOptions = field(default_factory=ShapeOptions)
     cells: list[list[int]] | None = None
     """For a drawing until there is a chain; those that a preview has found."""
+    prepared: Path | None = None
+    """File of the chains that a preview has found."""
     beginning: BaseFold | None = None
     strategy: str = AUTO
     prefer: Preference = COMPUTING
@@ -322,9 +325,12 @@ def _write(directory: Path, submission: Submission) -> None:
 
 
 def _note(directory: Path, submission: Submission) -> None:
-    """Keeps the cells that a preview has found for the page's first drawing of the fold."""
+    """Store what a preview has found: cells for the page's first drawing, and chains."""
     if submission.cells and len(submission.cells) <= LARGEST_DRAWING:
         (directory / "cells.json").write_text(json.dumps(submission.cells))
+    if submission.prepared is not None:
+        with contextlib.suppress(FileNotFoundError):  # the preview was just deleted
+            shutil.copyfile(submission.prepared, directory / PREPARED)
 
 
 def _read(context: Context, directory: Path, beginning: BaseFold | None, visitor: str) -> _Found:

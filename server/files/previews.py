@@ -22,6 +22,7 @@ from typing import Any, BinaryIO, Final
 
 from planner.chain.module import CUBE
 from planner.errors import InputError
+from planner.plan.prepared import FILE as PREPARED
 from server.errors import (
     NoSuch,
     ServiceError,
@@ -335,6 +336,15 @@ class Previews:
         """
         report = read_report(self.place(preview_id, options.key))
         return report["cells"] if report is not None and report["module"] == CUBE.name else None
+
+    def prepared(self, preview_id: str, options: ShapeOptions) -> Path | None:
+        """Return the file of the chains that came of an upload with these options, if there is one.
+
+        Raises:
+            NoSuchPreviewError: If there is no such upload.
+        """
+        path = self.place(preview_id, options.key) / PREPARED
+        return path if path.is_file() else None
 
     def _sweep_soon(self, coming: int = 0) -> None:
         """Sweep in a thread of its own if that is due; no request waits for it.

@@ -26,6 +26,7 @@ from planner.robot import MOST_ANGLES
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words
+from server.jobs.progress import STAGES
 from server.messages import message_for_people
 from server.pages import certificate_words
 from server.pages.certificate_words import TableTold
@@ -264,6 +265,10 @@ def _verdict(
         return {"tone": "bad", "text": " · ".join(p for p in parts if p)}
     if row.status == "cancelled":
         return {"tone": "off", "text": "Cancelled before it finished"}
+    if row.status == "running" and row.stage == STAGES[-1]:  # its plan is checked
+        told = certificate_words.headline(certificate)
+        if told.startswith("verified"):
+            return {"tone": "good", "text": " · ".join(p for p in (sentence(told), modules) if p)}
     word = "In the queue" if row.status == "queued" else "Computing"
     return {"tone": "busy", "text": " · ".join(p for p in (word, modules) if p)}
 

@@ -17,7 +17,7 @@ from markupsafe import Markup
 from server.http.security import LISTED
 from server.pages.choice_words import PREFERENCE_WORDS
 from server.pages.setting_words import ROWS, SOURCES, TABLE_ROWS
-from web.static_files import code_of, scripts_of, text_of
+from web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
 
 THEME: Final = "js/theme.js"
 """The one script that stands in pages: it runs before anything is painted."""
@@ -56,10 +56,16 @@ def theme_script() -> Markup:
 
 
 @cache
+def script_addresses(page_name: str) -> tuple[str, ...]:
+    """Return the addresses of a page's entry module and of all that it imports at once."""
+    names = scripts_of(f"js/pages/{page_name}.js", later=False)
+    return tuple(f"/static/{VERSIONED}/{scripts_version()}/{name}" for name in names)
+
+
+@cache
 def entry(page_name: str) -> Markup:
     """The entry module of a page, and all that it needs at once, to be fetched at the same time."""
-    names = scripts_of(f"js/pages/{page_name}.js", later=False)
-    first, *others = (f"/static/{name}" for name in names)
+    first, *others = script_addresses(page_name)
     preloads = (Markup('<link rel="modulepreload" href="{}">').format(name) for name in others)
     script = Markup('<script type="module" src="{}"></script>').format(first)
     return Markup("").join((*preloads, script))

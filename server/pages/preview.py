@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -20,7 +20,7 @@ from server.files.previews import (
     read_report,
 )
 from server.http.client_address import address_of
-from server.pages.page import page, script_json
+from server.pages.page import page, script_addresses, script_json
 from server.pages.problem_page import not_found_page
 from server.store.shown import shown_name
 from web.pictures.preview_drawing import preview_svg
@@ -48,8 +48,16 @@ async def preview_page(request: Request, preview_id: str) -> Response:
         "name": name,
         "most_modules": context.settings.max_modules,
         "table_modules": MAX_TABLE_MODULES,
+        "next_scripts": _next_scripts(),
     }
     return page("preview.html", facts=facts, facts_json=script_json(facts))
+
+
+@cache
+def _next_scripts() -> list[str]:
+    """Return the addresses of the scripts of a fold's page that a preview's page has not loaded."""
+    loaded = script_addresses("preview")
+    return [address for address in script_addresses("fold") if address not in loaded]
 
 
 @router.get("/previews/{preview_id}/drawing.svg")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import mimetypes
+import re
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -14,10 +15,12 @@ from fastapi.responses import JSONResponse, Response
 
 from server.http.compression import Asset
 from server.http.security import LISTED
-from web.static_files import STATIC, code_of
+from web.static_files import STATIC, VERSIONED, code_of, scripts_version
 
 router = APIRouter(include_in_schema=False)
 
+IMMUTABLE: Final = "public, max-age=31536000, immutable"
+"""Value of `Cache-Control` for what never changes under its address (RFC 8246)."""
 SWAGGER: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
 """Files of the package ``fastapi_offline``, served from here."""
 
@@ -67,11 +70,20 @@ async def manifest() -> Response:
 
 @router.get("/static/{name:path}")
 async def static_file(request: Request, name: str) -> Response:
-    """Return a style sheet, a script or a picture."""
+    """Return a style sheet, a script or a picture.
+
+    Browsers keep a script with its version in the address. If the version is another one, as on a
+    page that was opened before an update, they get the present script and ask again next time.
+    """
+    headers = dict(LISTED)
+    if (versioned := re.fullmatch(rf"{VERSIONED}/([0-9a-f]+)/(js/.+\.js)", name)) is not None:
+        name = versioned[2]
+        if versioned[1] == scripts_version():
+            headers["Cache-Control"] = IMMUTABLE
     found = _static(name) if name in _paths() else None
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")
-    return found.response(request, LISTED)
+    return found.response(request, headers)
 
 
 def etag_response(

@@ -134,6 +134,7 @@ def preview(directory: Path) -> dict[str, Any]:
         InputError: When the input above it can't be used.
     """
     from planner.pipeline.prepare import prepare_in_any_order
+    from planner.plan.prepared import key_of
 
     request = json.loads((directory / "request.json").read_bytes())
     data = (directory.parent / "input").read_bytes()
@@ -146,6 +147,9 @@ def preview(directory: Path) -> dict[str, Any]:
         time_limit_s=request["time_limit_s"],
         searching=request["path"],
     )
+    if made.options == options and made.repeatable:  # a fold reads its input in this way alone
+        key = key_of(data, request["filename"], options, request["seed"])
+        made.prepared().save(directory, key)
     write_json(directory / "report.json", made.report())
     return {"kind": made.kind}
 

@@ -299,3 +299,17 @@ def test_properties_of_a_real_fold_are_fit_to_read(
         assert row["label"][0].isupper()
         if row["label"] not in ("Verdict", "Linked modules"):
             assert not re.search(r"\d\.\d{7}|e[-+]\d|[\[(]", row["value"]), row
+
+
+def test_facts_of_a_running_fold_tell_the_verdict_of_a_checked_plan(tmp_path: Path) -> None:
+    checked = {"verdict": "verified (simulated)", "simulated": True, "robots": []}
+    (tmp_path / "certificate.json").write_text(json.dumps(checked))
+    told = {
+        stage: fold_facts(found(tmp_path, 0, status="running", stage=stage))["verdict"]
+        for stage in ("certify", "export")
+    }
+    assert told["certify"] == {"tone": "busy", "text": "Computing · 16 modules"}
+    assert told["export"] == {"tone": "good", "text": "Verified (simulated) · 16 modules"}
+    (tmp_path / "certificate.json").write_text('{"verdict": "failed: modules overlap"}')
+    refused = fold_facts(found(tmp_path, 0, status="running", stage="export"))
+    assert refused["verdict"]["tone"] == "busy"

@@ -13,7 +13,10 @@ from fastapi import FastAPI
 
 from server.http.compression import Asset
 from server.pages import same_for_all, static
+from server.pages.page import script_addresses
+from server.pages.static import IMMUTABLE
 from tests.server.service import SNAKE, Service, bearer
+from web.static_files import VERSIONED, scripts_version
 
 
 def get(path: str, **headers: str) -> httpx.Response:
@@ -62,6 +65,16 @@ def test_scripts_and_styles_are_sent_packed_to_who_takes_them_so() -> None:
         asked = {"Accept-Encoding": "gzip", "If-None-Match": tags[1]}
         assert get(path, **asked).status_code == 304
         assert get(path, **{**asked, "If-None-Match": tags[0]}).status_code == 200
+
+
+def test_scripts_with_their_version_in_the_address_are_kept_by_browsers() -> None:
+    address, *_ = script_addresses("fold")
+    kept = get(address)
+    assert kept.headers["cache-control"] == IMMUTABLE
+    earlier = get(address.replace(scripts_version(), "0123456789ab"))
+    assert (earlier.content, earlier.headers["cache-control"]) == (kept.content, "no-cache")
+    for name in ("css/fold.css", "js/no-such.js"):
+        assert get(f"/static/{VERSIONED}/{scripts_version()}/{name}").status_code == 404
 
 
 def test_what_would_not_shrink_is_sent_as_it_is() -> None:

@@ -1,5 +1,5 @@
 import assert from "node:assert/strict";
-import { beforeEach, test } from "node:test";
+import { beforeEach, mock, test } from "node:test";
 import { distanceNeeded } from "../../../web/static/js/viewer/camera.js";
 import { clearestSight } from "../../../web/static/js/viewer/viewpoint.js";
 import { Whole } from "../../../web/static/js/player/frames.js";
@@ -51,6 +51,29 @@ test("a frame that is sought is shown, and told of", async () => {
   assert.ok(player.send({ do: "seek", percent: 0 }));
   assert.deepEqual([heard.state.frame, heard.state.phase, heard.state.error_rad], [0, "explosion", null]);
   assert.equal(player.send({ do: "dance" }), false);
+});
+
+test("a motion that plays pauses between two pictures; a visitor who turns the view does not wait", async () => {
+  mock.timers.enable({ apis: ["setTimeout"] });
+  try {
+    const { player } = await shown({ pauseMs: () => 1e6 });
+    const turn = () => { player.send({ do: "orbit", turn: [0.1, 0] }); draw(1); };
+    player.send({ do: "play" });
+    turn();
+    const { frame } = player.shown;
+    draw(5);
+    assert.equal(player.shown.frame, frame);
+    turn();
+    assert.ok(player.shown.frame > frame);
+    const { frame: later } = player.shown;
+    draw(5);
+    assert.equal(player.shown.frame, later);
+    mock.timers.tick(1e6);
+    draw(1);
+    assert.ok(player.shown.frame > later);
+  } finally {
+    mock.timers.reset();
+  }
 });
 
 test("what is asked for while a timeline that is begun anew is fetched is done once it is there", async () => {

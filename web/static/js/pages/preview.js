@@ -5,7 +5,7 @@ import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL } from "../viewer/scene.js";
 import { UNREACHABLE, duration, element, get, later, refusal, sentence, whole } from "../lib/text.js";
 
-/** @type {{ id: string, most_modules: number, table_modules: number }} */
+/** @type {{ id: string, most_modules: number, table_modules: number, next_scripts: string[] }} */
 const facts = JSON.parse(get("facts").textContent);
 const layers = /** @type {HTMLElement[]} */ ([...get("layers").children]);
 const LEAST = 8;
@@ -526,8 +526,15 @@ for (const button of layers) {
   };
 }
 
+// Loads the scripts of the fold's page for a visitor who is about to ask for a fold.
+function loadAhead() {
+  document.head.append(...facts.next_scripts.splice(0).map((href) => element("link", { rel: "prefetch", as: "script", href })));
+}
+for (const name of ["pointerenter", "focus"]) get("fold").addEventListener(name, loadAhead, { once: true });
+
 get("fold").onclick = async () => {
   if (!report) return;
+  loadAhead();
   const button = get("fold");
   button.disabled = true;
   button.textContent = "Sending…";

@@ -12,6 +12,7 @@ const CANCEL_MS = 10000;
 const READY = "getting ready";
 const COMPILING = "compiling"; // as planner/progress.py says
 const NARROW = "(max-width: 640px)"; // there all of it would take a second line
+const WRITING = "export"; // the stage after the check of a plan
 const OVER = ["verified", "failed", "cancelled"];
 
 export class Progress {
@@ -33,6 +34,9 @@ export class Progress {
     this.pollTimer = null;
     /** @type {ProgressTold | null} */
     this.now = null;
+    /** @type {Facts["verdict"] | null} */
+    this.verdict = null; // known before the files of the plan are written
+    this.asking = false;
     this.listen();
     get("cancel").onclick = () => this.cancel();
   }
@@ -76,6 +80,8 @@ export class Progress {
     if (OVER.includes(now.status)) return; // the verdict follows
     const { advance } = this;
     if (now.status === "running") advance.note(now);
+    if (now.status === "running" && now.stage === WRITING) this.checked();
+    else this.verdict = null;
     this.onProgress(now.status === "running" ? { ...now, fraction: advance.fraction } : now, advance.name());
     const compiling = now.message === COMPILING ? { fraction: now.fraction ?? 0, remaining_s: null } : null;
     const preparing = now.preparing ?? compiling;
@@ -105,10 +111,22 @@ export class Progress {
     showPreparing(preparing);
   }
 
+  // The plan has been checked: say the verdict while its files are written.
+  async checked() {
+    if (this.verdict || this.asking) return;
+    this.asking = true;
+    const told = await fetch(`/folds/${this.facts.id}/facts`).then((answer) => (answer.ok ? answer.json() : null), () => null);
+    this.asking = false;
+    if (!told?.running || told.verdict.tone !== "good" || get("progress").hidden) return;
+    this.verdict = told.verdict;
+    if (this.now) this.show(this.now);
+  }
+
   /** @param {string} text */
   say(text) {
-    get("verdict").dataset.tone = "busy";
-    get("verdict").textContent = text;
+    const { tone, text: words } = this.verdict ?? { tone: "busy", text };
+    get("verdict").dataset.tone = tone;
+    get("verdict").textContent = words;
     if (!get("cover").classList.contains("gone")) get("cover-text").textContent = text;
   }
 

@@ -36,11 +36,13 @@ export class Player extends Emitter {
   // move, the camera is where a frame that is sought asks for it at once.
   /**
    * @param {Timeline} timeline
-   * @param {{ stage?: Stage | null, standIn?: import("../viewer/stage.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean }} shownOn
+   * @param {{ stage?: Stage | null, standIn?: import("../viewer/stage.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean, pauseMs?: () => number }} shownOn
+   *   `pauseMs` is the minimum time between two pictures of a motion that plays by itself
    */
-  constructor(timeline, { stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false }) {
+  constructor(timeline, { stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false, pauseMs = () => 0 }) {
     super();
     this.timeline = timeline;
+    this.pauseMs = pauseMs;
     this.stage = stage;
     this.sketch = sketch;
     this.standIn = standIn;
@@ -67,6 +69,9 @@ export class Player extends Emitter {
     /** @type {number | null} */
     this.clock = null;
     this.due = false;
+    this.tickedMs = 0; // time of the last tick
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.pause = undefined; // before the next tick
     this.gliding = false;
     this.changed = false;
     /** @type {Command[]} */
@@ -170,6 +175,7 @@ export class Player extends Emitter {
       rig.orbit(message, shown);
     }
     this.show(true);
+    this.wake(true);
     this.tell("camera", message);
     return true;
   }
@@ -244,11 +250,18 @@ export class Player extends Emitter {
     return this.changed || this.gliding || this.timeline.standing.fading || is.playing || is.live || is.turn;
   }
 
-  // Asks for one more tick.
-  wake() {
-    if (this.due) return;
+  // Ask for one more tick: after the pause, or with the next picture for a visitor who moves the view.
+  wake(soon = false) {
+    if (this.due && !(soon && this.pause)) return;
+    clearTimeout(this.pause);
+    this.pause = undefined;
     this.due = true;
-    requestAnimationFrame((now) => { this.due = false; this.tick(now / 1000); });
+    const paint = () => {
+      this.pause = undefined;
+      requestAnimationFrame((now) => { this.due = false; this.tickedMs = performance.now(); this.tick(now / 1000); });
+    };
+    const left = soon ? 0 : this.pauseMs() - (performance.now() - this.tickedMs);
+    if (left > 0) this.pause = setTimeout(paint, left); else paint();
   }
 
   /** @param {number} now */

@@ -18,6 +18,8 @@ const START_DELAY_MS = 1500;
 const MAX_SHARED_CORES = 4;
 /** Longest such wait; the page's own drawing is shown meanwhile. A larger value lets a long fold have all cores. Chosen. */
 const MAX_WAIT_3D_MS = 15_000;
+/** Minimum time between two pictures while a fold is computed on so few cores. A larger value leaves the computation more time, and the motion jerks. Chosen: at 60 pictures a second they take more time than the computation. */
+const COMPUTING_PICTURE_MS = 66;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 /**
@@ -59,7 +61,10 @@ export function view({ source, figures, load, over = true, details = null, play 
   });
   const standIn = new StandIn(sketch.canvas, stage, sketch);
   standIn.onOpen = () => get("cover").classList.add("gone");
-  const player = new Player(timeline, { stage, standIn, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm });
+  const shares = navigator.hardwareConcurrency <= MAX_SHARED_CORES;
+  const pauseMs = () => (shares && !timeline.over && (player.shown?.frame ?? 0) > 0 ? COMPUTING_PICTURE_MS : 0);
+  /** @type {Player} */
+  const player = new Player(timeline, { stage, standIn, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm, pauseMs });
   const hand = handOn(frame, player);
   hand.on(sketch.canvas);
   const plots = details && new details.Plots(get("panel-plots"), player, figures);
@@ -79,7 +84,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   function start3d() {
     if (started) return;
     const computing = timeline.growing && performance.now() < MAX_WAIT_3D_MS;
-    if (sketch.worker && computing && navigator.hardwareConcurrency <= MAX_SHARED_CORES && !through.on) return;
+    if (sketch.worker && computing && shares && !through.on) return;
     started = true;
     // To ask is to start the browser's 3D graphics, which takes a second where they are software.
     if (hasWebGL()) { load(frame); return; }
