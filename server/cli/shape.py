@@ -91,7 +91,7 @@ def shape(
         print(json.dumps({"status": "found" if prepared.chains else "none", **report}), flush=True)
     else:
         show(report, out)
-    if prepared.chains and (warning := table_warning(report["modules"], request.world)):
+    if prepared.chains and (warning := table_warning(len(prepared.chain), request.world)):
         print(warning, file=sys.stderr)
     if not prepared.chains:
         if not as_json:
