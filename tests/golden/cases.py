@@ -84,7 +84,9 @@ def _shape(name: str) -> Callable[[], bytes]:
 
 def _mesh() -> bytes:
     """Return a block of 3 × 2 × 2 cells as an STL file."""
-    return trimesh.creation.box((3.0, 2.0, 2.0)).export(file_type="stl")
+    data = trimesh.creation.box((3.0, 2.0, 2.0)).export(file_type="stl")
+    assert isinstance(data, bytes)
+    return data
 
 
 def _folded_square(directory: FilePath) -> Plan:
