@@ -116,9 +116,7 @@ def diagnose(chain: Chain, record: Record, parameters: Parameters) -> Diagnosis 
     return Diagnosis(
         kind=kind if knot is None else "knot",
         modules=tuple(modules[:MOST_MODULES].tolist()),
-        evidence=knot
-        or _blocks(chain, record, last, parameters)
-        or budget(chain, record, last, parameters),
+        evidence=knot or _blocks(chain, record, last, parameters) or budget(record, last),
     )
 
 
@@ -172,11 +170,13 @@ def _blocks(
         return None
     size, hinges, unit, first = parameters.module_size, chain.module.hinges_per_joint, None, 0
     if record.strategy == "peel":
-        size = max(size, parameters.peeling.verify_size)
+        if record.table is None:  # on a table, the module size to verify is what is kept clear
+            size = max(size, parameters.peeling.verify_size)
+        peeling = parameters.peeling if record.table is None else parameters.table
         first = _first_let_go(chain, record, last)
         joint = first // hinges
         if joint:
-            before = joint - parameters.peeling.unit
+            before = joint - peeling.unit
             unit = ((before if before >= FEWEST_LEFT else 0) + FIXED, joint + FIXED - 1)
     elif isinstance(parameters.explosion, ExplosionParameters):
         size = max(size, parameters.explosion.verify_size)

@@ -17,15 +17,16 @@ from planner.motion.stuck_figures import (
     BudgetFigures,
     EvidenceFigures,
     KnotFigures,
-    Spent,
+    SpentKind,
 )
 
 Point = tuple[float, float, float]
-USED_UP: Final[dict[Spent, str]] = {
+USED_UP: Final[dict[SpentKind, str]] = {
     "steps": "the limit of {allowed} steps was reached",
     "pushes": "{allowed} random pushes in a row, the limit, made no progress",
     "retries": "the simulation failed after {used} restarts from an earlier state",
     "snapshots": "the limit of {allowed} snapshots was reached",
+    "refusals": "the torque limit was exceeded {used} times; {allowed} times are allowed",
     "motion": "nothing moved any more after {used} of {allowed} steps",
 }
 
@@ -96,13 +97,14 @@ class BudgetEvidence:
     Attributes:
         spent: What was used up: simulation ``steps``; ``pushes``, pulses in a row without progress;
             ``retries``, returns to the last sound state before an error; ``snapshots`` that are
-            kept; or, as published, the ``motion`` itself, which came to rest.
+            kept; on a table, ``refusals`` of frames that need more than the torque limit; or, as
+            published, the ``motion`` itself, which came to rest.
         allowed, used: How many. Of what is counted in a row, the last one used is one too many.
         bent_hinges: Hinges still bent by more than a tenth of a radian.
         largest_bend_rad: Of all hinges.
     """
 
-    spent: Spent
+    spent: SpentKind
     allowed: int
     used: int
     bent_hinges: int

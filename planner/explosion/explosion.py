@@ -18,7 +18,7 @@ import numpy as np
 from planner.errors import SimulationError
 from planner.explosion.recorder import Recorder
 from planner.motion.motion import Motion
-from planner.motion.record import Record, RecordStatus
+from planner.motion.record import Record, RecordStatus, Spent
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.progress import Cancelled, Progress, Report
 from planner.simulation.reduced import Acceleration, State
@@ -144,6 +144,21 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
     def most_steps(self) -> int:
         """After so many steps the run ends as it is."""
 
+    @property
+    def most_pushes(self) -> int:
+        """Maximum number of pulses in a row without progress; one more ends the run."""
+        return MOST_PUSHES[self.strategy]
+
+    @property
+    def stall_limit(self) -> Spent:
+        """Limit that is used up when the run has stalled."""
+        return Spent("pushes", self.most_pushes, self.pushes)
+
+    @property
+    def error_limit(self) -> Spent:
+        """Limit that is used up when an error of the simulation ends the run."""
+        return Spent("retries", MOST_RETRIES, self.retries)
+
     @abstractmethod
     def snapshot(self) -> Snapshot:
         """The present state, whose poses have been computed."""
@@ -210,6 +225,11 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
         except SimulationError as error:
             status, reason = "diverged", f"the simulation failed: {error}"
         self.recorder.commit(end=status != "straight")
+        limits = {
+            "timeout": Spent("steps", self.most_steps, self.steps),
+            "stalled": self.stall_limit,
+            "diverged": self.error_limit,
+        }
         return Record(
             status=status,
             reason=reason,
@@ -219,6 +239,7 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
             strategy=self.strategy,
             pushes=self.pushes,
             retries=self.retries,
+            spent=limits.get(status),
         )
 
     def step(self) -> bool:

@@ -21,7 +21,7 @@ from planner.explosion.recorder import FrameRecorder, Step
 from planner.kernels.pairs import near_pairs, repulsion
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import Frames
-from planner.motion.record import Record, RecordStatus
+from planner.motion.record import Record, RecordStatus, Spent
 from planner.parameters.published import PaperExplosionParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.model import Material
@@ -88,6 +88,7 @@ def explode_as_published(
     status: RecordStatus = "timeout"
     reason = f"the chain was not straight after {p.max_steps} steps."
     steps = 0
+    spent: Spent | None = None
     snapshots: list[Array] = []
     try:
         while steps < p.max_steps:
@@ -103,10 +104,12 @@ def explode_as_published(
                     f"the chain was not straight after {len(snapshots)} snapshots, the limit for "
                     "its length; set a longer snapshot_interval."
                 )
+                spent = Spent("snapshots", MOST_ANGLES // len(state.angles), len(snapshots))
                 break
             if steps % CHECK_EVERY == 0:
                 if steps and steps % STILL_STEPS == 0 and np.abs(state.rates).max() < STILL_RATE:
                     status, reason = "stalled", f"nothing moved any more after {steps} steps."
+                    spent = Spent("motion", p.max_steps, steps)
                     break
                 span = float(np.linalg.norm(positions[-1] - positions[0])) / (len(chain) - 1)
                 if np.abs(state.angles).max() < STRAIGHT_RAD and span >= STRAIGHT_SPAN:
@@ -142,8 +145,11 @@ def explode_as_published(
             state.accelerate(acceleration, p.step_s, drag)
             state.advance(p.step_s)
             steps += 1
+        else:
+            spent = Spent("steps", p.max_steps, steps)
     except SimulationError as error:
         status, reason = "diverged", f"the simulation failed: {error}"
+        spent = Spent("retries", 0, 0)
     recorder.commit(end=True)
     if status == "straight":
         state.angles[:] = 0.0
@@ -158,6 +164,7 @@ def explode_as_published(
         steps=steps,
         seconds=reports.seconds,
         snapshots_rad=snapped(np.array(snapshots), chain.module.angle_limit_rad),
+        spent=spent,
     )
 
 

@@ -36,7 +36,7 @@ from planner.explosion.peeling_recorder import WindowRecorder
 from planner.explosion.peeling_window import Bend, Peelable
 from planner.kernels.core import FIXED
 from planner.kernels.peeling import Caps, window_forces, window_haste
-from planner.motion.record import Record
+from planner.motion.record import Record, Spent
 from planner.motion.windows import Windows
 from planner.parameters.explosion import PeelingParameters
 from planner.progress import Cancelled, Report, never, silent
@@ -175,6 +175,11 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         return self.parameters.most_steps(len(self.chain))
 
     @property
+    def error_limit(self) -> Spent:
+        """Number of pushes without progress after which an error ends the run."""
+        return Spent("pushes", MOST_PUSHES[self.strategy], self.pushes)
+
+    @property
     def next_first(self) -> int:
         """The window's first module once the next unit is let go."""
         first = self.first - self.parameters.unit
@@ -305,7 +310,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         try:
             acceleration = window.accelerations(self.state, forces, self._end_torque())
         except SimulationError:
-            if self.pushes >= MOST_PUSHES[self.strategy]:
+            if self.pushes >= self.error_limit.allowed:
                 raise
             self._refused()
             return None
@@ -510,7 +515,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
                 self._release()
             else:
                 self.pulse_left = JAM_PULSE[1]
-        return self.pushes <= MOST_PUSHES[self.strategy]
+        return self.pushes <= self.most_pushes
 
     def stall_reason(self) -> str:
         """How much of it is let go, and which joint stays bent."""

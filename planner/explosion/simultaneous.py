@@ -18,7 +18,6 @@ from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.explosion.explosion import (
     COMMIT_EVERY,
-    MOST_PUSHES,
     MOST_RETRIES,
     STOP_GIVES_RAD,
     STRONG_REPULSION,
@@ -355,7 +354,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             self.pushes = 0
         if (stuck.any() and not eased) or not advanced:
             self.push()
-        return self.pushes <= MOST_PUSHES[self.strategy]
+        return self.pushes <= self.most_pushes
 
     def unfolded(self) -> float:
         """0 when folded, 1 when straight: half by the joints' bends, half by the chain's span."""

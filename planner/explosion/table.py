@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -28,7 +29,7 @@ from planner.explosion.peeling_window import Bend
 from planner.explosion.table_guard import Guard
 from planner.explosion.table_way import way_out
 from planner.kernels.core import FIXED
-from planner.motion.record import Record
+from planner.motion.record import Record, Spent
 from planner.motion.windows import Windows
 from planner.parameters.explosion import TableParameters
 from planner.progress import Cancelled, Report, never, silent
@@ -162,6 +163,18 @@ class TablePeeling(Peeling):
     def run(self, progress: Report, cancelled: Cancelled) -> Record:
         """As any explosion, with what the guard has done."""
         return replace(super().run(progress, cancelled), table=self.guard.record())
+
+    @property
+    def most_pushes(self) -> int:
+        """Maximum number of draws in a row without progress; one more ends the run."""
+        return self.table.most_pushes
+
+    @property
+    def stall_limit(self) -> Spent:
+        """Limit that is used up when the run has stalled: pushes, or refusals of the guard."""
+        if self._exhausted:
+            return Spent("refusals", self.table.refusals, ceil(self.guard.refused))
+        return super().stall_limit
 
     # The forces.
 
@@ -388,7 +401,7 @@ class TablePeeling(Peeling):
                 self._release()
             else:
                 self._draw(1.0 + STRONGER * self.pushes)
-        return self.pushes <= p.most_pushes or self._return()
+        return self.pushes <= self.most_pushes or self._return()
 
     def stall_reason(self) -> str:
         """How much of it is let go, and what the guard refuses."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from planner.files import temporary_path
 from planner.motion.angle_steps import packed_frames, unpacked_frames
 from planner.motion.motion import Motion, motion_arrays, motion_from_arrays
+from planner.motion.stuck_figures import SpentKind
 
 Array = NDArray[np.float64]
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
@@ -22,6 +23,40 @@ SAMPLE: Final = 8192
 """Half the numbers of an array by which it is judged whether it can be compressed."""
 SHRUNK: Final = 0.7
 """Share of its size below which it can be; angles of an explosion do not get below 0.9."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """Limit that ended an explosion.
+
+    Attributes:
+        kind: Name of the limit.
+        allowed, used: Number of what it counts. ``used`` is one more than ``allowed`` where the run
+            goes on until the limit is exceeded.
+    """
+
+    kind: SpentKind
+    allowed: int
+    used: int
+
+    def arrays(self) -> dict[str, Any]:
+        """Return the arrays of an ``.npz`` file."""
+        return {
+            "spent_kind": np.array(self.kind),
+            "spent_allowed": np.array(self.allowed),
+            "spent_used": np.array(self.used),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Any]) -> Spent | None:
+        """Return the inverse of ``arrays``; None if there is none, as in earlier versions."""
+        if "spent_kind" not in arrays:
+            return None
+        return cls(
+            kind=cast("SpentKind", str(arrays["spent_kind"])),
+            allowed=int(arrays["spent_allowed"]),
+            used=int(arrays["spent_used"]),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +113,8 @@ class Record:
         snapshots_rad: (S, J) hinge angles of all snapshots, in whole steps, where these are more
             than the frames: as published, which keeps one every few steps. Playback follows them.
         table: Of an explosion on a table; None of one that floats.
+        spent: Limit that ended the explosion; None if it ended straight or was cancelled, and in
+            records of earlier versions.
     """
 
     status: RecordStatus
@@ -90,6 +127,7 @@ class Record:
     retries: int = 0
     snapshots_rad: Array | None = None
     table: TableRecord | None = None
+    spent: Spent | None = None
 
     def summary(self) -> dict[str, Any]:
         """The figures without the frames."""
@@ -115,6 +153,7 @@ class Record:
                 "pushes": np.array(self.pushes),
                 "retries": np.array(self.retries),
                 **({} if self.table is None else self.table.arrays()),
+                **({} if self.spent is None else self.spent.arrays()),
                 **motion_arrays(self.frames),
                 **(
                     {}
@@ -141,6 +180,7 @@ class Record:
                 retries=int(arrays.get("retries", 0)),
                 snapshots_rad=unpacked_frames(arrays, "snapshots_rad") if packed else None,
                 table=TableRecord.of(arrays),
+                spent=Spent.from_arrays(arrays),
             )
 
 

@@ -56,15 +56,15 @@ class BlockFigures(TypedDict):
     moves: list[MoveFigures]
 
 
-Spent = Literal["steps", "pushes", "retries", "snapshots", "motion"]
-"""What can be used up."""
+SpentKind = Literal["steps", "pushes", "retries", "snapshots", "motion", "refusals"]
+"""Name of a limit that can end an explosion."""
 
 
 class BudgetFigures(TypedDict):
     """``planner.explosion.evidence.BudgetEvidence``."""
 
     kind: Literal["budget"]
-    spent: Spent
+    spent: SpentKind
     allowed: int
     used: int
     bent_hinges: int

@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import UNREADABLE
 from planner.motion.record import Record
-from planner.motion.stuck_figures import BudgetFigures, EvidenceFigures, StuckFigures
+from planner.motion.stuck_figures import (
+    BudgetFigures,
+    EvidenceFigures,
+    SpentKind,
+    StuckFigures,
+)
 from planner.parameters.explosion import PeelingParameters
 from planner.plan.differences import Differences
 from planner.verification.block_reason import blocks_differ
@@ -33,6 +38,7 @@ STATUSES: Final = {
     "pushes": ("stalled", "diverged"),
     "retries": ("diverged",),
     "motion": ("stalled",),
+    "refusals": ("stalled",),
 }
 """How an explosion ends that has used up a thing."""
 KINDS: Final = {"knot": "a knot", "blocks": "modules that block each other", "budget": "a budget"}
@@ -101,45 +107,94 @@ def _differences(
         peels = record.strategy == "peel"
         if told["first_hinge"] and not peels:
             yield f"first_hinge: got {told['first_hinge']}, expected 0 without peeling"
-        how: dict[str, Any] = parameters["peeling" if peels else "explosion"] or {}
-        size = max(float(parameters["module_size"]), float(how.get("verify_size", 0.0)))
+        size = float(parameters["module_size"])
+        if _limits_of(record) != "table":  # on a table, this size is what is kept clear
+            how: dict[str, Any] = parameters[_limits_of(record)] or {}
+            size = max(size, float(how.get("verify_size", 0.0)))
         yield from blocks_differ(chain, angles, told, size)
     elif told["kind"] == "budget":
-        yield from _budget_differs(chain, record, angles, told, parameters)
+        yield from _spent_differs(chain, record, told, parameters)
+        yield from _bends_differ(angles, told)
     else:
         yield f"kind: got {told['kind']!r}, expected one of {', '.join(KINDS)}"
 
 
-def _budget_differs(
-    chain: Chain,
-    record: Record,
-    angles: Array,
-    told: BudgetFigures,
-    parameters: Mapping[str, Any],
+def _limits_of(record: Record) -> str:
+    """Return the name of the parameters with the limits of an explosion.
+
+    Earlier versions, whose records lack ``spent``, explained a fold on a table by the limits of one
+    that floats.
+    """
+    if record.strategy != "peel":
+        return "explosion"
+    return "peeling" if record.table is None or record.spent is None else "table"
+
+
+def _spent_differs(
+    chain: Chain, record: Record, told: BudgetFigures, parameters: Mapping[str, Any]
 ) -> Differences:
-    """Where a budget is not what the parameters allow, or was not used up."""
+    """Yield where a limit is not that of the record and the parameters, or was not used up."""
     spent, allowed, used = told["spent"], told["allowed"], told["used"]
     if record.status not in STATUSES[spent]:
         yield f"spent: got {spent}, which does not fit the status {record.status}"
-    counted = {
+    if record.spent is not None:
+        recorded = (record.spent.kind, record.spent.allowed, record.spent.used)
+        if (spent, allowed, used) != recorded:
+            yield (
+                f"spent: got {used} of {allowed} {spent}, expected {recorded[2]} of {recorded[1]} "
+                f"{recorded[0]}, as in the record"
+            )
+    counted = _counted(record, spent)
+    if used != counted:
+        yield f"used: got {used} {spent}, expected {counted}, as in the record"
+    # An error ends a run when the last push is used up, a stall when one more is needed.
+    one_more = spent in ("snapshots", "refusals") or (
+        spent == "pushes" and (record.spent is None or record.status == "stalled")
+    )
+    if spent != "motion" and used < allowed + one_more:
+        yield f"used: got {used} of {allowed} {spent}, expected at least the limit"
+    limit = _limit(chain, record, spent, parameters)
+    if allowed != (allowed if limit is None else limit):
+        yield f"allowed: got {allowed} {spent}, expected {limit}, as in the parameters"
+    if spent == "refusals":
+        most = float(parameters["table"]["most_torque"])
+        if record.table is None or record.table.bound < most:
+            yield f"spent: got refusals, expected a bound of {most:g} w·p in the record"
+
+
+def _counted(record: Record, spent: SpentKind) -> int:
+    """Return how often a record says that something was used."""
+    if spent == "refusals":
+        return 0 if record.spent is None else record.spent.used
+    return {
         "steps": record.steps,
         "motion": record.steps,
         "pushes": record.pushes,
         "retries": record.retries,
         "snapshots": 0 if record.snapshots_rad is None else len(record.snapshots_rad),
     }[spent]
-    if used != counted:
-        yield f"used: got {used} {spent}, expected {counted}, as in the record"
-    if spent != "motion" and used < allowed + (spent in ("pushes", "snapshots")):
-        yield f"used: got {used} of {allowed} {spent}, expected at least the limit"
+
+
+def _limit(
+    chain: Chain, record: Record, spent: SpentKind, parameters: Mapping[str, Any]
+) -> int | None:
+    """Return the limit that the parameters set; None for one that they do not set."""
+    name = _limits_of(record)
+    limits = parameters[name]
     if spent in ("steps", "motion"):
-        if record.strategy == "peel":
-            per_module = int(parameters["peeling"]["max_steps_per_module"])
-            limit = PeelingParameters(max_steps_per_module=per_module).most_steps(len(chain))
-        else:
-            limit = parameters["explosion"]["max_steps"]
-        if allowed != limit:
-            yield f"allowed: got {allowed} steps, expected {limit}, as in the parameters"
+        if name == "explosion":
+            return int(limits["max_steps"])
+        per_module = int(limits["max_steps_per_module"])
+        return PeelingParameters(max_steps_per_module=per_module).most_steps(len(chain))
+    if name != "table":
+        return None
+    if spent == "pushes" and record.status == "stalled":
+        return int(limits["most_pushes"])
+    return int(limits["refusals"]) if spent == "refusals" else None
+
+
+def _bends_differ(angles: Array, told: BudgetFigures) -> Differences:
+    """Yield where the bends that are left are not those of the last frame."""
     bent = int((np.abs(angles) > BENT_RAD).sum())
     if told["bent_hinges"] != bent:
         yield f"bent_hinges: got {told['bent_hinges']}, expected {bent}"

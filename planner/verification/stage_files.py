@@ -12,6 +12,7 @@ import numpy as np
 from planner.errors import UNREADABLE, PlannerError
 from planner.explosion.paper import KEPT_RAD
 from planner.motion.angle_steps import STEP_RAD
+from planner.motion.frames import Frames
 from planner.motion.motion import Motion, motion_arrays
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes
@@ -30,7 +31,6 @@ from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.unfolding import START_CHAIN, START_PLAN
 from planner.robot import RECORDED_PLAN
-from planner.verification.own_parameters import is_on_table
 
 
 def stage_files_differ(
@@ -126,8 +126,9 @@ def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Diff
     )
     if record is not None:
         frames = found.frames
-        if is_on_table(plan):
-            # Frames of the playback are of all angles, and a timeline holds frames of one kind.
+        if isinstance(record.frames, Frames) and isinstance(frames, Windows):
+            # A timeline holds motion of one kind: that of a fold on a table is of frames once it
+            # has been played back.
             frames = frames.dense(plan.chain)
         yield from _same_motion(frames, record.frames, "record.npz")
     yield from _snapshots(found, plan)

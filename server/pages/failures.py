@@ -31,6 +31,7 @@ HEADINGS: Final = {
     "pushes": "Stalled: random pushes did not help",
     "retries": "The simulation failed",
     "snapshots": "Stalled: snapshot limit reached",
+    "refusals": "Stalled: torque limit reached",
     "motion": "Stalled: nothing moved any more",
     "buried": "Stalled: the next modules were buried",
     "contacts": "Stalled: too many modules pressed against each other",

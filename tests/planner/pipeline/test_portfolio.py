@@ -16,7 +16,7 @@ from planner.explosion.diagnosis import Diagnosis, diagnose
 from planner.explosion.peeling import peel
 from planner.explosion.simultaneous import explode
 from planner.motion.frames import Frames
-from planner.motion.record import Record
+from planner.motion.record import Record, Spent
 from planner.motion.timeline import Timeline
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.parameters.parameters import Parameters
@@ -160,7 +160,13 @@ def at_rest(chain: Chain, *, status: Any = "stalled", strategy: str = "simultane
         root_wxyz=folded.wxyzs[chain.root][None],
     )
     return Record(
-        status=status, reason="it is stuck", frames=frames, steps=1, seconds=0.1, strategy=strategy
+        status=status,
+        reason="it is stuck",
+        frames=frames,
+        steps=1,
+        seconds=0.1,
+        strategy=strategy,
+        spent=Spent("pushes", 40, 41),
     )
 
 

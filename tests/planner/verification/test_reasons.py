@@ -15,7 +15,7 @@ from planner.chain.path import Path
 from planner.explosion.diagnosis import Diagnosis, diagnose
 from planner.explosion.simultaneous import explode
 from planner.kernels.backbite import grow
-from planner.motion.record import Record
+from planner.motion.record import Record, Spent, TableRecord
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.parameters.parameters import Parameters
 from planner.pathfinding.lattice import neighbours
@@ -48,6 +48,7 @@ def stuck(
     """An explosion that ends at some angles, the folded ones when None, and what is told of it."""
     values: Values = {"status": "stalled", "reason": "it sticks", "pushes": 41, "steps": 1, **told}
     angles = chain.folded_rad if angles is None else angles
+    values.setdefault("spent", Spent("pushes", 40, 41))
     record = Record(frames=in_place("explosion", angles[None]), seconds=0.1, **values)
     found = diagnose(chain, record, parameters)
     assert found is not None
@@ -193,11 +194,73 @@ def test_a_budget_is_that_of_the_parameters_and_used_up() -> None:
         ({"used": 9}, "as in the record"),
         ({"allowed": 30_000}, "expected at least the limit"),
         ({"allowed": 5}, "as in the parameters"),
+        ({"allowed": 5}, "10 steps, as in the record"),
         ({"spent": "pushes"}, "does not fit the status timeout"),
         ({"bent_hinges": 1}, "bent_hinges"),
         ({"largest_bend_rad": 0.1}, "largest_bend_rad"),
     ):
         assert any(said in difference for difference in differences(late, **values)), values
+
+
+def on_table(spent: Spent | None, *, status: str = "stalled", **values: Any) -> Stuck:
+    """An explosion of a coil on a table that ends as it was folded."""
+    table = TableRecord(bound=8.0, taken_back=9, raised=(), friction=0.0)
+    return stuck(coil(12), strategy="peel", table=table, status=status, spent=spent, **values)
+
+
+@pytest.mark.parametrize(
+    ("spent", "values"),
+    [
+        (Spent("refusals", 8, 9), {"pushes": 3}),
+        (Spent("pushes", 9, 10), {"pushes": 10}),
+        (Spent("steps", 1500 * 12 + 5000, 23_000), {"steps": 23_000, "status": "timeout"}),
+        (Spent("pushes", 8, 8), {"pushes": 8, "status": "diverged"}),
+    ],
+)
+def test_budget_of_table_fold_is_confirmed_by_limits_of_the_table(
+    spent: Spent, values: Values
+) -> None:
+    late = on_table(spent, **values)
+    evidence = late[3]["evidence"]
+    assert (evidence["spent"], evidence["allowed"], evidence["used"]) == (
+        spent.kind,
+        spent.allowed,
+        spent.used,
+    )
+    assert differences(late) == ()
+    assert any("as in the record" in each for each in differences(late, allowed=1))
+
+
+def test_budget_of_table_fold_that_was_not_used_up_is_refuted() -> None:
+    few = on_table(Spent("pushes", 9, 3), pushes=3)
+    assert any("at least the limit" in each for each in differences(few))
+    other = on_table(Spent("pushes", 8, 9), pushes=9)
+    assert any("expected 9, as in the parameters" in each for each in differences(other))
+    chain, record, parameters, told = on_table(Spent("refusals", 8, 9))
+    assert record.table is not None
+    weak = replace(record, table=replace(record.table, bound=2.0))
+    assert any("a bound of 8" in each for each in differences((chain, weak, parameters, told)))
+
+
+def test_record_of_earlier_version_is_checked_by_the_limits_of_then() -> None:
+    chain, record, parameters, told = stuck(coil(12), strategy="peel", pushes=9)
+    assert told["evidence"]["kind"] == "budget"
+    earlier = replace(record, spent=None)
+    old = {**told, "evidence": {**told["evidence"], "allowed": 8, "used": 9}}
+    assert differences((chain, earlier, parameters, old)) == ()
+    found = diagnose(chain, earlier, parameters)
+    assert found is not None and found.evidence is None
+
+
+def test_failed_table_fold_is_verified_with_the_limit_that_ended_it(tmp_path: FilePath) -> None:
+    request = Request(world="table", as_voxels=True, settings="table_torque=0.5")
+    cells = [[x, y, z] for z in range(2) for y in range(2) for x in range(2)]
+    write_request(tmp_path, request, json.dumps(cells).encode())
+    summary = run_stages(tmp_path)
+    assert summary["stuck"]["evidence"]["spent"] == "refusals"
+    found = verify(tmp_path)
+    assert found.reason is not None and found.reason.confirmed, found.reason
+    assert not any("another form" in problem for problem in found.problems), found.problems
 
 
 def test_evidence_that_cannot_be_read_is_refuted(spirals: Stuck, knot: Stuck) -> None:

@@ -1,0 +1,1 @@
+"""Golden digests: results of small folds, compared bit by bit with stored ones."""

@@ -1,0 +1,146 @@
+"""Cases: the small folds whose results are compared, each through all stages of a fold.
+
+Together they take every strategy, module, preset, kind of playback and world.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Final
+
+import trimesh
+
+from planner.chain.path import Path
+from planner.pipeline.fold_directory import read_plan, write_request
+from planner.pipeline.refold import write_start
+from planner.pipeline.request import Request
+from planner.pipeline.smooth import write_smooth
+from planner.pipeline.stages import run_stages
+from planner.plan.formats import write_chain, write_path
+from planner.plan.plan import Plan
+from tests.planner.chains import COIL, SQUARE, coil, knotted
+
+SHAPES: Final = FilePath(__file__).parents[2] / "examples" / "shapes"
+HOOK: Final = Path.from_cells(
+    [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1)], name="hook", pitch_m=0.02
+)
+HAIRPIN: Final = Path.from_cells(
+    [*((x, 0, 0) for x in range(4)), *((x, 1, 0) for x in reversed(range(4)))], name="hairpin"
+)
+"""A path through as many cells as ``SQUARE``."""
+CUBE: Final = json.dumps([[0, 0, 0]]).encode()
+BOX: Final = json.dumps([[x, y, z] for z in range(2) for y in range(2) for x in range(2)]).encode()
+TILE: Final = json.dumps([[x, y, 0] for y in range(3) for x in range(2)]).encode()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One fold.
+
+    Attributes:
+        data: Content of the file that is folded.
+        request: Options of the fold.
+        begin: Writes what a fold begins with besides: the plan that is smoothed or refolded.
+        long: True if it takes more than some seconds of processor time.
+    """
+
+    data: Callable[[], bytes]
+    request: Request = Request()
+    begin: Callable[[FilePath, Request, bytes], None] = write_request
+    long: bool = False
+
+    def fold(self, directory: FilePath, *, workers: int = 1) -> None:
+        """Fold it in an empty directory, as ``foldback fold`` does."""
+        self.begin(directory, self.request, self.data())
+        run_stages(directory, workers=workers)
+
+
+def _square() -> bytes:
+    return write_path(SQUARE)
+
+
+def _hook() -> bytes:
+    return write_path(HOOK)
+
+
+def _coil() -> bytes:
+    return write_path(COIL)
+
+
+def _long_coil() -> bytes:
+    return write_chain(coil(48))
+
+
+def _knot() -> bytes:
+    return write_chain(knotted(2))
+
+
+def _shape(name: str) -> Callable[[], bytes]:
+    return (SHAPES / f"{name}.json").read_bytes
+
+
+def _mesh() -> bytes:
+    """Return a block of 3 × 2 × 2 cells as an STL file."""
+    data = trimesh.creation.box((3.0, 2.0, 2.0)).export(file_type="stl")
+    assert isinstance(data, bytes)
+    return data
+
+
+def _folded_square(directory: FilePath) -> Plan:
+    """Return the plan of a fold in a directory below another one, which it leaves there."""
+    first = directory / "first"
+    first.mkdir()
+    Case(data=_square, request=Request(settings="robots=0")).fold(first)
+    return read_plan(first)
+
+
+def _begin_refold(directory: FilePath, request: Request, data: bytes) -> None:
+    write_start(directory, _folded_square(directory))
+    write_request(directory, request, data)
+
+
+def _begin_smooth(directory: FilePath, request: Request, data: bytes) -> None:
+    del data
+    plan = _folded_square(directory)
+    write_smooth(directory, plan, seed=request.seed, module_size=request.module_size)
+
+
+CASES: Final = {
+    "all-at-once": Case(data=_shape("wrench-24"), request=Request(strategy="simultaneous")),
+    "blocks": Case(data=_shape("mallet-24"), request=Request(strategy="blocks", seed=1)),
+    "peeled": Case(data=_long_coil, request=Request(strategy="peel")),
+    "peeled-kinematic": Case(
+        data=_long_coil, request=Request(strategy="peel", settings="simulated_modules=9")
+    ),
+    "one-by-one": Case(data=_coil, request=Request(strategy="one-by-one")),
+    "automatic": Case(data=_coil),
+    "ideal-robot": Case(data=_coil, request=Request(settings="robots=0")),
+    "tetrahedra": Case(data=lambda: CUBE, request=Request(module="tetrahedron", as_voxels=True)),
+    "paper": Case(data=_square, request=Request(preset="paper", settings="radial_gain=0.4")),
+    "direct": Case(data=_square, request=Request(preset="direct")),
+    "refold": Case(
+        data=lambda: write_path(HAIRPIN), request=Request(refold=True), begin=_begin_refold
+    ),
+    "smooth": Case(data=_square, begin=_begin_smooth),
+    "prefer-time": Case(data=_hook, request=Request(prefer="time", strategy="simultaneous")),
+    "mesh": Case(data=_mesh, request=Request(filename="block.stl", modules=12)),
+    "knot": Case(data=_knot, request=Request(strategy="peel")),
+    "too-large": Case(data=_square, request=Request(module_size=1.0, strategy="simultaneous")),
+    "table-free": Case(
+        data=lambda: TILE,
+        request=Request(world="table", as_voxels=True, settings="table_friction=0.1"),
+    ),
+    "table-clamped": Case(
+        data=lambda: TILE,
+        request=Request(
+            world="table", as_voxels=True, settings="table_friction=0.1,table_base=clamped"
+        ),
+    ),
+    "table-stuck": Case(
+        data=lambda: BOX,
+        request=Request(world="table", as_voxels=True, settings="table_torque=0.5"),
+    ),
+}

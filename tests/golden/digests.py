@@ -1,0 +1,146 @@
+"""Digests of a fold's results: one for each named array and figure, and a readable summary.
+
+Wall times and versions are left out, since they change from run to run or between releases.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from hashlib import sha256
+from pathlib import Path as FilePath
+from typing import Any, Final, cast
+
+import numpy as np
+
+from planner.files import zarr_group
+
+RESULTS: Final = (
+    "chain.json",
+    "attempts.json",
+    "record.npz",
+    "playback.npz",
+    "certificate.json",
+    "table.npz",
+    "timeline.zarr",
+    "plan.npz",
+    "plan.json",
+    "model.xml",
+    "figures.zarr",
+)
+"""Files of a fold's directory that hold results."""
+DIGEST_LENGTH: Final = 12
+"""Hexadecimal digits of a digest; 12 leave a change unseen once in 2⁴⁸ times. Chosen."""
+WALL_TIME: Final = "seconds"
+"""Name of a wall time in all files …"""
+DURATION_OF: Final = "smoothing"
+"""… but for the part of a plan in which it is the duration of a motion."""
+UNSTABLE: Final = {"versions", "id", "chunks", "sha256"}
+"""Names of parts that change without a change of results: random ids, checksums of packed data."""
+Values = dict[str, Any]
+Digests = dict[str, dict[str, str]]
+"""Digests by file and by part of that file."""
+
+
+def digests(directory: FilePath) -> Digests:
+    """Return the digest of each part of each result: of ``record.npz``, that of ``angles_rad``."""
+    return {name: dict(_parts(directory / name)) for name in RESULTS if (directory / name).exists()}
+
+
+def changed_parts(stored: Digests, computed: Digests) -> list[str]:
+    """Return the parts that differ or that only one of them has, as ``record.npz: angles_rad``."""
+    return [
+        f"{name}: {part}"
+        for name in dict.fromkeys((*stored, *computed))
+        for part in dict.fromkeys((*stored.get(name, {}), *computed.get(name, {})))
+        if stored.get(name, {}).get(part) != computed.get(name, {}).get(part)
+    ]
+
+
+def summary(directory: FilePath) -> Values:
+    """Return the figures of a fold that are the same on every machine, or nearly so."""
+    attempts = json.loads((directory / "attempts.json").read_bytes())
+    certificate = json.loads((directory / "certificate.json").read_bytes())
+    chain = json.loads((directory / "chain.json").read_bytes())
+    with np.load(directory / "plan.npz", allow_pickle=False) as file:
+        plan = json.loads(str(file["plan"]))
+    explosion = plan["explosion"] or {}
+    return {
+        "verdict": _without_figures(certificate["verdict"]),
+        "status": explosion.get("status"),
+        "hinges": len(chain["folded_rad"]),
+        "attempts": [
+            " ".join(
+                (each["strategy"], each["status"], (each.get("diagnosis") or {}).get("kind", ""))
+            ).strip()
+            for each in attempts
+        ],
+        "steps": explosion.get("steps"),
+        "frames": certificate["frames"],
+        "min_clearance": _rounded(certificate["min_clearance"]),
+        "fold_time_s": _rounded(certificate["fold_time_s"]),
+        "max_angle_error_rad": _rounded(certificate["max_angle_error_rad"]),
+    }
+
+
+def _parts(path: FilePath) -> Iterator[tuple[str, str]]:
+    if path.name == "plan.json":  # the same as plan.npz in another form
+        plan = json.loads(path.read_bytes())
+        yield "content", _digest(json.dumps(_timeless(plan), sort_keys=True).encode())
+    elif path.suffix == ".json":
+        yield from _parts_of_values(json.loads(path.read_bytes()))
+    elif path.suffix == ".npz":
+        with np.load(path, allow_pickle=False) as file:
+            for name in file.files:
+                if name == "plan":
+                    for part, digest in _parts_of_values(json.loads(str(file[name]))):
+                        yield f"plan.{part}", digest
+                elif name != WALL_TIME:
+                    yield name, _digest_of_array(file[name])
+    elif path.suffix == ".zarr":
+        group = zarr_group(path)
+        yield from _parts_of_values(cast("Values", group.attrs.asdict()))
+        for name, array in sorted(group.arrays()):
+            yield name, _digest_of_array(np.asarray(array[...]))
+    else:
+        yield "content", _digest(path.read_bytes())
+
+
+def _parts_of_values(values: Values | list[Values]) -> Iterator[tuple[str, str]]:
+    """Yield the digests of a JSON object's values; of an array, those of each object in it."""
+    if isinstance(values, list):
+        for k, each in enumerate(values):
+            for part, digest in _parts_of_values(each):
+                yield f"{k}.{part}", digest
+        return
+    for name, value in _timeless(values).items():
+        yield name, _digest(json.dumps(value, sort_keys=True).encode())
+
+
+def _timeless(value: Any) -> Any:
+    """Return the value without wall times and versions."""
+    if isinstance(value, dict):
+        return {
+            name: each if name == DURATION_OF else _timeless(each)
+            for name, each in cast("Values", value).items()
+            if name != WALL_TIME and name not in UNSTABLE
+        }
+    return [_timeless(each) for each in value] if isinstance(value, list) else value
+
+
+def _digest_of_array(array: np.ndarray[Any, Any]) -> str:
+    head = f"{array.dtype.str} {array.shape} ".encode()
+    return _digest(head + np.ascontiguousarray(array).tobytes())
+
+
+def _digest(data: bytes) -> str:
+    return sha256(data).hexdigest()[:DIGEST_LENGTH]
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.3g}")
+
+
+def _without_figures(verdict: str) -> str:
+    """Return the beginning of a verdict, before what it says of figures."""
+    return verdict.partition(":")[0] if verdict.startswith("verified") else verdict[:60]
