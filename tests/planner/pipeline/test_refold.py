@@ -291,6 +291,7 @@ def test_it_goes_on_from_a_refold(plan: Plan, wrench: Folded) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_tetrahedra_refold_too(tmp_path: FilePath) -> None:
     zigzag = ["0", "-", "-", "+", "0", "+", "+", "-", "0", "-", "+"]
     signs = {"-": -np.pi / 2, "0": 0.0, "+": np.pi / 2}
