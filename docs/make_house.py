@@ -92,7 +92,8 @@ def room_of(module: str) -> str | None:
     raise KeyError(f"{module} is in no room: add its folder to FLOORS in docs/make_house.py")
 
 
-def imports() -> list[Import]:
+@cache
+def imports() -> tuple[Import, ...]:
     """All imports between modules of the three packages, those inside of functions too."""
     found: list[Import] = []
     known = modules()
@@ -105,7 +106,7 @@ def imports() -> list[Import]:
                 inner = [f"{node.module}.{alias.name}" for alias in node.names]
                 names = [name if name in known else node.module for name in inner]
             found += [Import(module, name) for name in names if name in known]
-    return found
+    return tuple(found)
 
 
 def arrows() -> set[tuple[str, str]]:

@@ -109,7 +109,6 @@ def service(tmp_path_factory: pytest.TempPathFactory, blog: Blog) -> Iterator[Se
     """
     service = Service(
         tmp_path_factory.mktemp("service") / "data",
-        prewarm=True,
         log_format="json",
         metrics_public=True,
         embed_origins=blog.origin,

@@ -47,8 +47,8 @@ def test_a_fold_is_named_taken_to_another_browser_and_deleted_there(
     )
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     fold = page.url.rpartition("/")[2]
+    page.goto("/what-folds")  # draws nothing while it is folded
     service.wait_over(fold)
-    page.goto("/")
     page.get_by_role("link", name="My folds").click()
     card = page.locator(f'#folds [data-id="{fold}"]')
     expect(card.locator(".card-status")).to_have_text(re.compile("^Verified"))

@@ -57,10 +57,9 @@ def test_a_fold_in_somebody_else_s_page(visit: Visit, blog: Blog, wrench: str) -
     page.locator("#share").click()
     expect(page.locator("#share-embed")).to_have_value(re.compile("iframe"))
     blog.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
-    reader = visit(blog.origin, width=640, height=400)
+    reader = visit(blog.origin, width=640, height=400, view=False)
     inside = reader.frame_locator("iframe")
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
-    inside.locator("#sketch.gone").wait_for(state="attached")
     inside.locator("#forward").click()
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 13 of"))
     keep(reader, "embedded")

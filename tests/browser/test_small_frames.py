@@ -18,7 +18,7 @@ Visit = Callable[..., Page]
 MIN_PICTURE_SHARE = 0.55
 """Smallest part of the page that shows the picture, without controls on it."""
 PICTURE_SHARE = """() => {
-  const [step, places] = [4, []];
+  const [step, places] = [8, []];
   for (let x = step / 2; x < innerWidth; x += step)
     for (let y = step / 2; y < innerHeight; y += step) places.push(document.elementFromPoint(x, y));
   return places.filter((one) => one?.matches("iframe, canvas, .stage")).length / places.length;

@@ -14,7 +14,8 @@ from playwright.sync_api import Page, expect
 from tests.browser.conftest import keep, picture
 from tests.browser.test_failures import opened
 from tests.browser.test_preview import answered, choose, settled
-from tests.server.api.test_table import voxels
+from tests.server.api.test_table import SLAB, voxels
+from tests.server.files.test_preview import voxels as cells_as_file
 from tests.server.service import Service
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -87,6 +88,22 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
     expect(page.locator("#compare-ways")).to_contain_text("In zero gravity")
 
 
+def test_slab_without_a_path_is_repaired_on_a_click(visit: Visit) -> None:
+    page = visit("/", view=False)
+    choose(page, "slab.json", cells_as_file(SLAB))
+    page.wait_for_url(re.compile("/previews/"))
+    answered(page)
+    page.locator("[name=world][value=table]").check(force=True)
+    add = page.get_by_role("button", name=re.compile(r"^Add \d cells?: \d+ modules"))
+    expect(add).to_be_visible()
+    modules = re.findall(r"\d+", add.inner_text())[1]
+    expect(page.locator("#problems")).to_contain_text("5 black and 3 white cells")
+    add.click()
+    expect(page.locator("#fold")).to_have_text(f"Fold {modules} modules")
+    expect(page.locator("#fold")).to_be_enabled()
+
+
+@pytest.mark.long
 def test_a_shape_without_a_path_gets_one_on_a_click(visit: Visit) -> None:
     page = visit("/", width=1366, height=768)
     torus = trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")

@@ -22,7 +22,8 @@ from tests.server.service import Service
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 
-SMALL = {"width": 480, "height": 360}
+SMALL = {"width": 320, "height": 240}
+"""Window size in pixels that software rendering paints quickly."""
 MARK = "a stranger's script saw"
 KEPT = {"foldback:owner:mine": "a token"}
 RUNS = f'console.log("{MARK} " + JSON.stringify(localStorage))'

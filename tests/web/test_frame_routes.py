@@ -149,6 +149,7 @@ def test_comparing_names_both(service: Service, fold: str) -> None:
     assert service.http.get("/compare?a=%3Cscript%3E&b=x").status_code == 422
 
 
+@pytest.mark.long
 def test_play_shows_a_directory(tmp_path: Path, service: Service, fold: str) -> None:
     directory = service.directory(fold)
     process = subprocess.Popen(

@@ -103,7 +103,7 @@ def test_dark_stands_on_dark_ground(timeline_path: Path, tmp_path: Path, backend
     assert picture[2, 2].max() < 60 < picture.max()
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("theme", ["light", pytest.param("dark", marks=pytest.mark.long)])
 def test_a_table_is_the_ground_of_a_fold_on_one(
     timeline_path: Path, tmp_path: Path, backend: str, theme: str
 ) -> None:

@@ -383,7 +383,7 @@ def test_the_speed_limit_sets_the_fold_time_and_the_torque() -> None:
     assert slow.hinges_moving_most == np.count_nonzero(chain.folded_rad)
 
 
-@pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])
+@pytest.mark.parametrize("shape", ["wrench-24", pytest.param("mallet-64", marks=pytest.mark.long)])
 def test_a_certificate_survives_json(shape: str, folded: Callable[..., Any]) -> None:
     certificate = folded(shape).plan.certificate
     text = json.dumps(certificate.as_dict(), allow_nan=False)

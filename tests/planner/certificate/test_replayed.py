@@ -30,7 +30,7 @@ POSES_WITHIN = 1e-6
 OVERLAP_WITHIN = 1e-9
 DISTANCE_WITHIN = 1e-5
 """MuJoCo's own distances of hulls are found by iteration."""
-QUICK = ("wrench-24", "mallet-24", "mallet-64", "letter-l")
+QUICK = ("wrench-24", "mallet-24")
 """Folded within a moment, or by other tests anyway."""
 ALL = [
     pytest.param(name, marks=() if name in QUICK else pytest.mark.long)

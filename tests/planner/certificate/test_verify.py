@@ -189,7 +189,9 @@ def test_a_field_that_is_gone_everywhere_is_told(
     assert field in told
 
 
-@pytest.mark.parametrize("strategy", ["peel", "one-by-one", "auto"])
+@pytest.mark.parametrize(
+    "strategy", ["auto", *(pytest.param(s, marks=pytest.mark.long) for s in ("peel", "one-by-one"))]
+)
 @pytest.mark.parametrize("settings", ["", KINEMATIC])
 def test_a_straight_line_has_no_torques_and_is_verified(
     strategy: str, settings: str, tmp_path: FilePath
@@ -522,7 +524,9 @@ QUICK: Final = "radial_gain=5"
 """Settings with which a few modules explode in under a second."""
 
 
-@pytest.mark.parametrize("change", ["value", "fewer", "none"])
+@pytest.mark.parametrize(
+    "change", ["value", *(pytest.param(c, marks=pytest.mark.long) for c in ("fewer", "none"))]
+)
 def test_snapshots_that_were_changed_are_told(change: str, tmp_path: FilePath) -> None:
     request = Request(preset="paper", settings=QUICK)
     write_request(tmp_path, request, write_path(COIL))

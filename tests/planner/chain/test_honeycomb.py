@@ -110,7 +110,9 @@ def test_the_ring_turns_as_rings_do() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("side", "kept"), [(1, 0.334), (2, 0.596)])
+@pytest.mark.parametrize(
+    ("side", "kept"), [(1, 0.334), pytest.param(2, 0.596, marks=pytest.mark.long)]
+)
 def test_small_solids_keep_less_of_their_form(side: int, kept: float) -> None:
     """Intersection over union of a block of rings with its cubes; 4³ cells: 0.77, 6³: 0.85."""
     rng = np.random.default_rng(0)

@@ -51,7 +51,7 @@ def test_walking_finds_all_pairs(
 
 
 @pytest.mark.slow
-@examples(one_of=2)
+@examples(one_of=5)
 @given(st.integers(1000, 1300), st.integers(0, 2**32 - 1), st.floats(0.0, 3.0), st.floats(0.8, 4.0))
 def test_the_grid_finds_all_pairs(count: int, seed: int, stiffness: float, cutoff: float) -> None:
     assert count >= module.SKIP_BELOW

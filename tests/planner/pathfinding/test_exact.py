@@ -241,6 +241,7 @@ def test_the_stored_sets_are_those_that_their_results_are_of(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_what_nobody_knew_is_solved_proved_or_left_open() -> None:
     sets = list(hard_sets())
     known = check_stored(sets, HARD_RESULTS)

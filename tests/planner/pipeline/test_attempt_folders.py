@@ -111,7 +111,11 @@ def test_a_refused_plan_is_shown_when_all_others_stick(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("clearances", "shown"), [((-0.3, -0.1, -0.2, -0.2), 1), ((-0.1, -0.2, -0.3, -0.3), 0)]
+    ("clearances", "shown"),
+    [
+        ((-0.3, -0.1, -0.2, -0.2), 1),
+        pytest.param((-0.1, -0.2, -0.3, -0.3), 0, marks=pytest.mark.long),
+    ],
 )
 def test_the_closest_of_the_refused_is_shown(
     clearances: tuple[float, ...],
@@ -141,7 +145,7 @@ def test_nothing_is_left_when_a_later_one_is_verified(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("doubled", [4, 6, 7])
+@pytest.mark.parametrize("doubled", [4, *(pytest.param(n, marks=pytest.mark.long) for n in (6, 7))])
 def test_a_stage_that_is_run_twice_changes_nothing(
     doubled: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -67,7 +67,9 @@ def test_an_order_of_assembly_may_be_asked_for_and_may_not_be_there() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", [BOX, BENT, PLATE])
+@pytest.mark.parametrize(
+    "shape", [BOX, *(pytest.param(s, marks=pytest.mark.long) for s in (BENT, PLATE))]
+)
 def test_the_same_seed_gives_the_same_candidates(shape: Shape) -> None:
     one, same = (find_paths(shape, seed=3, method="exact") for _ in range(2))
     assert len(one.paths) == len(same.paths)
@@ -96,7 +98,9 @@ def test_a_knotted_candidate_comes_last() -> None:
 
 
 @pytest.mark.parametrize("method", ["auto", "exact"])
-@pytest.mark.parametrize("shape", [BOX, BENT, PLATE])
+@pytest.mark.parametrize(
+    "shape", [BENT, *(pytest.param(s, marks=pytest.mark.long) for s in (BOX, PLATE))]
+)
 def test_ends_lie_on_the_surface_when_asked_for(shape: Shape, method: str) -> None:
     search = find_paths(shape, method=method, ends="surface")
     assert search.paths

@@ -30,14 +30,16 @@ def test_every_shape_of_the_paper_is_folded_here() -> None:
     assert untagged == PAPER
 
 
-@pytest.mark.parametrize("modules", [3, 4, 5, 7])
+@pytest.mark.parametrize(
+    "modules", [3, 7, *(pytest.param(n, marks=pytest.mark.long) for n in (4, 5))]
+)
 def test_the_smallest_chains_fold(modules: int) -> None:
     plan = fold(coil(modules))
     assert plan.certificate.verdict == "verified (simulated)"
     assert plan.joint_angles_rad.shape[1] == 2 * (modules - 2)
 
 
-@pytest.mark.parametrize("modules", [3, 10])
+@pytest.mark.parametrize("modules", [pytest.param(3, marks=pytest.mark.long), 10])
 def test_a_line_has_nothing_to_fold(modules: int) -> None:
     plan = fold(line(modules))
     assert plan.certificate.verdict == "verified (simulated)"

@@ -146,6 +146,7 @@ def test_where_no_path_begins_another_is_kept_and_it_says_so() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_repair_never_makes_eight_times_the_modules_unless_so_many_are_wanted() -> None:
     # A comb: each tooth is a dead end, and nothing small helps.
     comb = [[x, 0, 0] for x in range(17)] + [[x, y, 0] for x in range(0, 17, 2) for y in (1, 2)]

@@ -292,6 +292,7 @@ def test_it_goes_on_from_a_refold(plan: Plan, wrench: Folded) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_tetrahedra_refold_too(tmp_path: FilePath) -> None:
     zigzag = ["0", "-", "-", "+", "0", "+", "+", "-", "0", "-", "+"]
     signs = {"-": -np.pi / 2, "0": 0.0, "+": np.pi / 2}
@@ -331,7 +332,9 @@ def test_a_plan_that_does_not_lead_to_its_shape_is_no_beginning(wrench: Folded) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("again_from", ["play_back", "certify"])
+@pytest.mark.parametrize(
+    "again_from", ["play_back", pytest.param("certify", marks=pytest.mark.long)]
+)
 def test_a_stage_that_is_run_again_comes_to_the_same(
     again_from: str, copy: FilePath, plan: Plan
 ) -> None:

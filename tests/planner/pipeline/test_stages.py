@@ -98,7 +98,13 @@ def test_the_timeline_holds_explosion_then_playback(folded: Callable[..., Any]) 
     )
 
 
-@pytest.mark.parametrize("again_from", STAGES)
+@pytest.mark.parametrize(
+    "again_from",
+    [
+        *("read", "certify"),
+        *(pytest.param(s, marks=pytest.mark.long) for s in STAGES[1:3] + STAGES[4:]),
+    ],
+)
 def test_any_stage_can_be_run_again(
     again_from: str, folded: Callable[..., Any], tmp_path: FilePath
 ) -> None:
@@ -124,7 +130,10 @@ class Killed(BaseException):
     """The process ends here."""
 
 
-@pytest.mark.parametrize("stage", ["explode", "play_back", "certify"])
+@pytest.mark.parametrize(
+    "stage",
+    ["explode", *(pytest.param(s, marks=pytest.mark.long) for s in ("play_back", "certify"))],
+)
 def test_a_stage_killed_half_way_leaves_nothing_half_written(
     stage: str, folded: Callable[..., Any], tmp_path: FilePath
 ) -> None:
@@ -178,7 +187,7 @@ def break_explosions(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
         monkeypatch.setattr(kind, name, breaking(getattr(kind, name)))
 
 
-@pytest.mark.parametrize("after", [0, 60])
+@pytest.mark.parametrize("after", [pytest.param(0, marks=pytest.mark.long), 60])
 def test_a_failed_explosion_still_gives_a_plan_that_says_so(
     after: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -376,9 +385,8 @@ def test_a_plan_that_is_always_refused_ends_as_a_failure(
     ]
 
 
-@pytest.mark.parametrize(
-    "at", [pytest.param(4, marks=pytest.mark.long), 5, pytest.param(6, marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("at", [4, 5, 6])
 def test_a_second_attempt_that_is_killed_comes_to_the_same(
     at: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

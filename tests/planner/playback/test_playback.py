@@ -50,7 +50,7 @@ def test_the_default_controller_folds_real_shapes(shape: str, folded: Callable[.
     assert np.sqrt((distances**2).mean()) == pytest.approx(playback.rms_position_error, abs=1e-12)
 
 
-@pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])
+@pytest.mark.parametrize("shape", ["wrench-24", pytest.param("mallet-64", marks=pytest.mark.long)])
 def test_frames_tell_the_truth(shape: str, folded: Callable[..., Any]) -> None:
     fold = folded(shape)
     playback, record = fold.playback, fold.record
@@ -71,7 +71,7 @@ def test_frames_tell_the_truth(shape: str, folded: Callable[..., Any]) -> None:
     assert frames.time_s[0] == record.frames.time_s[-1]
 
 
-@pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])
+@pytest.mark.parametrize("shape", ["wrench-24", pytest.param("mallet-64", marks=pytest.mark.long)])
 def test_a_floating_chain_folds_about_its_centre_of_mass(
     shape: str, folded: Callable[..., Any]
 ) -> None:

@@ -15,7 +15,6 @@ from xml.etree import ElementTree
 import lxml.etree
 import mujoco
 import numpy as np
-import pandas
 import pygltflib
 import pytest
 import trimesh
@@ -116,6 +115,8 @@ def test_a_plan_is_read_again(plan: Plan, name: str, tmp_path: Path) -> None:
 
 
 def test_a_table_has_every_number_of_the_plan(plan: Plan) -> None:
+    import pandas  # loaded only where it is used: it takes long
+
     data = written("csv", plan)
     table = pandas.read_csv(io.BytesIO(data))
     chain = plan.chain
@@ -135,6 +136,8 @@ def test_a_table_has_every_number_of_the_plan(plan: Plan) -> None:
 
 
 def test_an_error_that_nobody_measured_is_empty(plan: Plan) -> None:
+    import pandas
+
     unmeasured = dataclasses.replace(plan, max_error_rad=np.full_like(plan.time_s, np.nan))
     table = pandas.read_csv(io.BytesIO(written("csv", unmeasured)))
     assert table["max_error_rad"].isna().all()

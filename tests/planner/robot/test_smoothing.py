@@ -72,8 +72,8 @@ def test_what_is_smoothed_is_shorter_and_as_clear(
 
 
 def test_steps_are_even(folded: Callable[..., Any], smoothed: Callable[[str], Array]) -> None:
-    chain = folded("mallet-64").chain
-    steps = np.diff(record_lengths(chain, smoothed("mallet-64"), DISTANCE_WEIGHT))
+    chain = folded("wrench-24").chain
+    steps = np.diff(record_lengths(chain, smoothed("wrench-24"), DISTANCE_WEIGHT))
     assert steps.max() <= 1.2 * SPACING_RAD[1]
 
 

@@ -78,7 +78,7 @@ def test_a_box_offers_the_counts_that_it_can_have() -> None:
     st.floats(0.1, 100),
     st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50)),
 )
-@examples(one_of=15)
+@examples(one_of=30)
 def test_size_and_place_change_nothing(scale: float, shift: tuple[float, ...]) -> None:
     mesh = torus()
     plain = voxelise(solid_of(mesh), cells=120)
@@ -127,7 +127,9 @@ def test_a_hollow_ball_stays_hollow() -> None:
     assert voxels.bodies == 1
 
 
-@pytest.mark.parametrize("cells", [20, 150, 700])
+@pytest.mark.parametrize(
+    "cells", [20, *(pytest.param(n, marks=pytest.mark.long) for n in (150, 700))]
+)
 def test_the_reported_iou_and_overlay_are_true(cells: int) -> None:
     mesh = trimesh.creation.torus(2.0, 0.7, major_sections=96, minor_sections=48)
     turn = TURNS.rotation_matrix(0.4, [1, 2, 3])
@@ -199,7 +201,7 @@ def test_what_comes_out_is_in_one_piece(seed: int, cells: int) -> None:
     assert voxels.above is None or voxels.above > cells
 
 
-@pytest.mark.parametrize("missing", [1, 9])
+@pytest.mark.parametrize("missing", [pytest.param(1, marks=pytest.mark.long), 9])
 def test_an_open_mesh_is_voxelised_like_the_closed_one(missing: int) -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3)
     whole = voxelise(solid_of(mesh), cells=300)
@@ -259,7 +261,7 @@ def test_a_sheet_without_thickness_has_no_inside() -> None:
         voxelise(sheet, cells=100)
 
 
-@pytest.mark.parametrize("cells", [8, 20, 125])
+@pytest.mark.parametrize("cells", [8, pytest.param(20, marks=pytest.mark.long), 125])
 @pytest.mark.parametrize("make", [torus, lambda: box(3.0, 2.0, 1.0)], ids=["torus", "box"])
 def test_other_counts_are_offered_on_both_sides(make: Callable[[], Any], cells: int) -> None:
     voxels = voxelise(solid_of(make()), cells=cells)
@@ -309,7 +311,7 @@ MESHES: dict[str, Callable[[], Mesh]] = {
 
 
 @given(st.sampled_from(sorted(MESHES)), st.integers(1, 400), st.integers(0, 3), st.booleans())
-@examples(one_of=10)
+@examples(one_of=30)
 def test_a_count_that_is_offered_is_what_asking_for_it_gives(
     name: str, cells: int, seed: int, upright: bool
 ) -> None:
@@ -332,7 +334,14 @@ def voxels_of(name: str, cells: int) -> Voxels:
     return voxelise(solid_of(MESHES[name]()), cells=cells)
 
 
-@pytest.mark.parametrize("name", sorted(MESHES))
+QUICK = ("ball", "open box", "slab", "two boxes")
+"""Names of meshes that are voxelised quickly."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.long] * (n not in QUICK)) for n in sorted(MESHES)],
+)
 @pytest.mark.parametrize(
     "cells", [20, *(pytest.param(cells, marks=pytest.mark.long) for cells in (60, 160))]
 )

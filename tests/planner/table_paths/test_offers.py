@@ -81,6 +81,7 @@ def test_first_offer_for_a_torus_is_what_a_fold_gets(modules: int) -> None:
     assert not faults_of(made.cells, rule=FALLS)
 
 
+@pytest.mark.long
 def test_offers_for_a_torus_beyond_what_folds_are_the_largest_that_does() -> None:
     solid = read(TORUS, filename="torus.stl")
     assert isinstance(solid, Solid)

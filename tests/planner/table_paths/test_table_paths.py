@@ -87,7 +87,13 @@ def test_a_tower_is_laid_down_since_its_first_link_lies_flat() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["mallet-64", "wrench-80", "table", "chair", "cup"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("mallet-64", "cup"),
+        *(pytest.param(n, marks=pytest.mark.long) for n in ("wrench-80", "table", "chair")),
+    ],
+)
 def test_shapes_of_the_gallery_have_paths(name: str) -> None:
     cells = shape(name)
     check(table_paths(cells, most=4), cells)

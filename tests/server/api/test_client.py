@@ -114,6 +114,7 @@ def test_the_wishes_are_those_of_the_interface(desk: Service) -> None:
     assert set(MovieOptions.__annotations__) == fields("/api/folds/{fold_id}/movies")
 
 
+@pytest.mark.long
 def test_a_movie_is_asked_for_and_taken(service: Service, finished: Any, tmp_path: Path) -> None:
     drawn: list[tuple[int, int]] = []
     with client_of(service) as client:
@@ -323,6 +324,7 @@ def test_the_code_of_its_page_runs(service: Service, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / "plan.npz"]
 
 
+@pytest.mark.long
 def test_the_example_runs(service: Service, tmp_path: Path) -> None:
     example = ROOT / "examples" / "07_fold_by_api.py"
     arguments = ("--url", str(service.http.base_url), "--shape", "wrench-24")

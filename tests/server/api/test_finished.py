@@ -80,6 +80,7 @@ def small_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.usefixtures("small_folder")
+@pytest.mark.long
 def test_import_of_finished_fold_into_bucket_serves_same_files(
     bucket: Bucket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

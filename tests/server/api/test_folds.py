@@ -314,6 +314,7 @@ def test_settings_make_another_fold_unless_they_change_nothing(desk: Service) ->
     assert desk.fold(**link, token=token)["id"] == plain["id"]
 
 
+@pytest.mark.long
 def test_a_published_fold_is_refolded(service: Service) -> None:
     asked = {"preset": "paper", "settings": "radial_gain=2"}
     first = service.fold(STAIRS, **asked)

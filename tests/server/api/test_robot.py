@@ -389,7 +389,9 @@ def test_what_cannot_be_proved_clear_would_not_do(
     assert unseen.exit_code == 0
 
 
-@pytest.mark.parametrize(("stiffness", "waits"), [("5", False), ("0.05", True)])
+@pytest.mark.parametrize(
+    ("stiffness", "waits"), [pytest.param("5", False, marks=pytest.mark.long), ("0.05", True)]
+)
 def test_the_example_drives_a_simulated_robot(
     service: Service, finished: Finished, tmp_path: Path, stiffness: str, waits: bool
 ) -> None:

@@ -141,6 +141,7 @@ def test_it_is_computed_again_from_what_it_was_made_of(
     assert after[1] == before[1]
 
 
+@pytest.mark.long
 def test_one_that_was_cancelled_before_it_began_is_folded_again(
     service: Service, finished: dict[str, Any], here_with: Callable[..., ServiceHere]
 ) -> None:

@@ -69,6 +69,7 @@ def test_a_mesh_becomes_a_chain_file(tmp_path: Path) -> None:
     assert report["modules"] % 12 == 0
 
 
+@pytest.mark.long
 def test_the_cells_of_a_path_fold_as_rings(service: Service) -> None:
     accepted = service.fold(U[:2] + [[2, 0, 0]], module="tetrahedron")
     state = service.wait_over(accepted["id"])

@@ -14,7 +14,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import pandas
 import pytest
 import trimesh
 import yourdfpy
@@ -74,6 +73,8 @@ def test_each_can_be_downloaded(service: Service, finished: dict[str, Any], name
 
 def _read(name: str, data: bytes, plan: Plan) -> None:
     """Reads a file with somebody else's program; more of that is tested with the planner."""
+    import pandas  # loaded only where it is used: it takes long
+
     frames = len(plan.time_s)
     match name:
         case "json":

@@ -50,7 +50,8 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ServiceHe
     """A service that was started on a read-only disk, and a fold that it has."""
     data_dir = tmp_path_factory.mktemp("read-only") / "data"
     with ServiceHere(data_dir, finished_folds=True).start() as writing:
-        fold_id = writing.http.get("/api/folds").json()["folds"][0]["id"]
+        folds = writing.http.get("/api/folds").json()["folds"]
+        fold_id = min(folds, key=lambda fold: fold["modules"])["id"]
     with read_only(data_dir), ServiceHere(data_dir, finished_folds=True).start() as here:
         yield here, fold_id
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from openapi_spec_validator import validate
-
 from tests.server.service import Service
 
 
 def test_the_description_is_valid_and_complete(desk: Service) -> None:
+    from openapi_spec_validator import validate  # loaded only where it is used: it takes long
+
     api: dict[str, Any] = desk.http.get("/api/openapi.json").json()
     validate(api)
     paths = api["paths"]

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +20,11 @@ from server.api.schemas import PAUSED
 from server.jobs.runner import MAX_DEATHS, STAGES, Runner
 from server.jobs.slices import Slice
 from server.processes.children import Child, ChildError
+from server.processes.fork_server import ForkServer
 from server.store.folds import Store, new_token
 from tests.server.here import FORKS, ServiceHere
-from tests.server.service import SNAKE, STAIRS, Service, over, owner
+from tests.server.processes.test_fork_server import before_others
+from tests.server.service import PATIENCE_S, SNAKE, STAIRS, Service, over, owner
 
 pytestmark = pytest.mark.slow
 HereWith = Callable[..., ServiceHere]
@@ -98,81 +103,15 @@ def test_a_living_worker_takes_over_from_one_that_stays_dead(service_with) -> No
             assert service.http.get("/ready").json()["workers"] == 1
 
 
-def kill_each(service: Service, fold_id: str, kind: str, times: int) -> None:
-    """Kill what computes a fold once it has recorded motion, and each that takes its place."""
-    killed = set[int]()
-    directory = service.directory(fold_id)
-
-    def recorded_by(process: psutil.Process) -> bool:
-        timeline = result(directory, TIMELINE)
-        described = timeline / "zarr.json"
-        return (
-            described.exists()
-            and described.stat().st_mtime > process.create_time()
-            and last_frame(timeline) is not None
-        )
-
-    def enough(state: dict[str, Any]) -> bool:
-        found = [one for one in service.processes(kind) if one.pid not in killed]
-        if state["stage"] in ("explode", "play_back") and len(killed) < times:
-            for process in found:
-                if recorded_by(process):
-                    process.kill()
-                    killed.add(process.pid)
-        return len(killed) == times or over(state)
-
-    service.wait(fold_id, enough)
-    assert len(killed) == times
-
-
-def stages_fork_server(service: Service) -> psutil.Process:
-    (found,) = (
-        process
-        for process in service.processes("server.processes.forking")
-        if '["stages"]' in process.cmdline()[-1]
-    )
-    return found
-
-
-def test_a_fold_goes_on_when_its_process_or_its_fork_server_is_killed(service: Service) -> None:
-    fold_id = service.fold(shape="wrench-160", seed="91", settings="robots=0")["id"]
-    service.wait_exploding(fold_id)
-    kill_each(service, fold_id, "foldback stages", MAX_DEATHS - 1)
-    service.wait(fold_id, lambda _: service.children("stages") != [])
-    stages_fork_server(service).kill()
-    check_finished(service, fold_id)
-
-
-def test_a_fold_whose_process_dies_again_and_again_fails_alone(service: Service) -> None:
-    options = {"shape": "wrench-80", "preset": "paper"}  # it explodes slowly
-    accepted = service.fold(**options)
-    service.wait_exploding(accepted["id"])
-    kill_each(service, accepted["id"], "foldback stages", MAX_DEATHS)
-    waiting = service.fold(STAIRS)["id"]
-    state = service.wait_over(accepted["id"])
-    assert state["status"] == "failed"
-    assert state["error"]["code"] == "crashed"
-    assert "SIGKILL" in state["error"]["detail"]
-    assert f"happened {MAX_DEATHS} times" in state["error"]["detail"]
-    # What was there of it stays, and tells where it was.
-    assert state["summary"]["stuck"]["kind"] == "stopped"
-    timeline = Timeline.open(service.directory(accepted["id"]) / "timeline.zarr")
-    assert timeline.status == "failed"
-    check_finished(service, waiting)
-    # It was the machine's fault, not the shape's: asked for again it is computed again.
-    again = service.fold(**options, token=accepted["owner_token"])
-    assert not again["existing"] and again["id"] != accepted["id"]
-    service.http.post(f"/api/folds/{again['id']}/cancel", headers=owner(again))
-    assert service.wait_over(again["id"])["status"] == "cancelled"
-
-
-def compute(service: ServiceHere, fold_id: str) -> dict[str, Any]:
+def compute(
+    service: ServiceHere, fold_id: str, *, fork_server: ForkServer = FORKS
+) -> dict[str, Any]:
     """Does what a worker does with a fold, and tells how it stands then.
 
     Its stages are computed in a child, as everywhere.
     """
     store = Store(service.settings)
-    runner = Runner(service.settings, store, fork_server=FORKS)
+    runner = Runner(service.settings, store, fork_server=fork_server)
     try:
         outcome = runner.run(fold_id, STAGES[0], "tests", 0)
         while not outcome["ended"] and outcome["following"] is not None:
@@ -182,6 +121,118 @@ def compute(service: ServiceHere, fold_id: str) -> dict[str, Any]:
         runner.stop()
         store.close()
     return service.state(fold_id)
+
+
+HELD = """
+import sys, time
+from pathlib import Path
+if "server.processes.forking" in sys.orig_argv and Path({!r}).exists():
+    from planner.motion.timeline import TimelineWriter
+    flush = TimelineWriter.flush
+
+    def held(self):
+        flush(self)
+        while len(self):
+            time.sleep(1)
+
+    TimelineWriter.flush = held
+"""
+"""Has a child stop for good once it has recorded motion, as long as a file is there."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """A fork server whose children stop once they have recorded motion.
+
+    Attributes:
+        server: The fork server.
+        hold: Children of a fork server that starts without this file do not stop.
+    """
+
+    server: ForkServer
+    hold: Path
+
+    def kill_child(self, directory: Path, killed: set[int]) -> None:
+        """Wait for a child that has recorded motion of a fold and was not killed yet; kill it."""
+        process = self.child(directory, killed)
+        process.kill()
+        killed.add(process.pid)
+
+    def child(self, directory: Path, killed: set[int]) -> psutil.Process:
+        """Wait for a child that has recorded motion of a fold, and return it."""
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            for process in psutil.Process(self.server.pid).children():
+                if process.pid not in killed and recorded_by(process, directory):
+                    return process
+            assert time.monotonic() < deadline, f"killed {killed}"
+            time.sleep(0.02)
+
+
+def recorded_by(process: psutil.Process, directory: Path) -> bool:
+    timeline = result(directory, TIMELINE)
+    described = timeline / "zarr.json"
+    return (
+        described.exists()
+        and described.stat().st_mtime > process.create_time()
+        and last_frame(timeline) is not None
+    )
+
+
+@pytest.fixture(scope="module")
+def held(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Held]:
+    code = tmp_path_factory.mktemp("held") / "code"
+    hold = code.parent / "hold"
+    code.mkdir()
+    hold.touch()
+    (code / "sitecustomize.py").write_text(HELD.format(str(hold)))
+    server = ForkServer(["stages"], warm=False, environment={"PYTHONPATH": before_others(code)})
+    server.start()
+    yield Held(server, hold)
+    server.close()
+
+
+def test_a_fold_whose_process_dies_again_and_again_fails_alone(
+    here_with: HereWith, held: Held
+) -> None:
+    service = here_with().start()
+    options = {"strategy": "simultaneous"}
+    accepted = service.fold(STAIRS, **options)
+    directory, killed = service.directory(accepted["id"]), set[int]()
+    with ThreadPoolExecutor(1) as worker:
+        computing = worker.submit(compute, service, accepted["id"], fork_server=held.server)
+        for _ in range(MAX_DEATHS):
+            held.kill_child(directory, killed)
+        state = computing.result()
+    assert state["status"] == "failed"
+    assert state["error"]["code"] == "crashed"
+    assert "SIGKILL" in state["error"]["detail"]
+    assert f"happened {MAX_DEATHS} times" in state["error"]["detail"]
+    # What was there of it stays, and tells where it was.
+    assert state["summary"]["stuck"]["kind"] == "stopped"
+    assert Timeline.open(directory / "timeline.zarr").status == "failed"
+    # It was the machine's fault, not the shape's: asked for again it is computed again.
+    again = service.fold(STAIRS, token=accepted["owner_token"], **options)
+    assert not again["existing"] and again["id"] != accepted["id"]
+
+
+def test_a_fold_goes_on_when_its_process_or_its_fork_server_is_killed(
+    here_with: HereWith, held: Held
+) -> None:
+    service = here_with().start()
+    fold_id = service.fold(STAIRS, strategy="simultaneous")["id"]
+    directory, killed = service.directory(fold_id), set[int]()
+    with ThreadPoolExecutor(1) as worker:
+        computing = worker.submit(compute, service, fold_id, fork_server=held.server)
+        for _ in range(MAX_DEATHS - 1):
+            held.kill_child(directory, killed)
+        held.child(directory, killed)
+        held.hold.unlink()
+        psutil.Process(held.server.pid).kill()
+        assert computing.result()["status"] == "verified"
+    check_finished(service, fold_id)
+    held.hold.touch()
+    psutil.Process(held.server.pid).kill()  # so that the next one holds its children again
 
 
 @pytest.mark.long
@@ -227,7 +278,10 @@ def test_a_verified_plan_outlasts_the_search_for_a_better_one(
     assert [a.get("chosen", False) for a in plan.attempts] == [True]
 
 
-@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize(
+    "stage",
+    [pytest.param(s, marks=[pytest.mark.long] * (s not in ("explode", "export"))) for s in STAGES],
+)
 def test_no_result_of_a_stage_that_was_cut_off_for_others_is_kept(
     here_with: HereWith, monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
@@ -284,7 +338,9 @@ def test_a_fold_with_a_row_and_no_job_is_found_at_the_next_start(service_with) -
         check_finished(service, fold_id)
 
 
-@pytest.mark.parametrize("status", ["ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED"])
+@pytest.mark.parametrize(
+    "status", ["ERROR", pytest.param("MAX_RECOVERY_ATTEMPTS_EXCEEDED", marks=pytest.mark.long)]
+)
 def test_a_job_that_failed_without_a_word_ends_its_fold(service: Service, status: str) -> None:
     busy = service.fold(shape="mallet-24", preset="paper", seed=str(len(status)))
     service.wait(busy["id"], lambda _: service.children("stages") != [])

@@ -132,6 +132,7 @@ def test_refusals(
     assert (answer.json()["code"], answer.json()["where"]) == (code, where)
 
 
+@pytest.mark.long
 def test_frames_that_are_not_there_fail_the_movie(
     service: Service, finished: dict[str, Any]
 ) -> None:

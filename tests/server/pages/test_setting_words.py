@@ -47,6 +47,7 @@ def test_the_command_line_lists_them() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_command_line_folds_and_refolds_with_them(tmp_path: Path) -> None:
     files = []
     for name, cells in (("a", STAIRS), ("b", [[y, x, z] for x, y, z in STAIRS])):

@@ -27,7 +27,9 @@ def drawn(picture: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["wrench-160", "tetra-wrench"])
+@pytest.mark.parametrize(
+    "name", ["wrench-160", pytest.param("tetra-wrench", marks=pytest.mark.long)]
+)
 def test_the_shape_fills_the_picture_and_is_whole(name: str) -> None:
     shape = Gallery().shape(name)
     assert shape is not None
