@@ -32,10 +32,10 @@ WORKFLOW: Final = "fold"
 MOVIES_QUEUE: Final = "movies"
 MOVIE_WORKFLOW: Final = "movie"
 GOING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
-POLL_S: Final = 0.4
+POLL_S: Final = 0.2
 """Seconds between two looks of a worker for folds, in each of two queues. A fold waits half of it
-on average. A smaller value takes more of a processor while nothing is to do: 5 % with 0.2 s here
-and 0.5 s for movies, 3.5 % with these. Chosen."""
+on average. A smaller value takes more of a processor while nothing is to do: 4 to 5 % with this and
+1 s for movies. Chosen."""
 MOVIES_POLL_S: Final = 1.0
 """Seconds between two looks of a worker for movies; see ``POLL_S``. Chosen."""
 AT_A_TIME: Final = 500

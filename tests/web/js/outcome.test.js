@@ -70,7 +70,9 @@ test("name_while_a_plan_is_smoothed_is_never_exploding", () => {
   assert.equal(names[3], "Exploding");
 });
 
-test("notification_is_asked_for_on_a_click_only_and_shown_once_in_a_hidden_tab", async () => {
+test("notification_is_asked_for_on_a_click_only_and_shown_once_in_a_hidden_tab", async (t) => {
+  const { document: page, window: browser } = globalThis; // other files of this process use them
+  t.after(() => Object.assign(globalThis, { document: page, window: browser, Notification: undefined }));
   const parts = {};
   let asked = 0;
   const sent = [];
