@@ -39,17 +39,23 @@ AT_LAST_FRAME = """() => {
 }"""
 
 
-def held(page: Page, address: str) -> list[Route]:
-    """Hold back what the page asks for, until ``release``."""
+FACTS = "**/facts"
+
+
+def held_facts(page: Page) -> list[Route]:
+    """Hold back the facts that the page asks for, until ``release``."""
     routes: list[Route] = []
-    page.route(address, lambda route: routes.append(route))
+    page.route(FACTS, lambda route: routes.append(route))
     return routes
 
 
 def release(page: Page, routes: list[Route]) -> None:
+    """Answer requests that are held back, at least one, and all later ones at once."""
     while not routes:
         page.wait_for_timeout(20)
-    routes[0].continue_()
+    page.unroute(FACTS)
+    for route in routes:
+        route.continue_()
 
 
 def test_hero_is_paused_and_goes_on(visit: Visit) -> None:
@@ -72,7 +78,7 @@ def test_fold_that_runs_plays_from_its_start_and_rests_on_the_finished_shape(
 ) -> None:
     page = visit("/shapes/new", view=False, **MOVING)
     page.add_init_script(NOTE)
-    verdict = held(page, "**/facts")
+    verdict = held_facts(page)
     page.goto("/")
     page.locator("#seed").evaluate("seed => { seed.value = 77; }")
     page.locator("[data-shape=wrench-24]").click()
@@ -104,7 +110,7 @@ def test_visitor_who_scrubs_a_fold_that_runs_is_not_interrupted(
     visit: Visit, service: Service
 ) -> None:
     page = visit("/shapes/new", view=False, **MOVING)
-    verdict = held(page, "**/facts")
+    verdict = held_facts(page)
     page.goto(f"/folds/{service.fold(shape='wrench-24', seed='78')['id']}")
     page.wait_for_function("() => window.foldback?.player.playhead.frame > 0.5")
     page.locator("#scrub").press("Home")
