@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import InputError, SimulationError
-from planner.kernels.core import box_cover
+from planner.kernels.folded_core import box_cover
 from planner.kernels.kinematics import chain_poses
 from planner.kernels.module import ModuleStates
 from planner.kernels.velocities import chain_velocities
