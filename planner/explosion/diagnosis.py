@@ -25,7 +25,7 @@ from planner.explosion.evidence import (
     evidence_from,
 )
 from planner.explosion.peeling import FEWEST_LEFT
-from planner.kernels.core import FIXED
+from planner.kernels.folded_core import FIXED
 from planner.kernels.pairs import near_pairs
 from planner.motion.frames import PHASES, Frames
 from planner.motion.record import Record

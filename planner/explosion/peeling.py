@@ -34,8 +34,14 @@ from planner.explosion.peeling_core import Core
 from planner.explosion.peeling_proof import Proof
 from planner.explosion.peeling_recorder import WindowRecorder
 from planner.explosion.peeling_window import Bend, Peelable
-from planner.kernels.core import FIXED
-from planner.kernels.peeling import Caps, window_forces, window_haste
+from planner.kernels.folded_core import FIXED, CoreCells
+from planner.kernels.pairs import PairLimits
+from planner.kernels.window_forces import (
+    StepLimits,
+    WindowLoads,
+    window_forces,
+    window_inverse_step_limit,
+)
 from planner.motion.record import Record, Spent
 from planner.motion.windows import Windows
 from planner.parameters.explosion import PeelingParameters
@@ -146,14 +152,14 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         self.finder = ContactFinder(chain, self.material)
         # Folded neighbours are no farther apart than the module size leaves.
         self.least = min(LEAST_CLEARANCE, 0.5 * (1.0 - parameters.verify_size) - ROUNDING)
-        self.caps = Caps(
+        self.caps = StepLimits(
             joint_rad=parameters.joint_cap_rad,
-            pair=parameters.pair_cap,
-            slide=parameters.slide_cap,
             body=parameters.body_cap,
-            turn_rad=parameters.turn_rad,
+            tail_turn_rad=parameters.turn_rad,
+            pair=PairLimits(chain.module.radius, parameters.pair_cap, parameters.slide_cap),
         )
-        self.caps_loose = self.caps._replace(pair=parameters.pair_cap_loose)
+        loose = self.caps.pair._replace(approach=parameters.pair_cap_loose)
+        self.caps_loose = self.caps._replace(pair=loose)
         self.contacts = 0
         self.progressed = 0
         self.least_left = np.inf
@@ -275,20 +281,21 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         p = self.parameters
         weak = self.is_weak()
         scale = p.spring * self.tension * (WEAK_TENSION if weak else 1.0)
-        return window_forces(
-            positions,
-            self.weights[self.first : self.first + self.modules],
-            self.centre - 2.0 * self.aim,
-            self.aim,
-            self.first,
-            self.core.grid,
-            self.core.low,
-            self.core_box,
-            p.repulsion_cutoff,
-            p.repulsion_gain * (STRONG_REPULSION if weak else 1.0),
-            p.tension * scale,
-            p.pull * scale,
+        loads = WindowLoads(
+            weights=self.weights[self.first : self.first + self.modules],
+            source=self.centre - 2.0 * self.aim,
+            heading=self.aim,
+            cutoff=p.repulsion_cutoff,
+            gain=p.repulsion_gain * (STRONG_REPULSION if weak else 1.0),
+            tension=p.tension * scale,
+            pull=p.pull * scale,
         )
+        return window_forces(positions, loads, self._core_cells)
+
+    @property
+    def _core_cells(self) -> CoreCells:
+        """Cells of the modules that are still folded."""
+        return CoreCells(self.core.grid, self.core.low, self.core_box, self.first)
 
     def _stiffen(self, positions: Array) -> None:
         """Hinges far from the core pull harder towards straight."""
@@ -331,19 +338,12 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         state, window = self.state, self.window
         window.place_velocities(state)
         loose = np.abs(state.angles).max() < p.loose_rad
-        return window_haste(
+        return window_inverse_step_limit(
             state.rates,
-            window.positions,
-            window.rotations,
-            window.velocities,
-            window.spins,
-            self.first,
+            window.modules,
+            self._core_cells,
             self.rod,
-            self.core.grid,
-            self.core.low,
-            self.core_box,
             p.repulsion_cutoff,
-            self.chain.module.radius,
             self.caps_loose if loose else self.caps,
         )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import InputError
-from planner.kernels.core import box_cover, distances_at
+from planner.kernels.folded_core import box_cover, distances_at
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -28,7 +28,7 @@ from planner.explosion.explosion import (
 )
 from planner.explosion.recorder import FrameRecorder, Step
 from planner.explosion.straightening import straightening
-from planner.kernels.pairs import largest_haste, near_pairs, repulsion
+from planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs, repulsion
 from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.parameters.explosion import ExplosionParameters
@@ -289,21 +289,16 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         """By hinges, near modules, and all modules."""
         p = self.parameters
         state, engine = self.state, self.engine
-        positions = engine.positions
         engine.place(state)
         loose = np.abs(state.angles).max() < p.loose_rad
-        hasty = largest_haste(
-            positions,
-            engine.velocities,
-            engine.spins,
-            self.pairs,
-            self.chain.module.radius,
-            p.pair_cap_loose if loose else p.pair_cap,
-            p.slide_cap,
+        limits = PairLimits(
+            radius=self.chain.module.radius,
+            approach=p.pair_cap_loose if loose else p.pair_cap,
+            slide=p.slide_cap,
         )
         return max(
             float(np.abs(state.rates).max()) / p.joint_cap_rad,
-            hasty,
+            max_inverse_step_limit(engine.modules, self.pairs, limits),
             float(np.sqrt((engine.velocities**2).sum(axis=1).max())) / self.body_cap,
         )
 

@@ -28,7 +28,7 @@ from planner.explosion.peeling_recorder import Mark, WindowRecorder
 from planner.explosion.peeling_window import Bend
 from planner.explosion.table_guard import Guard
 from planner.explosion.table_way import way_out
-from planner.kernels.core import FIXED
+from planner.kernels.folded_core import FIXED
 from planner.motion.record import Record, Spent
 from planner.motion.windows import Windows
 from planner.parameters.explosion import TableParameters

@@ -19,7 +19,7 @@ from planner.chain.kinematics import Poses, forward_kinematics
 from planner.explosion.from_above import crosses_itself
 from planner.explosion.peeling import FEWEST_LEFT
 from planner.explosion.peeling_window import Bend, Peelable
-from planner.kernels.core import FIXED
+from planner.kernels.folded_core import FIXED
 from planner.motion.record import TableRecord
 from planner.parameters.explosion import TableParameters
 from planner.statics.balance import Balance

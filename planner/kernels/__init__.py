@@ -1,4 +1,4 @@
-"""Kernels: compiled inner loops, which take and return plain arrays.
+"""Kernels: compiled inner loops over arrays and named tuples of arrays.
 
 A kernel is compiled for each combination of argument types that it is called with, which takes up
 to some seconds; a written 0 is a type of its own to the compiler, and so is a read-only array.

@@ -1,12 +1,18 @@
-"""Forward dynamics of a free chain, compiled: linear in its modules.
+"""Forward dynamics of a chain by the articulated-body algorithm, compiled: linear in its modules.
 
-Featherstone's articulated-body algorithm (Rigid Body Dynamics Algorithms, 2008, chapter 7), with
-all vectors in the world's frame and each module's taken at its centre: the wrench that the joint
-before module j gives it is A_j a_j + b_j, where a_j holds its angular and linear acceleration, A_j
-is its articulated inertia, (6, 6), and b_j what does not depend on accelerations.
+Featherstone, Rigid Body Dynamics Algorithms, 2008, section 7.3, with its symbols. Spatial vectors
+are in the world frame, angular part first, each module's taken at its centre. The force that the
+joint before module i transmits is IA_i a_i + pA_i: a_i is the module's spatial acceleration, IA_i
+the (6, 6) articulated-body inertia of all modules from i on, and pA_i their bias force. The joint
+has the motion subspace S_i, and
 
-``free_accelerations`` is for a chain that touches nothing. What it has found on its way inwards is
-enough to tell how the chain answers to any force, which ``add_contacts`` makes use of.
+    U = IA S,   D = Sᵀ U,   u = τ − Sᵀ (pA + IA c)
+    Ia = IA − U D⁻¹ Uᵀ,   pa = pA + IA c + U D⁻¹ u
+
+are what module i − 1 feels of it, c being the module's acceleration due to velocities alone.
+
+S, U, D and IA of module 0 define how the chain responds to any force, for which
+``planner.kernels.contact_forces`` uses them.
 """
 # pyright: reportUntypedFunctionDecorator=false
 
@@ -18,893 +24,478 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL, ZERO
-from planner.kernels.dynamics import joint_axes
-from planner.kernels.kinematics import copy_matrix, copy_vector
-from planner.kernels.module import Joint
-from planner.kernels.velocities import cross
+from planner.kernels import INNER, KERNEL
+from planner.kernels.kinematics import (
+    Vector,
+    copy_matrix,
+    copy_vector,
+    cross,
+    matrix,
+    product,
+    rodrigues,
+    rotate,
+    vector,
+)
+from planner.kernels.module import Joint, ModuleStates
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-HELD = 1e15
-"""Inertia of a module that is held."""
-NO_ROD: Array = np.zeros(4)
-MOST_ROUNDS = 100
-"""Of exchanging the contacts that push."""
-PATIENCE = 3
-"""Exchanges of all that are wrong, without fewer being so, before it is one at a time."""
-EXACT = 1e-10
-"""Share of the largest acceleration lacking up to which one counts as zero."""
-MOST_GRADIENTS = 400
-"""Steps of projected gradients."""
-MIN_SOFTNESS = 1e-15
-"""Least element of the diagonal R: without one A may be singular."""
-NEARLY = 1e-3
-"""Share of the largest acceleration lacking, below which they end."""
+LOCKED_INERTIA = 1e15
+"""Inertia of a module that is held: mass in module masses, moments in module mass · pitch². A
+larger one loses digits in the solution, with a smaller one the module gives. Chosen."""
+NO_TAIL: Array = np.zeros(4)
+"""Inertial parameters of a tail that is not there, see ``ChainModel``."""
 
 
-class Articulated(NamedTuple):
-    """What a chain's inertias make of the joint before each of n modules of H hinges.
+class ChainModel(NamedTuple):
+    """Inertial parameters of a chain of modules of mass 1.
 
     Attributes:
-        motions: (n, H, 6) accelerations that a unit acceleration of a hinge gives its module.
-        wrenches: (n, H, 6) articulated inertia times those.
-        hinges: (n, H, H) inertia that the hinges feel.
-        base: (6, 6) articulated inertia of module 0.
-        first: (6,) acceleration of module 0, angular first.
+        joint: The module's joint.
+        inertia: (3,) principal moments of a module about its centre, in module mass · pitch².
+        tail: (4,) rigid tail along the last module's x axis, fixed to it: its mass, the distance of
+            its centre of mass from the module's centre, and its moments of inertia about that
+            centre of mass, along the axis and across it; ``NO_TAIL`` for none.
+        fixed_base: True if module 0 is held.
+        root: Index of the module whose acceleration is computed with those of the hinges.
     """
 
-    motions: Array
-    wrenches: Array
-    hinges: Array
-    base: Array
-    first: Array
+    joint: Joint
+    inertia: Array
+    tail: Array
+    fixed_base: bool
+    root: int
 
 
-class Contacts(NamedTuple):
-    """Where modules touch.
+class Loads(NamedTuple):
+    """Forces on a chain, and the rotor inertias of its hinges.
 
     Attributes:
-        pairs: (m, 2) modules; the normal points to the second one.
-        normals, points: (m, 3) in the world.
+        torques: (J,) τ of the hinges, in module mass · pitch² / s².
+        armature: (J,) rotor inertias of the hinges, in module mass · pitch².
+        forces: (n, 3) forces at the modules' centres, in the world frame.
+        end_torque: (3,) torque on the last module, in the world frame.
     """
 
-    pairs: Ints
-    normals: Array
-    points: Array
+    torques: Array
+    armature: Array
+    forces: Array
+    end_torque: Array
 
 
-class Response(NamedTuple):
-    """What it takes to tell how a chain answers to forces.
+class ArticulatedBodies(NamedTuple):
+    """Articulated-body quantities of the joint before each of n modules, of K hinges.
 
     Attributes:
-        found: From ``free_accelerations``.
-        inverse: (6, 6) inverse of ``found.base``.
-        rigid_links: Links without hinges at the chain's beginning.
-        positions: (n, 3).
-        top: The last module that a force acts on.
+        S: (n, K, 6) motion subspace: spatial accelerations of the module per q̈.
+        U: (n, K, 6) IA S.
+        D: (n, K, K) Sᵀ U, with the rotor inertias.
+        root_inertia: (6, 6) IA of module 0.
+        root_acceleration: (6,) spatial acceleration of module 0 without contacts.
     """
 
-    found: Articulated
-    inverse: Array
-    rigid_links: int
-    positions: Array
-    top: int
+    S: Array
+    U: Array
+    D: Array
+    root_inertia: Array
+    root_acceleration: Array
+
+    @classmethod
+    def zeros(cls, modules: int, hinges: int) -> ArticulatedBodies:
+        """Return arrays of zeros for a number of modules with K hinges a joint."""
+        return cls(
+            np.zeros((modules, hinges, 6)),
+            np.zeros((modules, hinges, 6)),
+            np.zeros((modules, hinges, hinges)),
+            np.zeros((6, 6)),
+            np.zeros(6),
+        )
 
 
-def articulated(modules: int, hinges: int) -> Articulated:
-    """Room for a chain of so many modules with so many hinges a joint."""
-    return Articulated(
-        np.zeros((modules, hinges, 6)),
-        np.zeros((modules, hinges, 6)),
-        np.zeros((modules, hinges, hinges)),
-        np.zeros((6, 6)),
-        np.zeros(6),
+class Accelerations(NamedTuple):
+    """Accelerations of a chain.
+
+    Attributes:
+        qdd: (J,) hinge accelerations q̈, in rad/s².
+        root: (6,) spatial acceleration of the root at its centre, in the world frame.
+    """
+
+    qdd: Array
+    root: Array
+
+
+@njit(**KERNEL)
+def unconstrained_accelerations(
+    model: ChainModel,
+    q: Array,
+    qd: Array,
+    loads: Loads,
+    modules: ModuleStates,
+    aba: ArticulatedBodies,
+    out: Accelerations,
+) -> None:
+    """Write the accelerations of a chain without contacts.
+
+    Args:
+        model: Inertial parameters of the chain.
+        q, qd: (J,) hinge angles and rates.
+        loads: Forces, and rotor inertias.
+        modules: Poses and velocities of all modules.
+        aba: Written.
+        out: Written; ``qdd`` is NaN where the numbers are not finite.
+    """
+    joint = model.joint
+    positions, rotations, _, omega = modules
+    n, hinges = positions.shape[0], aba.S.shape[1]
+    IA_i, IA_parent = np.empty((6, 6)), np.empty((6, 6))
+    pA_i, pA_parent = np.empty(6), np.empty(6)
+    c = np.zeros((n, 6))
+    u = np.zeros((n, hinges))
+    _write_isolated_body(
+        rotations[n - 1], model.inertia, omega[n - 1], loads.forces[n - 1], IA_i, pA_i
     )
+    _add_rigid_tail(rotations[n - 1], model.tail, omega[n - 1], loads.end_torque, IA_i, pA_i)
+    for i in range(n - 1, 0, -1):
+        j = (i - 1 - joint.rigid_links) * hinges
+        start, stop = max(j, 0), max(j + hinges, 0)  # no hinges in a rigid link
+        _write_joint_motion(i, q[start:stop], qd[start:stop], joint, modules, aba.S[i], c[i])
+        for row in range(6):
+            for k in range(6):
+                pA_i[row] += IA_i[row, k] * c[i, k]
+        if j >= 0:
+            for h in range(hinges):
+                u[i, h] = loads.torques[j + h]
+                for g in range(hinges):
+                    aba.D[i, h, g] = loads.armature[j + h] if h == g else 0.0
+            _release_joint(aba.S[i], aba.U[i], aba.D[i], u[i], IA_i, pA_i)
+        _write_isolated_body(
+            rotations[i - 1], model.inertia, omega[i - 1], loads.forces[i - 1], IA_parent, pA_parent
+        )
+        _add_to_parent(IA_i, pA_i, link_vector(positions, i), IA_parent, pA_parent)
+        IA_i, IA_parent = IA_parent, IA_i
+        pA_i, pA_parent = pA_parent, pA_i
+    if _write_root_acceleration(IA_i, pA_i, model.fixed_base, aba):
+        _propagate_accelerations(model, positions, aba, c, u, out)
+    else:
+        out.qdd[:] = np.nan
 
 
 @njit(**INNER)
-def _alone(rotation: Array, inertia: Array, spin: Array, force: Array, a: Array, b: Array) -> None:
-    """Writes A and b of a module of mass 1 that nothing hangs on."""
-    a[:] = 0.0
+def _write_isolated_body(
+    rotation: Array, inertia: Array, omega: Array, force: Array, IA: Array, pA: Array
+) -> None:
+    """Write I = diag(R inertia Rᵀ, 1) and p = (ω × I ω, −f) of a module of mass 1 by itself.
+
+    Args:
+        rotation: (3, 3) orientation R.
+        inertia: (3,) principal moments.
+        omega: (3,) ω in the world frame.
+        force: (3,) f at the centre, in the world frame.
+        IA, pA: (6, 6) and (6,) written.
+    """
+    IA[:] = 0.0
     for r in range(3):
         for c in range(3):
             for k in range(3):
-                a[r, c] += rotation[r, k] * inertia[k] * rotation[c, k]
-        a[3 + r, 3 + r] = 1.0
-    x = a[0, 0] * spin[0] + a[0, 1] * spin[1] + a[0, 2] * spin[2]
-    y = a[1, 0] * spin[0] + a[1, 1] * spin[1] + a[1, 2] * spin[2]
-    z = a[2, 0] * spin[0] + a[2, 1] * spin[1] + a[2, 2] * spin[2]
-    b[0] = spin[1] * z - spin[2] * y
-    b[1] = spin[2] * x - spin[0] * z
-    b[2] = spin[0] * y - spin[1] * x
+                IA[r, c] += rotation[r, k] * inertia[k] * rotation[c, k]
+        IA[3 + r, 3 + r] = 1.0
+    momentum = (
+        IA[0, 0] * omega[0] + IA[0, 1] * omega[1] + IA[0, 2] * omega[2],
+        IA[1, 0] * omega[0] + IA[1, 1] * omega[1] + IA[1, 2] * omega[2],
+        IA[2, 0] * omega[0] + IA[2, 1] * omega[1] + IA[2, 2] * omega[2],
+    )
+    gyroscopic = cross(vector(omega), momentum)
     for r in range(3):
-        b[3 + r] = -force[r]
+        pA[r] = gyroscopic[r]
+        pA[3 + r] = -force[r]
 
 
 @njit(**INNER)
-def _add_rod(rotation: Array, rod: Array, spin: Array, torque: Array, a: Array, b: Array) -> None:
-    """Adds to A and b of the last module those of a rod fixed to it, and of a torque on it."""
+def _add_rigid_tail(
+    rotation: Array, tail: Array, omega: Array, torque: Array, IA: Array, pA: Array
+) -> None:
+    """Add to I and p of the last module those of the tail fixed to it, and of a torque on it.
+
+    With its mass m, centre of mass at c and inertia I_c about that, the tail adds to I the matrix
+    ((I_c − m [c]× [c]×, m [c]×), (−m [c]×, m)) (Featherstone, 2008, chapter 2).
+
+    Args:
+        rotation: (3, 3) orientation of the last module.
+        tail: (4,) see ``ChainModel``.
+        omega: (3,) ω in the world frame.
+        torque: (3,) torque on the last module, in the world frame.
+        IA, pA: (6, 6) and (6,) changed.
+    """
     for r in range(3):
-        b[r] -= torque[r]
-    mass = rod[0]
+        pA[r] -= torque[r]
+    mass = tail[0]
     if mass == 0.0:
         return
     arm = np.empty(3)
     own = np.zeros((3, 3))
     for r in range(3):
-        arm[r] = rotation[r, 0] * rod[1]
+        arm[r] = rotation[r, 0] * tail[1]
         for c in range(3):
             for k in range(3):
-                own[r, c] += rotation[r, k] * rod[2 if k == 0 else 3] * rotation[c, k]
-    pull = np.zeros(3)
-    _centripetal(spin, arm, pull)
+                own[r, c] += rotation[r, k] * tail[2 if k == 0 else 3] * rotation[c, k]
     square = arm[0] ** 2 + arm[1] ** 2 + arm[2] ** 2
-    turning = own @ spin
-    work = np.empty(3)
-    cross(spin, turning, work)
+    inward = _centripetal(vector(omega), vector(arm))
+    gyroscopic = cross(vector(omega), vector(own @ omega))
+    moment = cross(vector(arm), inward)
     for r in range(3):
-        b[r] += work[r]
-        b[3 + r] += mass * pull[r]
-        a[3 + r, 3 + r] += mass
-        a[r, r] += mass * square
+        pA[r] += gyroscopic[r]
+        pA[r] += mass * moment[r]
+        pA[3 + r] += mass * inward[r]
+        IA[3 + r, 3 + r] += mass
+        IA[r, r] += mass * square
         for c in range(3):
-            a[r, c] += own[r, c] - mass * arm[r] * arm[c]
-    cross(arm, pull, work)
-    for r in range(3):
-        b[r] += mass * work[r]
+            IA[r, c] += own[r, c] - mass * arm[r] * arm[c]
     x, y, z = mass * arm[0], mass * arm[1], mass * arm[2]
-    # The force that turning asks for is −m [r]× α, the torque that moving does m [r]× a.
-    a[0, 4] -= z
-    a[0, 5] += y
-    a[1, 3] += z
-    a[1, 5] -= x
-    a[2, 3] -= y
-    a[2, 4] += x
-    a[4, 0] -= z
-    a[5, 0] += y
-    a[3, 1] += z
-    a[5, 1] -= x
-    a[3, 2] -= y
-    a[4, 2] += x
+    IA[0, 4] -= z
+    IA[0, 5] += y
+    IA[1, 3] += z
+    IA[1, 5] -= x
+    IA[2, 3] -= y
+    IA[2, 4] += x
+    IA[4, 0] -= z
+    IA[5, 0] += y
+    IA[3, 1] += z
+    IA[5, 1] -= x
+    IA[3, 2] -= y
+    IA[4, 2] += x
 
 
 @njit(**INNER)
-def _centripetal(spin: Array, arm: Array, out: Array) -> None:
-    """Adds ω × (ω × arm) to ``out``."""
-    along = spin[0] * arm[0] + spin[1] * arm[1] + spin[2] * arm[2]
-    square = spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2]
+def _centripetal(omega: Vector, arm: Vector) -> Vector:
+    """Return ω × (ω × arm)."""
+    along = omega[0] * arm[0] + omega[1] * arm[1] + omega[2] * arm[2]
+    square = omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2]
+    return (
+        omega[0] * along - arm[0] * square,
+        omega[1] * along - arm[1] * square,
+        omega[2] * along - arm[2] * square,
+    )
+
+
+@njit(**INNER)
+def link_vector(positions: Array, i: int) -> Vector:
+    """Return the vector from the centre of module i − 1 to that of module i."""
+    return (
+        positions[i, 0] - positions[i - 1, 0],
+        positions[i, 1] - positions[i - 1, 1],
+        positions[i, 2] - positions[i - 1, 2],
+    )
+
+
+@njit(**INNER)
+def _write_joint_motion(
+    i: int,
+    q: Array,
+    qd: Array,
+    joint: Joint,
+    modules: ModuleStates,
+    S: Array,
+    c: Array,
+) -> None:
+    """Write S of the joint before module i, and c: what ω and q̇ add to the module's acceleration.
+
+    On each side of the joint it is ω × (ω × arm), across a hinge with the axis s it is ω × s q̇. The
+    axes are found from the outermost one on, in the frame that the hinges before it have turned.
+
+    Args:
+        i: Index of the module behind the joint.
+        q, qd: (K,) angles and rates of the joint's hinges; (0,) for a rigid link.
+        joint: The module's joint.
+        modules: Poses and velocities of all modules.
+        S: (K, 6) written.
+        c: (6,) written; its angular part must be 0.
+    """
+    frame = matrix(modules.rotations[i - 1])
+    omega = vector(modules.angular_velocities[i - 1])
+    before = rotate(frame, joint.anchor)
+    link = link_vector(modules.positions, i)
+    arm = (link[0] - before[0], link[1] - before[1], link[2] - before[2])
+    inward_before = _centripetal(omega, before)
+    inward_behind = _centripetal(vector(modules.angular_velocities[i]), arm)
+    hinges = q.shape[0]
+    for h in range(hinges):
+        axis = rotate(frame, joint.axes[h])
+        convective = cross(omega, axis)
+        moment = cross(axis, arm)
+        for r in range(3):
+            c[r] += convective[r] * qd[h]
+            S[h, r] = axis[r]
+            S[h, 3 + r] = moment[r]
+        omega = (
+            omega[0] + axis[0] * qd[h],
+            omega[1] + axis[1] * qd[h],
+            omega[2] + axis[2] * qd[h],
+        )
+        if h + 1 < hinges:
+            frame = product(frame, rodrigues(joint.axes[h], q[h]))
+    tangential = cross((c[0], c[1], c[2]), arm)
     for r in range(3):
-        out[r] += spin[r] * along - arm[r] * square
+        c[3 + r] = inward_before[r] + inward_behind[r] + tangential[r]
 
 
 @njit(**INNER)
-def _add_shifted(work: Array, b: Array, r: Array, a_out: Array, b_out: Array) -> None:
-    """Adds Tᵀ A T and Tᵀ b for a module whose parent's centre is −r from its own.
+def solve_joint(D: Array, x: float, y: float) -> tuple[float, float]:
+    """Return D⁻¹ (x, y) for a joint of two hinges; (x / D, 0) for one hinge."""
+    if D.shape[0] == 1:
+        return x / D[0, 0], 0.0
+    determinant = D[0, 0] * D[1, 1] - D[0, 1] * D[1, 0]
+    return (
+        (D[1, 1] * x - D[0, 1] * y) / determinant,
+        (D[0, 0] * y - D[1, 0] * x) / determinant,
+    )
 
-    T is the map of accelerations (α, p̈) to (α, p̈ + α × r). What was in ``work``, A, is lost.
+
+@njit(**INNER)
+def _release_joint(S: Array, U: Array, D: Array, u: Array, IA: Array, pA: Array) -> None:
+    """Write U, D and u of a joint, and turn IA and pA into Ia and pa, which its parent feels.
+
+    Args:
+        S: (K, 6) motion subspace.
+        U: (K, 6) written.
+        D: (K, K) holds the rotor inertias; Sᵀ U is added.
+        u: (K,) holds τ; Sᵀ (pA + IA c) is subtracted.
+        IA: (6, 6) articulated-body inertia, changed.
+        pA: (6,) bias force with IA c in it, changed.
+    """
+    hinges = S.shape[0]
+    last = hinges - 1
+    for h in range(hinges):
+        for row in range(6):
+            U[h, row] = 0.0
+            u[h] -= S[h, row] * pA[row]
+            for k in range(6):
+                U[h, row] += IA[row, k] * S[h, k]
+    for h in range(hinges):
+        for g in range(hinges):
+            for row in range(6):
+                D[h, g] += S[h, row] * U[g, row]
+    for k in range(6):
+        x, y = solve_joint(D, U[0, k], U[last, k])
+        for row in range(6):
+            IA[row, k] -= U[0, row] * x
+            if hinges == 2:
+                IA[row, k] -= U[1, row] * y
+    for row in range(6):
+        for k in range(row):  # rounding would grow from module to module
+            IA[row, k] = IA[k, row]
+    x, y = solve_joint(D, u[0], float(u[last]))
+    for row in range(6):
+        pA[row] += U[0, row] * x
+        if hinges == 2:
+            pA[row] += U[1, row] * y
+
+
+@njit(**INNER)
+def _add_to_parent(Ia: Array, pa: Array, r: Vector, IA_parent: Array, pA_parent: Array) -> None:
+    """Add Xᵀ Ia X and Xᵀ pa, X (α, a) = (α, a + α × r), to a parent whose centre is at −r.
+
+    Args:
+        Ia: (6, 6) at the module's centre; overwritten.
+        pa: (6,) at the module's centre.
+        r: Vector from the parent's centre to the module's.
+        IA_parent, pA_parent: (6, 6) and (6,) changed.
     """
     for row in range(6):
-        # A T: of the angular columns, the linear ones times −[r]×.
-        x, y, z = work[row, 3], work[row, 4], work[row, 5]
-        work[row, 0] += r[1] * z - r[2] * y
-        work[row, 1] += r[2] * x - r[0] * z
-        work[row, 2] += r[0] * y - r[1] * x
+        shift = cross(r, (Ia[row, 3], Ia[row, 4], Ia[row, 5]))
+        for k in range(3):
+            Ia[row, k] += shift[k]
     for column in range(6):
-        x, y, z = work[3, column], work[4, column], work[5, column]
-        work[0, column] += r[1] * z - r[2] * y
-        work[1, column] += r[2] * x - r[0] * z
-        work[2, column] += r[0] * y - r[1] * x
+        shift = cross(r, (Ia[3, column], Ia[4, column], Ia[5, column]))
+        for k in range(3):
+            Ia[k, column] += shift[k]
     for row in range(6):
         for column in range(6):
-            a_out[row, column] += work[row, column]
-    x, y, z = b[3], b[4], b[5]
-    b_out[0] += b[0] + r[1] * z - r[2] * y
-    b_out[1] += b[1] + r[2] * x - r[0] * z
-    b_out[2] += b[2] + r[0] * y - r[1] * x
+            IA_parent[row, column] += Ia[row, column]
+    x, y, z = pa[3], pa[4], pa[5]
+    pA_parent[0] += pa[0] + r[1] * z - r[2] * y
+    pA_parent[1] += pa[1] + r[2] * x - r[0] * z
+    pA_parent[2] += pa[2] + r[0] * y - r[1] * x
     for k in range(3, 6):
-        b_out[k] += b[k]
+        pA_parent[k] += pa[k]
 
 
 @njit(**INNER)
-def _solved(d: Array, u: Array) -> tuple[float, float]:
-    """D⁻¹ u for one or two hinges."""
-    if u.shape[0] == 1:
-        return u[0] / d[0, 0], 0.0
-    whole = d[0, 0] * d[1, 1] - d[0, 1] * d[1, 0]
-    return (
-        (d[1, 1] * u[0] - d[0, 1] * u[1]) / whole,
-        (d[0, 0] * u[1] - d[1, 0] * u[0]) / whole,
-    )
-
-
-@njit(**KERNEL)
-def free_accelerations(
-    angles: Array,
-    rates: Array,
-    torques: Array,
-    forces: Array,
-    joint: Joint,
-    inertia: Array,
-    armature: Array,
-    rod: Array,
-    end_torque: Array,
-    fixed: bool,
-    root: int,
-    positions: Array,
-    rotations: Array,
-    spins: Array,
-    found: Articulated,
-    hinges_out: Array,
-    root_out: Array,
-) -> None:
-    """Writes the (J,) hinge accelerations and (6,) the root's, angular first, in the world.
-
-    Args:
-        angles, rates, torques: (J,) of the hinges.
-        forces: (n, 3) at the centres, in the world.
-        joint, inertia: Of the module, whose mass is 1.
-        armature: (J,) rotor inertias of the hinges.
-        rod: (4,) of a rod along the last module's x axis, fixed to it: its mass, how far from the
-            module's centre its own is, and its inertia about that, along and across; ``NO_ROD``.
-        end_torque: (3,) on the last module, in the world.
-        fixed: Whether module 0 is held.
-        root: The module whose acceleration is wanted.
-        positions, rotations, spins: Of all modules, in the world.
-        found: Where to write what the inertias are.
-        hinges_out, root_out: Where to write.
-    """
-    rigid_links, anchor, axes = joint.rigid_links, joint.anchor, joint.axes
-    n = positions.shape[0]
-    hinges = axes.shape[0]
-    a, inner_a = np.empty((6, 6)), np.empty((6, 6))
-    b, inner_b = np.empty(6), np.empty(6)
-    c = np.zeros((n, 6))
-    s, us, d = found.motions, found.wrenches, found.hinges
-    us[:] = 0.0
-    d[:] = 0.0
-    u = np.zeros((n, hinges))
-    spin = np.empty(3)
-    arm = np.empty(3)
-    work = np.empty(3)
-    without = np.empty((6, 6))
-    bias = np.empty(6)
-    _alone(rotations[n - 1], inertia, spins[n - 1], forces[n - 1], a, b)
-    _add_rod(rotations[n - 1], rod, spins[n - 1], end_torque, a, b)
-    for i in range(n - 1, 0, -1):
-        j = (i - 1 - rigid_links) * hinges
-        for r in range(3):
-            arm[r] = 0.0
-            for k in range(3):
-                arm[r] += rotations[i - 1, r, k] * anchor[k]
-        _centripetal(spins[i - 1], arm, c[i, 3:])
-        for r in range(3):
-            arm[r] = positions[i, r] - positions[i - 1, r] - arm[r]
-        _centripetal(spins[i], arm, c[i, 3:])
-        if j >= 0:
-            joint_axes(rotations[i - 1], axes, angles[j : j + hinges], s[i, :, :3])
-            copy_vector(spins[i - 1], spin)
-            for h in range(hinges):
-                cross(spin, s[i, h, :3], work)
-                for r in range(3):
-                    c[i, r] += work[r] * rates[j + h]
-                    spin[r] += s[i, h, r] * rates[j + h]
-                cross(s[i, h, :3], arm, s[i, h, 3:])
-            cross(c[i, :3], arm, work)
-            for r in range(3):
-                c[i, 3 + r] += work[r]
-        for row in range(6):
-            bias[row] = b[row]
-            for k in range(6):
-                bias[row] += a[row, k] * c[i, k]
-        copy_matrix(a, without)
-        if j >= 0:
-            for h in range(hinges):
-                u[i, h] = torques[j + h]
-                for row in range(6):
-                    u[i, h] -= s[i, h, row] * bias[row]
-                    for k in range(6):
-                        us[i, h, row] += a[row, k] * s[i, h, k]
-            for h in range(hinges):
-                d[i, h, h] = armature[j + h]
-                for g in range(hinges):
-                    for row in range(6):
-                        d[i, h, g] += s[i, h, row] * us[i, g, row]
-            for k in range(6):
-                x, y = _solved(d[i], us[i, :, k])
-                for row in range(6):
-                    without[row, k] -= us[i, 0, row] * x
-                    if hinges == 2:
-                        without[row, k] -= us[i, 1, row] * y
-            for row in range(6):
-                for k in range(row):  # rounding would grow from module to module
-                    without[row, k] = without[k, row]
-            x, y = _solved(d[i], u[i])
-            for row in range(6):
-                bias[row] += us[i, 0, row] * x
-                if hinges == 2:
-                    bias[row] += us[i, 1, row] * y
-        for r in range(3):
-            arm[r] = positions[i, r] - positions[i - 1, r]
-        _alone(rotations[i - 1], inertia, spins[i - 1], forces[i - 1], inner_a, inner_b)
-        _add_shifted(without, bias, arm, inner_a, inner_b)
-        a, inner_a = inner_a, a
-        b, inner_b = inner_b, b
-    moved = np.zeros(6)
-    finite = True
-    for row in range(6):
-        moved[row] = -b[row]
-        finite = finite and np.isfinite(b[row])
-        for k in range(6):
-            finite = finite and np.isfinite(a[row, k])
-    if not finite:
-        hinges_out[:] = np.nan
-        return
-    if fixed:
-        for row in range(6):
-            moved[row] = 0.0
-            for k in range(6):
-                a[row, k] = HELD if row == k else 0.0
-    else:
-        base: Array = np.linalg.solve(a, moved)  # pyright: ignore[reportAssignmentType]
-        copy_vector(base, moved)
-    copy_matrix(a, found.base)
-    copy_vector(moved, found.first)
-    if root == 0:
-        copy_vector(moved, root_out)
-    for i in range(1, n):
-        for r in range(3):
-            arm[r] = positions[i, r] - positions[i - 1, r]
-        cross(moved[:3], arm, work)
-        for r in range(3):
-            moved[3 + r] += work[r]
-        j = (i - 1 - rigid_links) * hinges
-        if j >= 0:
-            for h in range(hinges):
-                for row in range(6):
-                    u[i, h] -= us[i, h, row] * moved[row]
-            x, y = _solved(d[i], u[i])
-            hinges_out[j] = x
-            if hinges == 2:
-                hinges_out[j + 1] = y
-        for row in range(6):
-            moved[row] += c[i, row]
-            if j >= 0:
-                for h in range(hinges):
-                    moved[row] += s[i, h, row] * hinges_out[j + h]
-        if i == root:
-            copy_vector(moved, root_out)
-
-
-@njit(**INNER)
-def _carry(acceleration: Array, arm: Array, work: Array) -> None:
-    """Takes an acceleration (angular first) from a place to another one ``arm`` away, at rest."""
-    cross(acceleration[:3], arm, work)
-    for r in range(3):
-        acceleration[3 + r] += work[r]
-
-
-@njit(**INNER)
-def _respond(
-    wrenches: Array,
-    last: int,
-    top: int,
-    found: Articulated,
-    inverse: Array,
-    rigid_links: int,
-    positions: Array,
-    out: Array,
-    hinges_out: Array,
-) -> None:
-    """Adds the accelerations that wrenches alone give a chain at rest.
-
-    Args:
-        wrenches: (n, 6) on the modules at their centres, torque first; none beyond ``last``.
-        last: The last module with a wrench.
-        top: The last module whose acceleration is wanted.
-        found: From ``free_accelerations``.
-        inverse: (6, 6) inverse of ``found.base``.
-        rigid_links: Links without hinges at the chain's beginning.
-        positions: (n, 3).
-        out: (n, 6) of the modules, angular first; written up to ``top``.
-        hinges_out: (J,) to which the hinges' are added, up to ``top``.
-    """
-    s, us, d = found.motions, found.wrenches, found.hinges
-    hinges = s.shape[1]
-    u = np.zeros((last + 1, hinges))
-    bias = np.zeros(6)
-    arm = np.empty(3)
-    work = np.empty(3)
-    for i in range(last, 0, -1):
-        for k in range(6):
-            bias[k] -= wrenches[i, k]
-        if i > rigid_links:
-            for h in range(hinges):
-                for k in range(6):
-                    u[i, h] -= s[i, h, k] * bias[k]
-            x, y = _solved(d[i], u[i])
-            for k in range(6):
-                bias[k] += us[i, 0, k] * x
-                if hinges == 2:
-                    bias[k] += us[i, 1, k] * y
-        for r in range(3):
-            arm[r] = positions[i, r] - positions[i - 1, r]
-        cross(arm, bias[3:], work)
-        for r in range(3):
-            bias[r] += work[r]
-    moved = np.zeros(6)
-    for k in range(6):
-        for m in range(6):
-            moved[k] += inverse[k, m] * (wrenches[0, m] - bias[m])
-    copy_vector(moved, out[0])
-    for i in range(1, top + 1):
-        for r in range(3):
-            arm[r] = positions[i, r] - positions[i - 1, r]
-        _carry(moved, arm, work)
-        if i > rigid_links:
-            j = (i - 1 - rigid_links) * hinges
-            for h in range(hinges):
-                work[h] = u[i, h] if i <= last else 0.0
-                for k in range(6):
-                    work[h] -= us[i, h, k] * moved[k]
-            x, y = _solved(d[i], work[:hinges])
-            hinges_out[j] += x
-            if hinges == 2:
-                hinges_out[j + 1] += y
-            for k in range(6):
-                moved[k] += s[i, 0, k] * x
-                if hinges == 2:
-                    moved[k] += s[i, 1, k] * y
-        copy_vector(moved, out[i])
-
-
-@njit(**INNER)
-def _closing(
-    first: int, second: int, normal: Array, point: Array, positions: Array, moved: Array
-) -> float:
-    """How fast (n, 6) motions of modules part two of them at a point of both."""
-    arm = np.empty(3)
-    turn = np.empty(3)
-    found = 0.0
-    for module, sign in ((first, -1.0), (second, 1.0)):
-        for r in range(3):
-            arm[r] = point[r] - positions[module, r]
-        cross(moved[module, :3], arm, turn)
-        for r in range(3):
-            found += sign * normal[r] * (moved[module, 3 + r] + turn[r])
-    return found
-
-
-@njit(**INNER)
-def _push(
-    first: int, second: int, normal: Array, point: Array, positions: Array, by: float, out: Array
-) -> None:
-    """Adds to (n, 6) wrenches those of a force between two modules at a point."""
-    arm = np.empty(3)
-    turn = np.empty(3)
-    for module, sign in ((first, -by), (second, by)):
-        for r in range(3):
-            arm[r] = point[r] - positions[module, r]
-        cross(arm, normal, turn)
-        for r in range(3):
-            out[module, r] += sign * turn[r]
-            out[module, 3 + r] += sign * normal[r]
-
-
-@njit(**INNER)
-def _complementary(a: Array, lack: Array, forces: Array) -> bool:
-    """Writes the f ≥ 0 with A f + lack ≥ 0 of which one is zero everywhere; whether it was found.
-
-    By block principal pivoting (Júdice and Pires, Computers & Operations Research 21, 1994), which
-    ends for every positive definite (m, m) matrix A.
-    """
-    m = lack.shape[0]
-    pushing = np.empty(m, np.bool_)
-    wrong = np.empty(m, np.bool_)
-    chosen = np.empty(m, np.int64)
-    slack = 0.0
-    for k in range(m):
-        pushing[k] = lack[k] < 0.0
-        slack = max(slack, EXACT * abs(lack[k]))
-    fewest, patience = m + 1, PATIENCE
-    for _ in range(MOST_ROUNDS):
-        size = ZERO
-        for k in range(m):
-            forces[k] = 0.0
-            if pushing[k]:
-                chosen[size] = k
-                size += 1
-        part = np.empty((size, size))
-        push = np.empty(size)
-        for r in range(size):
-            push[r] = -lack[chosen[r]]
-            for c in range(size):
-                part[r, c] = a[chosen[r], chosen[c]]
-        if size:
-            push = np.linalg.solve(part, push)
-        for r in range(size):
-            forces[chosen[r]] = push[r]
-        answer = a @ forces
-        count = ZERO
-        last = ZERO
-        for k in range(m):
-            wrong[k] = forces[k] < 0.0 if pushing[k] else lack[k] + answer[k] < -slack
-            if wrong[k]:
-                count += 1
-                last = k
-        if count == 0:
-            return True
-        if count < fewest:
-            fewest, patience = count, PATIENCE
-        else:
-            patience -= 1
-        for k in range(m):
-            if wrong[k] and (patience >= 0 or k == last):
-                pushing[k] = not pushing[k]
-    return False
-
-
-@njit(**INNER)
-def _mobilities(
-    found: Articulated, inverse: Array, rigid_links: int, positions: Array, out: Array
-) -> None:
-    """Writes the (n, 6, 6) accelerations of each module that unit wrenches on it alone give it.
-
-    What is at module i − 1, W, is at module i (1 − S D⁻¹ Uᵀ) W' (1 − S D⁻¹ Uᵀ)ᵀ + S D⁻¹ Sᵀ, with W'
-    moved to its centre (Kreutz-Delgado, Jain, Rodriguez: Recursive formulation of operational space
-    control, 1992).
-    """
-    s, us, d = found.motions, found.wrenches, found.hinges
-    hinges = s.shape[1]
-    out[0] = inverse
-    arm = np.empty(3)
-    along = np.empty((6, 6))
-    for i in range(1, positions.shape[0]):
-        for r in range(3):
-            arm[r] = positions[i, r] - positions[i - 1, r]
-        along[:] = 0.0
-        for r in range(6):
-            along[r, r] = 1.0
-        along[3, 1], along[3, 2] = arm[2], -arm[1]
-        along[4, 0], along[4, 2] = -arm[2], arm[0]
-        along[5, 0], along[5, 1] = arm[1], -arm[0]
-        if i > rigid_links:
-            kept = np.eye(6)
-            for k in range(6):
-                x, y = _solved(d[i], us[i, :, k])
-                for r in range(6):
-                    kept[r, k] -= s[i, 0, r] * x
-                    if hinges == 2:
-                        kept[r, k] -= s[i, 1, r] * y
-            along = kept @ along
-        out[i] = along @ out[i - 1] @ along.T
-        if i > rigid_links:
-            for k in range(6):
-                x, y = _solved(d[i], s[i, :, k])
-                for r in range(6):
-                    out[i, r, k] += s[i, 0, r] * x
-                    if hinges == 2:
-                        out[i, r, k] += s[i, 1, r] * y
-
-
-@njit(**INNER)
-def _pushed(forces: Array, contacts: Contacts, positions: Array, wrenches: Array) -> None:
-    """Add to (n, 6) wrenches those that (m,) forces in the contacts add up to."""
-    for k in range(forces.shape[0]):
-        if forces[k] != 0.0:
-            i, j = contacts.pairs[k, 0], contacts.pairs[k, 1]
-            _push(i, j, contacts.normals[k], contacts.points[k], positions, forces[k], wrenches)
-
-
-@njit(**INNER)
-def _answers(
-    x: Array, unit: Array, softness: Array, contacts: Contacts, response: Response
-) -> Array:
-    """(m,) product of A + R with forces, rows and forces in given units.
-
-    Args:
-        x: (m,) forces in those units.
-        unit: (m,) the units.
-        softness: (2, m) as in ``_many_contacts``.
-        contacts, response: Of the chain.
-    """
-    found, inverse, rigid_links, positions, top = response
-    forces = unit * x
-    answer = np.empty((positions.shape[0], 6))
-    nowhere = np.zeros(found.motions.shape[0] * found.motions.shape[1])
-    wrenches = np.zeros((positions.shape[0], 6))
-    _pushed(forces, contacts, positions, wrenches)
-    _respond(wrenches, top, top, found, inverse, rigid_links, positions, answer, nowhere)
-    out = softness[1] * forces
-    for k in range(forces.shape[0]):
-        i, j = contacts.pairs[k, 0], contacts.pairs[k, 1]
-        out[k] += _closing(i, j, contacts.normals[k], contacts.points[k], positions, answer)
-    return unit * out
-
-
-@njit(**INNER)
-def _many_contacts(
-    lack: Array, softness: Array, contacts: Contacts, response: Response, forces: Array
-) -> None:
-    """Writes the forces of ``_complementary`` for many contacts, nearly, without the matrix.
-
-    Nesterov's projected gradients, begun anew where they rise (Mazhar, Heyn, Negrut, Tasora: Using
-    Nesterov's method to accelerate multibody dynamics, 2015), forces in units in which the
-    diagonal is one. An answer of the chain to all forces costs as much as that to one.
-
-    Args:
-        lack: (m,) acceleration that each contact lacks.
-        softness: (2, m) diagonal of A and of R.
-        contacts, response: Of the chain.
-        forces: (m,) written.
-    """
-    m = lack.shape[0]
-    unit = 1.0 / np.sqrt(softness[0] + softness[1])
-    wanted = lack * unit
-    x = np.ones(m)
-    largest = 1.0
-    for _ in range(12):  # the largest eigenvalue, from below
-        x /= np.sqrt((x * x).sum())
-        x = _answers(x, unit, softness, contacts, response)
-        largest = max(largest, np.sqrt((x * x).sum()))
-    step = 1.0 / (1.3 * largest)
-    x = np.zeros(m)
-    y = np.zeros(m)
-    theta = 1.0
-    enough = NEARLY * np.abs(wanted).max()
-    for _ in range(MOST_GRADIENTS):
-        slope = _answers(y, unit, softness, contacts, response) + wanted
-        later = np.maximum(y - step * slope, 0.0)
-        if np.abs(y - later).max() < step * enough:
-            x = later
-            break
-        following = 0.5 * theta * (np.sqrt(theta * theta + 4.0) - theta)
-        if (slope * (later - x)).sum() > 0.0:
-            theta = 1.0
-            y = later.copy()
-        else:
-            y = later + theta * (1.0 - theta) / (theta * theta + following) * (later - x)
-            theta = following
-        x = later
-    forces[:] = x * unit
-
-
-@njit(**INNER)
-def _moved_freely(
-    found: Articulated,
-    hinges_out: Array,
-    rigid_links: int,
-    positions: Array,
-    top: int,
-    moved: Array,
-) -> None:
-    """Write the (n, 6) accelerations of modules up to ``top`` where nothing touches.
-
-    They lack what comes of velocities, as those of MuJoCo's rows do.
-    """
-    hinges = found.motions.shape[1]
-    arm = np.empty(3)
-    work = np.empty(3)
-    copy_vector(found.first, moved[0])
-    for i in range(1, top + 1):
-        copy_vector(moved[i - 1], moved[i])
-        for r in range(3):
-            arm[r] = positions[i, r] - positions[i - 1, r]
-        _carry(moved[i], arm, work)
-        if i > rigid_links:
-            for h in range(hinges):
-                for k in range(6):
-                    moved[i, k] += (
-                        found.motions[i, h, k] * hinges_out[(i - 1 - rigid_links) * hinges + h]
-                    )
-
-
-@njit(**INNER)
-def _speeds_of(contacts: Contacts, spins: Array, velocities: Array, speeds: Array) -> None:
-    """Write the (n, 6) velocities of all modules that touch another one."""
-    for k in range(contacts.pairs.shape[0]):
-        for side in range(2):
-            module = contacts.pairs[k, side]
-            for r in range(3):
-                speeds[module, r] = spins[module, r]
-                speeds[module, 3 + r] = velocities[module, r]
-
-
-@njit(**INNER)
-def _impedance(depth: float, solimp: Array) -> float:
-    """Return the impedance of a contact of some depth: MuJoCo's documentation, "solimp"."""
-    least, most, width, middle, power = solimp
-    x = min(depth / width, 1.0)
-    y = x**power / middle ** (power - 1.0)
-    if x > middle:
-        y = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
-    return least + y * (most - least)
-
-
-@njit(**INNER)
-def _lacking(
-    k: int,
-    contacts: Contacts,
-    depth: float,
-    impedance: float,
-    solref: tuple[float, float],
-    most: float,
-    positions: Array,
-    speeds: Array,
-    moved: Array,
-) -> float:
-    """Return how much the acceleration at which a contact parts exceeds the one it should have.
-
-    Args:
-        k: Number of the contact.
-        contacts: All contacts.
-        depth, impedance: Of this one.
-        solref: Time constant and damping ratio.
-        most: Largest impedance.
-        positions, speeds, moved: (n, 3), and (n, 6) velocities and free accelerations of modules.
-    """
-    constant, ratio = solref
-    i, j = contacts.pairs[k, 0], contacts.pairs[k, 1]
-    normal, point = contacts.normals[k], contacts.points[k]
-    wanted = -2.0 / (most * constant) * _closing(i, j, normal, point, positions, speeds)
-    wanted += impedance * depth / (most * constant * ratio) ** 2
-    return _closing(i, j, normal, point, positions, moved) - wanted
-
-
-@njit(**INNER)
-def _top(contacts: Contacts) -> int:
-    """Return the last module that touches another one."""
-    top = ZERO
-    for k in range(contacts.pairs.shape[0]):
-        top = max(top, contacts.pairs[k, 0], contacts.pairs[k, 1])
-    return top
-
-
-@njit(**INNER)
-def _without_contacts(
-    contacts: Contacts,
-    found: Articulated,
-    hinges_out: Array,
-    rigid_links: int,
-    positions: Array,
-    velocities: Array,
-    spins: Array,
-) -> tuple[int, Array, Array, Array]:
-    """Return the last module that touches, the inverse of ``found.base``, and how modules move.
-
-    The latter are (n, 6) free accelerations up to that module, and (n, 6) velocities.
-    """
-    n = positions.shape[0]
-    inverse: Array = np.linalg.inv(found.base)  # pyright: ignore[reportAssignmentType]
-    top = _top(contacts)
-    moved = np.zeros((n, 6))
-    _moved_freely(found, hinges_out, rigid_links, positions, top, moved)
-    speeds = np.empty((n, 6))
-    _speeds_of(contacts, spins, velocities, speeds)
-    return top, inverse, moved, speeds
-
-
-@njit(**KERNEL)
-def add_contacts(
-    contacts: Contacts,
-    depths: Array,
-    solref: tuple[float, float],
-    solimp: Array,
-    found: Articulated,
-    joint: Joint,
-    root: int,
-    positions: Array,
-    velocities: Array,
-    spins: Array,
-    hinges_out: Array,
-    root_out: Array,
+def _write_root_acceleration(
+    IA: Array, pA: Array, fixed_base: bool, aba: ArticulatedBodies
 ) -> bool:
-    """Add to the free accelerations what contacts without friction do, solved exactly.
-
-    MuJoCo's soft contacts (its documentation, "Computation", "Constraint model"): forces f ≥ 0
-    along the normals with (A + R) f + a − a_ref ≥ 0, one of both zero in each. a are the
-    accelerations at which the contacts would part without them, A the chain's answer to them.
-
-    Args:
-        contacts: m of them.
-        depths: (m,) in pitches.
-        solref: Time constant and damping ratio.
-        solimp: (5,) impedance.
-        found: From ``free_accelerations``.
-        joint: Of the module.
-        root: The module whose acceleration ``root_out`` is.
-        positions, velocities, spins: Of all modules, in the world.
-        hinges_out: (J,) from ``free_accelerations``.
-        root_out: (6,) likewise.
+    """Write inertia and acceleration of module 0: a = −IA⁻¹ pA, or 0 if it is held.
 
     Returns:
-        False if no solution was found, and nothing is added.
+        False if the numbers are not finite, and nothing is written.
     """
-    pairs, normals, points = contacts
-    n, m = positions.shape[0], pairs.shape[0]
-    rigid_links = joint.rigid_links
-    top, inverse, moved, speeds = _without_contacts(
-        contacts, found, hinges_out, rigid_links, positions, velocities, spins
-    )
-    answer = np.zeros((n, 6))
-    nowhere = np.zeros(hinges_out.shape[0])
-    wrenches = np.zeros((n, 6))
-    lack = np.empty(m)
-    a = np.empty((m, m))
-    softness = np.empty(m)
-    for k in range(m):
-        i, j = pairs[k, 0], pairs[k, 1]
-        _push(i, j, normals[k], points[k], positions, 1.0, wrenches)
-        _respond(wrenches, max(i, j), top, found, inverse, rigid_links, positions, answer, nowhere)
-        for g in range(m):
-            a[g, k] = _closing(pairs[g, 0], pairs[g, 1], normals[g], points[g], positions, answer)
-        for r in range(6):
-            wrenches[i, r] = 0.0
-            wrenches[j, r] = 0.0
-        impedance = _impedance(depths[k], solimp)
-        lack[k] = _lacking(
-            k, contacts, depths[k], impedance, solref, solimp[1], positions, speeds, moved
-        )
-        softness[k] = max(a[k, k] * (1.0 - impedance) / impedance, MIN_SOFTNESS)
-    for k in range(m):
-        a[k, k] += softness[k]
-    forces = np.zeros(m)
-    if not _complementary(a, lack, forces):
+    a = np.zeros(6)
+    is_finite = True
+    for row in range(6):
+        a[row] = -pA[row]
+        is_finite = is_finite and np.isfinite(pA[row])
+        for k in range(6):
+            is_finite = is_finite and np.isfinite(IA[row, k])
+    if not is_finite:
         return False
-    _pushed(forces, contacts, positions, wrenches)
-    _respond(wrenches, top, n - 1, found, inverse, rigid_links, positions, answer, hinges_out)
-    for r in range(6):
-        root_out[r] += answer[root, r]
+    if fixed_base:
+        for row in range(6):
+            a[row] = 0.0
+            for k in range(6):
+                IA[row, k] = LOCKED_INERTIA if row == k else 0.0
+    else:
+        solved: Array = np.linalg.solve(IA, a)  # pyright: ignore[reportAssignmentType]
+        copy_vector(solved, a)
+    copy_matrix(IA, aba.root_inertia)
+    copy_vector(a, aba.root_acceleration)
     return True
 
 
-@njit(**KERNEL)
-def add_many_contacts(
-    contacts: Contacts,
-    depths: Array,
-    solref: tuple[float, float],
-    solimp: Array,
-    found: Articulated,
-    joint: Joint,
-    root: int,
-    positions: Array,
-    velocities: Array,
-    spins: Array,
-    hinges_out: Array,
-    root_out: Array,
-) -> None:
-    """Do nearly as ``add_contacts`` without writing the contacts' matrix down.
+@njit(**INNER)
+def shift_acceleration(a: Array, arm: Vector) -> None:
+    """Move the point that a (6,) spatial acceleration is taken at: a ← (α, a + α × arm)."""
+    tangential = cross((a[0], a[1], a[2]), arm)
+    for r in range(3):
+        a[3 + r] += tangential[r]
 
-    R is that of two modules that know nothing of each other, and the forces are those of
-    ``_many_contacts``. The arguments are the same.
+
+@njit(**INNER)
+def _propagate_accelerations(
+    model: ChainModel,
+    positions: Array,
+    aba: ArticulatedBodies,
+    c: Array,
+    u: Array,
+    out: Accelerations,
+) -> None:
+    """Write q̈ = D⁻¹ (u − Uᵀ a_parent) outwards, with a = a_parent + c + S q̈.
+
+    Args:
+        model: Inertial parameters of the chain.
+        positions: (n, 3) centres of the modules.
+        aba: S, U, D, and the acceleration of module 0.
+        c: (n, 6) accelerations due to velocities.
+        u: (n, K) see the module's docstring; changed.
+        out: Written.
     """
-    pairs, normals, points = contacts
-    n, m = positions.shape[0], pairs.shape[0]
-    rigid_links = joint.rigid_links
-    top, inverse, moved, speeds = _without_contacts(
-        contacts, found, hinges_out, rigid_links, positions, velocities, spins
-    )
-    mobilities = np.empty((n, 6, 6))
-    _mobilities(found, inverse, rigid_links, positions, mobilities)
-    wrenches = np.zeros((n, 6))
-    lack = np.empty(m)
-    softness = np.empty((2, m))
-    for k in range(m):
-        i, j = pairs[k, 0], pairs[k, 1]
-        _push(i, j, normals[k], points[k], positions, 1.0, wrenches)
-        softness[0, k] = (wrenches[i] * (mobilities[i] @ wrenches[i])).sum()
-        softness[0, k] += (wrenches[j] * (mobilities[j] @ wrenches[j])).sum()
-        wrenches[i] = 0.0
-        wrenches[j] = 0.0
-        impedance = _impedance(depths[k], solimp)
-        lack[k] = _lacking(
-            k, contacts, depths[k], impedance, solref, solimp[1], positions, speeds, moved
-        )
-        softness[1, k] = max(softness[0, k] * (1.0 - impedance) / impedance, MIN_SOFTNESS)
-    forces = np.zeros(m)
-    response = Response(found, inverse, rigid_links, positions, top)
-    _many_contacts(lack, softness, contacts, response, forces)
-    _pushed(forces, contacts, positions, wrenches)
-    answer = np.zeros((n, 6))
-    _respond(wrenches, top, n - 1, found, inverse, rigid_links, positions, answer, hinges_out)
-    root_out += answer[root]
+    S, U, D = aba.S, aba.U, aba.D
+    hinges = S.shape[1]
+    a = aba.root_acceleration.copy()
+    if model.root == 0:
+        copy_vector(a, out.root)
+    for i in range(1, positions.shape[0]):
+        shift_acceleration(a, link_vector(positions, i))
+        j = (i - 1 - model.joint.rigid_links) * hinges
+        if j >= 0:
+            for h in range(hinges):
+                for row in range(6):
+                    u[i, h] -= U[i, h, row] * a[row]
+            x, y = solve_joint(D[i], u[i, 0], u[i, hinges - 1])
+            out.qdd[j] = x
+            if hinges == 2:
+                out.qdd[j + 1] = y
+        for row in range(6):
+            a[row] += c[i, row]
+            if j >= 0:
+                for h in range(hinges):
+                    a[row] += S[i, h, row] * out.qdd[j + h]
+        if i == model.root:
+            copy_vector(a, out.root)

@@ -1,9 +1,13 @@
-"""Inverse dynamics of a chain that floats freely, compiled: linear in its modules."""
+"""Inverse dynamics of a free chain by Newton and Euler, compiled: linear in its modules.
+
+Accelerations are propagated outwards from module 0, forces inwards from the last module (recursive
+Newton–Euler algorithm; Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 5).
+"""
 # pyright: reportUntypedFunctionDecorator=false
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -12,55 +16,52 @@ from numpy.typing import NDArray
 from planner.kernels import INNER, KERNEL
 from planner.kernels.kinematics import (
     Matrix,
-    axis_rotation,
-    copy_matrix,
-    multiply,
+    Vector,
+    cross,
+    matrix,
     product,
     rodrigues,
+    rotate,
+    vector,
 )
 from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
-Vector: TypeAlias = tuple[float, float, float]
+Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
+"""Elements xx, yy, zz, xy, xz and yz of a symmetric (3, 3) matrix."""
+
+
+class _Recursion(NamedTuple):
+    """Quantities of all n modules of one configuration, in the frame of module 0.
+
+    Attributes:
+        positions: (n, 3) centres.
+        pivots: (n, 3) centres of the joints to the next modules.
+        axes: (n, K, 3) axes of those joints.
+        inertias: (n, 6) inertia about the centre, as ``Symmetric``.
+        velocities: (n, 3) v of the centres.
+        omega: (n, 3) angular velocities ω.
+        accelerations: (n, 3) a of the centres.
+        alpha: (n, 3) angular accelerations α.
+        arms: (n, 3) centres relative to the chain's centre of mass.
+        moments: (n, 3) torques about the centres.
+    """
+
+    positions: Array
+    pivots: Array
+    axes: Array
+    inertias: Array
+    velocities: Array
+    omega: Array
+    accelerations: Array
+    alpha: Array
+    arms: Array
+    moments: Array
 
 
 @njit(**INNER)
-def joint_axes(rotation: Array, axes: Array, angles: Array, out: Array) -> None:
-    """Writes the (K, 3) hinge axes of one joint in the world, from the module before it."""
-    frame = rotation.copy()
-    hinge = np.empty((3, 3))
-    work = np.empty((3, 3))
-    for k in range(axes.shape[0]):
-        for r in range(3):
-            out[k, r] = 0.0
-            for c in range(3):
-                out[k, r] += frame[r, c] * axes[k, c]
-        axis_rotation(axes[k], angles[k], hinge)
-        multiply(frame, hinge, work)
-        copy_matrix(work, frame)
-
-
-@njit(**INNER)
-def _cross(a: Vector, b: Vector) -> Vector:
-    """A × b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@njit(**INNER)
-def _turned(rotation: Matrix, v: Array) -> Vector:
-    """R v."""
-    return (
-        rotation[0] * v[0] + rotation[1] * v[1] + rotation[2] * v[2],
-        rotation[3] * v[0] + rotation[4] * v[1] + rotation[5] * v[2],
-        rotation[6] * v[0] + rotation[7] * v[1] + rotation[8] * v[2],
-    )
-
-
-@njit(**INNER)
-def _inertia_of(
-    rotation: Matrix, inertia: Array
-) -> tuple[float, float, float, float, float, float]:
-    """R diag(inertia) Rᵀ: its entries xx, yy, zz, xy, xz and yz."""
+def _module_inertia(rotation: Matrix, inertia: Array) -> Symmetric:
+    """Return R diag(inertia) Rᵀ."""
     x, y, z = inertia[0], inertia[1], inertia[2]
     a, b, c, d, e, f, g, h, i = rotation
     return (
@@ -74,8 +75,8 @@ def _inertia_of(
 
 
 @njit(**INNER)
-def _symmetric(m: Array, v: Vector) -> Vector:
-    """M v for the entries xx, yy, zz, xy, xz and yz of M."""
+def _apply_symmetric(m: Array, v: Vector) -> Vector:
+    """Return M v for the elements of a symmetric M."""
     return (
         m[0] * v[0] + m[3] * v[1] + m[4] * v[2],
         m[3] * v[0] + m[1] * v[1] + m[5] * v[2],
@@ -84,13 +85,13 @@ def _symmetric(m: Array, v: Vector) -> Vector:
 
 
 @njit(**INNER)
-def _solved(m: Array, v: Vector) -> Vector:
-    """M⁻¹ v for the entries xx, yy, zz, xy, xz and yz of M; NaN where there is none."""
+def _solve_symmetric(m: Array, v: Vector) -> Vector:
+    """Return M⁻¹ v for the elements of a symmetric M by its adjugate; NaN if M is singular."""
     a = m[1] * m[2] - m[5] * m[5]
     b = m[4] * m[5] - m[3] * m[2]
     c = m[3] * m[5] - m[4] * m[1]
-    whole = m[0] * a + m[3] * b + m[4] * c
-    inverse = 1.0 / whole if whole != 0.0 else np.nan
+    determinant = m[0] * a + m[3] * b + m[4] * c
+    inverse = 1.0 / determinant if determinant != 0.0 else np.nan
     d = m[0] * m[2] - m[4] * m[4]
     e = m[3] * m[4] - m[0] * m[5]
     f = m[0] * m[1] - m[3] * m[3]
@@ -102,271 +103,244 @@ def _solved(m: Array, v: Vector) -> Vector:
 
 
 @njit(**INNER)
-def _placed(
-    angles: Array,
-    rates: Array,
-    joint: Joint,
-    inertia: Array,
-    positions: Array,
-    pivots: Array,
-    axes: Array,
-    inertias: Array,
-    velocities: Array,
-    spins: Array,
+def _propagate_velocities(
+    q: Array, qd: Array, joint: Joint, inertia: Array, out: _Recursion
 ) -> None:
-    """Writes a configuration and its velocities, module 0 upright and at rest at the origin.
+    """Write poses, axes, inertias, v and ω outwards, module 0 upright and at rest at the origin.
 
     Args:
-        angles, rates: (J,) of the hinges.
-        joint, inertia: Of the module.
-        positions: (n, 3) written: centres.
-        pivots: (n, 3) written: where the joint to the next module is.
-        axes: (n, K, 3) written: axes of the joint to the next module.
-        inertias: (n, 6) written: as ``_inertia_of`` gives them.
-        velocities, spins: (n, 3) written.
+        q, qd: (J,) hinge angles and rates.
+        joint: The module's joint.
+        inertia: (3,) principal moments of a module of mass 1 about its centre.
+        out: Written up to ``omega``.
     """
-    n, hinges = positions.shape[0], joint.axes.shape[0]
-    turn = joint.turn
-    fixed = (
-        turn[0, 0], turn[0, 1], turn[0, 2],
-        turn[1, 0], turn[1, 1], turn[1, 2],
-        turn[2, 0], turn[2, 1], turn[2, 2],
-    )  # fmt: skip
+    n, hinges = out.positions.shape[0], joint.axes.shape[0]
+    fixed = matrix(joint.turn)
     rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     x, y, z = 0.0, 0.0, 0.0
     u, v, w = 0.0, 0.0, 0.0
-    p, q, r = 0.0, 0.0, 0.0
+    omega = (0.0, 0.0, 0.0)
     for i in range(n):
-        positions[i, 0], positions[i, 1], positions[i, 2] = x, y, z
-        velocities[i, 0], velocities[i, 1], velocities[i, 2] = u, v, w
-        spins[i, 0], spins[i, 1], spins[i, 2] = p, q, r
-        own = _inertia_of(rotation, inertia)
+        out.positions[i, 0], out.positions[i, 1], out.positions[i, 2] = x, y, z
+        out.velocities[i, 0], out.velocities[i, 1], out.velocities[i, 2] = u, v, w
+        out.omega[i, 0], out.omega[i, 1], out.omega[i, 2] = omega
+        own = _module_inertia(rotation, inertia)
         for k in range(6):
-            inertias[i, k] = own[k]
+            out.inertias[i, k] = own[k]
         if i + 1 == n:
             return
-        arm = _turned(rotation, joint.anchor)
-        moved = _cross((p, q, r), arm)
-        u, v, w = u + moved[0], v + moved[1], w + moved[2]
+        arm = rotate(rotation, joint.anchor)
+        turning = cross(omega, arm)
+        u, v, w = u + turning[0], v + turning[1], w + turning[2]
         x, y, z = x + arm[0], y + arm[1], z + arm[2]
-        pivots[i, 0], pivots[i, 1], pivots[i, 2] = x, y, z
+        out.pivots[i, 0], out.pivots[i, 1], out.pivots[i, 2] = x, y, z
         j = (i - joint.rigid_links) * hinges
         if j >= 0:
             for k in range(hinges):
-                axis = _turned(rotation, joint.axes[k])
-                axes[i, k, 0], axes[i, k, 1], axes[i, k, 2] = axis
-                rate = rates[j + k]
-                p, q, r = p + rate * axis[0], q + rate * axis[1], r + rate * axis[2]
-                rotation = product(rotation, rodrigues(joint.axes[k], float(angles[j + k])))
+                axis = rotate(rotation, joint.axes[k])
+                out.axes[i, k, 0], out.axes[i, k, 1], out.axes[i, k, 2] = axis
+                omega = _add_scaled(omega, axis, float(qd[j + k]))
+                rotation = product(rotation, rodrigues(joint.axes[k], float(q[j + k])))
         rotation = product(rotation, fixed)
-        arm = _turned(rotation, joint.offset)
-        moved = _cross((p, q, r), arm)
-        u, v, w = u + moved[0], v + moved[1], w + moved[2]
+        arm = rotate(rotation, joint.offset)
+        turning = cross(omega, arm)
+        u, v, w = u + turning[0], v + turning[1], w + turning[2]
         x, y, z = x + arm[0], y + arm[1], z + arm[2]
 
 
 @njit(**INNER)
-def _accelerated(
-    rates: Array,
-    accelerations: Array,
-    rigid_links: int,
-    positions: Array,
-    pivots: Array,
-    axes: Array,
-    spins: Array,
-    moving: Array,
-    turning: Array,
-) -> None:
-    """Writes (n, 3) linear and angular accelerations of all modules, those of module 0 being zero.
+def _add_scaled(a: Vector, b: Vector, factor: float) -> Vector:
+    """Return a + factor b."""
+    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
-    The other arguments are as ``_placed`` writes them.
+
+@njit(**INNER)
+def _difference(a: Array, b: Array) -> Vector:
+    """Return a − b of two (3,) arrays."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@njit(**INNER)
+def _propagate_accelerations(qd: Array, qdd: Array, rigid_links: int, out: _Recursion) -> None:
+    """Write a and α outwards, those of module 0 being zero.
+
+    Across a hinge α' = α + s q̈ + ω × s q̇, with its axis s.
+
+    Args:
+        qd, qdd: (J,) hinge rates and accelerations.
+        rigid_links: Number of links without hinges at the start of the chain.
+        out: As ``_propagate_velocities`` writes it; ``accelerations`` and ``alpha`` are written.
     """
-    n, hinges = positions.shape[0], axes.shape[1]
-    turn = (0.0, 0.0, 0.0)
-    move = (0.0, 0.0, 0.0)
+    n, hinges = out.positions.shape[0], out.axes.shape[1]
+    alpha = (0.0, 0.0, 0.0)
+    a = (0.0, 0.0, 0.0)
     for i in range(n):
-        moving[i, 0], moving[i, 1], moving[i, 2] = move
-        turning[i, 0], turning[i, 1], turning[i, 2] = turn
+        out.accelerations[i, 0], out.accelerations[i, 1], out.accelerations[i, 2] = a
+        out.alpha[i, 0], out.alpha[i, 1], out.alpha[i, 2] = alpha
         if i + 1 == n:
             return
-        spin = (spins[i, 0], spins[i, 1], spins[i, 2])
-        arm = (
-            pivots[i, 0] - positions[i, 0],
-            pivots[i, 1] - positions[i, 1],
-            pivots[i, 2] - positions[i, 2],
-        )
-        move = _carried(move, turn, spin, arm)
+        omega = vector(out.omega[i])
+        a = _shift_acceleration(a, alpha, omega, _difference(out.pivots[i], out.positions[i]))
         j = (i - rigid_links) * hinges
         if j >= 0:
             for k in range(hinges):
-                axis = (axes[i, k, 0], axes[i, k, 1], axes[i, k, 2])
-                rate, change = rates[j + k], accelerations[j + k]
-                side = _cross(spin, axis)
-                turn = (
-                    turn[0] + axis[0] * change + side[0] * rate,
-                    turn[1] + axis[1] * change + side[1] * rate,
-                    turn[2] + axis[2] * change + side[2] * rate,
-                )
-                spin = (
-                    spin[0] + axis[0] * rate,
-                    spin[1] + axis[1] * rate,
-                    spin[2] + axis[2] * rate,
-                )
-        arm = (
-            positions[i + 1, 0] - pivots[i, 0],
-            positions[i + 1, 1] - pivots[i, 1],
-            positions[i + 1, 2] - pivots[i, 2],
-        )
-        move = _carried(move, turn, spin, arm)
+                axis = vector(out.axes[i, k])
+                alpha = _add_scaled(alpha, axis, float(qdd[j + k]))
+                alpha = _add_scaled(alpha, cross(omega, axis), float(qd[j + k]))
+                omega = _add_scaled(omega, axis, float(qd[j + k]))
+        a = _shift_acceleration(a, alpha, omega, _difference(out.positions[i + 1], out.pivots[i]))
 
 
 @njit(**INNER)
-def _carried(move: Vector, turn: Vector, spin: Vector, arm: Vector) -> Vector:
-    """The acceleration at the end of an arm: a + α × arm + ω × (ω × arm)."""
-    a = _cross(turn, arm)
-    b = _cross(spin, _cross(spin, arm))
-    return move[0] + a[0] + b[0], move[1] + a[1] + b[1], move[2] + a[2] + b[2]
+def _shift_acceleration(a: Vector, alpha: Vector, omega: Vector, arm: Vector) -> Vector:
+    """Return the acceleration of a body's point at ``arm``: a + α × arm + ω × (ω × arm)."""
+    tangential = cross(alpha, arm)
+    centripetal = cross(omega, cross(omega, arm))
+    return (
+        a[0] + tangential[0] + centripetal[0],
+        a[1] + tangential[1] + centripetal[1],
+        a[2] + tangential[2] + centripetal[2],
+    )
 
 
 @njit(**INNER)
-def _balanced(arms: Array, linear: Array, angular: Array, moments: Array, whole: Array) -> None:
-    """Adds the motion of one rigid body to all modules, so that no momentum is left of the chain.
+def _cancel_momentum(
+    arms: Array, linear: Array, angular: Array, moments: Array, whole: Array
+) -> None:
+    """Add the motion of one rigid body to all modules, so that the chain has no momentum.
 
-    Given accelerations and the torques that modules need about their centres, that its momentum
+    Given accelerations and torques instead of velocities and angular momenta, so that its momentum
     does not change.
 
     Args:
-        arms: (n, 3) from the centre of mass.
-        linear, angular: (n, 3) changed.
-        moments: (n, 3) about the modules' centres.
-        whole: (6,) inertia of the whole chain about its centre of mass.
+        arms: (n, 3) centres relative to the centre of mass.
+        linear, angular: (n, 3) velocities or accelerations; changed.
+        moments: (n, 3) angular momenta or torques about the modules' centres.
+        whole: (6,) inertia of the whole chain about its centre of mass, as ``Symmetric``.
     """
     n = arms.shape[0]
     a, b, c = 0.0, 0.0, 0.0
     x, y, z = 0.0, 0.0, 0.0
     for i in range(n):
-        push = (linear[i, 0], linear[i, 1], linear[i, 2])
-        side = _cross((arms[i, 0], arms[i, 1], arms[i, 2]), push)
-        a, b, c = a + push[0], b + push[1], c + push[2]
+        own = vector(linear[i])
+        orbital = cross(vector(arms[i]), own)
+        a, b, c = a + own[0], b + own[1], c + own[2]
         x, y, z = (
-            x + side[0] + moments[i, 0],
-            y + side[1] + moments[i, 1],
-            z + side[2] + moments[i, 2],
+            x + orbital[0] + moments[i, 0],
+            y + orbital[1] + moments[i, 1],
+            z + orbital[2] + moments[i, 2],
         )
-    turn = _solved(whole, (-x, -y, -z))
+    rigid = _solve_symmetric(whole, (-x, -y, -z))
     for i in range(n):
-        side = _cross(turn, (arms[i, 0], arms[i, 1], arms[i, 2]))
-        linear[i, 0] += side[0] - a / n
-        linear[i, 1] += side[1] - b / n
-        linear[i, 2] += side[2] - c / n
-        angular[i, 0] += turn[0]
-        angular[i, 1] += turn[1]
-        angular[i, 2] += turn[2]
+        orbital = cross(rigid, vector(arms[i]))
+        linear[i, 0] += orbital[0] - a / n
+        linear[i, 1] += orbital[1] - b / n
+        linear[i, 2] += orbital[2] - c / n
+        angular[i, 0] += rigid[0]
+        angular[i, 1] += rigid[1]
+        angular[i, 2] += rigid[2]
 
 
 @njit(**INNER)
-def _moments(inertias: Array, spins: Array, turning: Array, out: Array) -> None:
-    """Writes (n, 3) the torques that modules need to turn about their centres: I α + ω × I ω."""
+def _euler_torques(inertias: Array, omega: Array, alpha: Array, out: Array) -> None:
+    """Write (n, 3) torques of rotation about the modules' centres: I α + ω × I ω."""
     for i in range(out.shape[0]):
-        spin = (spins[i, 0], spins[i, 1], spins[i, 2])
-        own = _symmetric(inertias[i], (turning[i, 0], turning[i, 1], turning[i, 2]))
-        round_ = _cross(spin, _symmetric(inertias[i], spin))
-        out[i, 0] = own[0] + round_[0]
-        out[i, 1] = own[1] + round_[1]
-        out[i, 2] = own[2] + round_[2]
+        spin = vector(omega[i])
+        inertial = _apply_symmetric(inertias[i], vector(alpha[i]))
+        gyroscopic = cross(spin, _apply_symmetric(inertias[i], spin))
+        out[i, 0] = inertial[0] + gyroscopic[0]
+        out[i, 1] = inertial[1] + gyroscopic[1]
+        out[i, 2] = inertial[2] + gyroscopic[2]
+
+
+@njit(**INNER)
+def _write_composite_inertia(chain: _Recursion, whole: Array) -> None:
+    """Write the arms, and the (6,) inertia of the whole chain about its centre of mass."""
+    positions, inertias, arms = chain.positions, chain.inertias, chain.arms
+    n = positions.shape[0]
+    for r in range(3):
+        centre = 0.0
+        for i in range(n):
+            centre += positions[i, r]
+        for i in range(n):
+            arms[i, r] = positions[i, r] - centre / n
+    for k in range(6):
+        whole[k] = 0.0
+    for i in range(n):
+        x, y, z = arms[i, 0], arms[i, 1], arms[i, 2]
+        whole[0] += y * y + z * z + inertias[i, 0]
+        whole[1] += x * x + z * z + inertias[i, 1]
+        whole[2] += x * x + y * y + inertias[i, 2]
+        whole[3] += inertias[i, 3] - x * y
+        whole[4] += inertias[i, 4] - x * z
+        whole[5] += inertias[i, 5] - y * z
+
+
+@njit(**INNER)
+def _write_hinge_torques(chain: _Recursion, rigid_links: int, out: Array) -> None:
+    """Write (J,) hinge torques: the moment about each axis that all modules beyond it need.
+
+    Force and moment about the origin are summed inwards from the last module.
+    """
+    n, hinges = chain.positions.shape[0], chain.axes.shape[1]
+    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(n - 1, rigid_links, -1):
+        own = vector(chain.accelerations[i])
+        orbital = cross(vector(chain.positions[i]), own)
+        force = (force[0] + own[0], force[1] + own[1], force[2] + own[2])
+        moment = (
+            moment[0] + orbital[0] + chain.moments[i, 0],
+            moment[1] + orbital[1] + chain.moments[i, 1],
+            moment[2] + orbital[2] + chain.moments[i, 2],
+        )
+        shift = cross(vector(chain.pivots[i - 1]), force)
+        j = (i - 1 - rigid_links) * hinges
+        for k in range(hinges):
+            axis = vector(chain.axes[i - 1, k])
+            out[j + k] = (
+                axis[0] * (moment[0] - shift[0])
+                + axis[1] * (moment[1] - shift[1])
+                + axis[2] * (moment[2] - shift[2])
+            )
 
 
 @njit(**KERNEL, nogil=True)
 def many_floating_torques(
-    angles: Array,
-    rates: Array,
-    accelerations: Array,
-    joint: Joint,
-    inertia: Array,
-    out: Array,
+    q: Array, qd: Array, qdd: Array, joint: Joint, inertia: Array, out: Array
 ) -> None:
-    """Writes the (F, J) hinge torques of motions, the chain floating freely and without momentum.
-
-    Newton and Euler: the accelerations of all modules are found along the chain; the torque of a
-    hinge is what the modules beyond it need about its axis (Featherstone: Rigid Body Dynamics
-    Algorithms, 2008, chapter 5). The velocity and the acceleration of the whole are those for which
-    momentum stays zero.
+    """Write the (F, J) hinge torques of motions of a free chain that has no momentum.
 
     Args:
-        angles, rates, accelerations: (F, J) of the hinges.
-        joint, inertia: Of the module; its mass is 1.
-        out: (F, J) written, in units of module mass · pitch² / s²; NaN where the motion is none.
+        q, qd, qdd: (F, J) hinge angles, rates and accelerations.
+        joint: The module's joint.
+        inertia: (3,) principal moments of a module of mass 1 about its centre.
+        out: (F, J) written, in module mass · pitch² / s²; NaN where the motion is not finite.
     """
-    rigid_links = joint.rigid_links
-    frames, joints = angles.shape
-    hinges = joint.axes.shape[0]
+    rigid_links, hinges = joint.rigid_links, joint.axes.shape[0]
+    frames, joints = q.shape
     n = joints // hinges + 1 + rigid_links
-    positions, pivots = np.empty((n, 3)), np.empty((n, 3))
-    velocities, spins = np.empty((n, 3)), np.empty((n, 3))
-    moving, turning = np.empty((n, 3)), np.empty((n, 3))
-    arms, moments = np.empty((n, 3)), np.empty((n, 3))
-    inertias, axes = np.empty((n, 6)), np.zeros((n, hinges, 3))
-    whole, still = np.empty(6), np.zeros((n, 3))
+    chain = _Recursion(
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+        np.zeros((n, hinges, 3)),
+        np.empty((n, 6)),
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+    )
+    arms, inertias, moments, omega = chain.arms, chain.inertias, chain.moments, chain.omega
+    whole, at_rest = np.empty(6), np.zeros((n, 3))
     for f in range(frames):
-        _placed(
-            angles[f],
-            rates[f],
-            joint,
-            inertia,
-            positions,
-            pivots,
-            axes,
-            inertias,
-            velocities,
-            spins,
-        )
-        for r in range(3):
-            centre = 0.0
-            for i in range(n):
-                centre += positions[i, r]
-            for i in range(n):
-                arms[i, r] = positions[i, r] - centre / n
-        whole[:] = 0.0
-        for i in range(n):
-            x, y, z = arms[i, 0], arms[i, 1], arms[i, 2]
-            whole[0] += y * y + z * z + inertias[i, 0]
-            whole[1] += x * x + z * z + inertias[i, 1]
-            whole[2] += x * x + y * y + inertias[i, 2]
-            whole[3] += inertias[i, 3] - x * y
-            whole[4] += inertias[i, 4] - x * z
-            whole[5] += inertias[i, 5] - y * z
-        _moments(inertias, still, spins, moments)
-        _balanced(arms, velocities, spins, moments, whole)
-        _accelerated(
-            rates[f],
-            accelerations[f],
-            rigid_links,
-            positions,
-            pivots,
-            axes,
-            spins,
-            moving,
-            turning,
-        )
-        _moments(inertias, spins, turning, moments)
-        _balanced(arms, moving, turning, moments, whole)
-        _moments(inertias, spins, turning, moments)
-        # About the origin: what all modules beyond a joint need.
-        force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        for i in range(n - 1, rigid_links, -1):
-            push = (moving[i, 0], moving[i, 1], moving[i, 2])
-            side = _cross((positions[i, 0], positions[i, 1], positions[i, 2]), push)
-            force = (force[0] + push[0], force[1] + push[1], force[2] + push[2])
-            moment = (
-                moment[0] + side[0] + moments[i, 0],
-                moment[1] + side[1] + moments[i, 1],
-                moment[2] + side[2] + moments[i, 2],
-            )
-            side = _cross((pivots[i - 1, 0], pivots[i - 1, 1], pivots[i - 1, 2]), force)
-            j = (i - 1 - rigid_links) * hinges
-            for k in range(hinges):
-                out[f, j + k] = (
-                    axes[i - 1, k, 0] * (moment[0] - side[0])
-                    + axes[i - 1, k, 1] * (moment[1] - side[1])
-                    + axes[i - 1, k, 2] * (moment[2] - side[2])
-                )
+        _propagate_velocities(q[f], qd[f], joint, inertia, chain)
+        _write_composite_inertia(chain, whole)
+        # I α + ω × I ω with ω = 0 and ω in place of α is the angular momentum.
+        _euler_torques(inertias, at_rest, omega, moments)
+        _cancel_momentum(arms, chain.velocities, omega, moments, whole)
+        _propagate_accelerations(qd[f], qdd[f], rigid_links, chain)
+        _euler_torques(inertias, omega, chain.alpha, moments)
+        _cancel_momentum(arms, chain.accelerations, chain.alpha, moments, whole)
+        _euler_torques(inertias, omega, chain.alpha, moments)
+        _write_hinge_torques(chain, rigid_links, out[f])

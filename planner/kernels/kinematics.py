@@ -13,13 +13,47 @@ from planner.kernels import INNER, KERNEL
 from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
+Vector: TypeAlias = tuple[float, float, float]
+"""Components of a (3,) vector; a tuple needs no allocation."""
 Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
-"""Rows of a (3, 3) matrix one after the other: needs no memory of its own."""
+"""Elements of a (3, 3) matrix, row by row; a tuple needs no allocation."""
+
+
+@njit(**INNER)
+def vector(a: Array) -> Vector:
+    """Return the components of a (3,) array."""
+    return a[0], a[1], a[2]
+
+
+@njit(**INNER)
+def matrix(a: Array) -> Matrix:
+    """Return the elements of a (3, 3) array, row by row."""
+    return (
+        a[0, 0], a[0, 1], a[0, 2],
+        a[1, 0], a[1, 1], a[1, 2],
+        a[2, 0], a[2, 1], a[2, 2],
+    )  # fmt: skip
+
+
+@njit(**INNER)
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return a × b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(**INNER)
+def rotate(rotation: Matrix, v: Array) -> Vector:
+    """Return R v."""
+    return (
+        rotation[0] * v[0] + rotation[1] * v[1] + rotation[2] * v[2],
+        rotation[3] * v[0] + rotation[4] * v[1] + rotation[5] * v[2],
+        rotation[6] * v[0] + rotation[7] * v[1] + rotation[8] * v[2],
+    )
 
 
 @njit(**INNER)
 def rodrigues(axis: Array, angle: float) -> Matrix:
-    """The rotation about a unit axis, row by row: Rodrigues' formula."""
+    """Return the rotation about a unit axis: Rodrigues' formula."""
     c = np.cos(angle)
     s = np.sin(angle)
     x, y, z = axis[0], axis[1], axis[2]
@@ -39,7 +73,7 @@ def rodrigues(axis: Array, angle: float) -> Matrix:
 
 @njit(**INNER)
 def product(a: Matrix, b: Matrix) -> Matrix:
-    """The product of two matrices, row by row."""
+    """Return the product of two matrices."""
     return (
         a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
         a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
@@ -55,29 +89,16 @@ def product(a: Matrix, b: Matrix) -> Matrix:
 
 @njit(**INNER)
 def axis_rotation(axis: Array, angle: float, out: Array) -> None:
-    """Writes the rotation about a unit axis into ``out`` (3, 3)."""
-    h = rodrigues(axis, angle)
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = h[3 * i + j]
+    """Write the rotation about a unit axis into ``out`` (3, 3)."""
+    write_matrix(rodrigues(axis, angle), out)
 
 
 @njit(**INNER)
 def multiply(a: Array, b: Array, out: Array) -> None:
-    """Writes the product of two (3, 3) matrices into ``out``, which is neither of them."""
+    """Write the product of two (3, 3) matrices into ``out``, which is neither of them."""
     for i in range(3):
         for j in range(3):
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
-
-
-@njit(**INNER)
-def _multiply_by(out: Array, b: Matrix) -> None:
-    """Multiplies ``out`` (3, 3) from the right, in place."""
-    for i in range(3):
-        x, y, z = out[i, 0], out[i, 1], out[i, 2]
-        out[i, 0] = x * b[0] + y * b[3] + z * b[6]
-        out[i, 1] = x * b[1] + y * b[4] + z * b[7]
-        out[i, 2] = x * b[2] + y * b[5] + z * b[8]
 
 
 @njit(**INNER)
@@ -99,33 +120,31 @@ def copy_matrix(a: Array, out: Array) -> None:
 
 
 @njit(**INNER)
-def step_rotation(axes: Array, turn: Array, angles: Array, jointed: bool, out: Array) -> None:
-    """Writes the rotation from one module's frame to the next one's into ``out`` (3, 3)."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = 1.0 if i == j else 0.0
-    if jointed:
-        for k in range(axes.shape[0]):
-            _multiply_by(out, rodrigues(axes[k], angles[k]))
-    _multiply_by(
-        out,
-        (
-            turn[0, 0],
-            turn[0, 1],
-            turn[0, 2],
-            turn[1, 0],
-            turn[1, 1],
-            turn[1, 2],
-            turn[2, 0],
-            turn[2, 1],
-            turn[2, 2],
-        ),
-    )
+def _step_rotation(axes: Array, fixed: Matrix, q: Array) -> Matrix:
+    """Return the rotation from one module's frame to the next one's.
+
+    Args:
+        axes: (K, 3) hinge axes of the joint, outermost first.
+        fixed: Fixed rotation behind the hinges.
+        q: (K,) angles of the hinges; (0,) for a rigid link.
+    """
+    step = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    for k in range(q.shape[0]):
+        step = product(step, rodrigues(axes[k], float(q[k])))
+    return product(step, fixed)
+
+
+@njit(**INNER)
+def write_matrix(m: Matrix, out: Array) -> None:
+    """Write the elements of a matrix into ``out`` (3, 3)."""
+    out[0, 0], out[0, 1], out[0, 2] = m[0], m[1], m[2]
+    out[1, 0], out[1, 1], out[1, 2] = m[3], m[4], m[5]
+    out[2, 0], out[2, 1], out[2, 2] = m[6], m[7], m[8]
 
 
 @njit(**KERNEL)
 def chain_poses(
-    angles: Array,
+    q: Array,
     joint: Joint,
     root: int,
     root_position: Array,
@@ -133,10 +152,10 @@ def chain_poses(
     positions: Array,
     rotations: Array,
 ) -> None:
-    """Writes all module poses of one configuration, outward from the root both ways.
+    """Write the poses of all modules of one configuration, outward from the root both ways.
 
     Args:
-        angles: (J,) hinge angles in radians.
+        q: (J,) hinge angles, in rad.
         joint: The module's joint.
         root: Index of the module whose pose is given.
         root_position: (3,) its centre.
@@ -145,34 +164,37 @@ def chain_poses(
         rotations: (n, 3, 3) written: the orientations.
     """
     rigid_links, anchor, axes, turn, offset = joint
-    n = positions.shape[0]
-    hinges = axes.shape[0]
-    step = np.empty((3, 3))
+    hinges, fixed = axes.shape[0], matrix(turn)
     copy_vector(root_position, positions[root])
     copy_matrix(root_rotation, rotations[root])
-    for i in range(root, n - 1):
+    rotation = matrix(root_rotation)
+    for i in range(root, positions.shape[0] - 1):
         j = (i - rigid_links) * hinges
-        step_rotation(axes, turn, angles[max(j, 0) : max(j, 0) + hinges], j >= 0, step)
-        multiply(rotations[i], step, rotations[i + 1])
+        step = _step_rotation(axes, fixed, q[max(j, 0) : max(j + hinges, 0)])
+        rotation = product(rotation, step)
+        write_matrix(rotation, rotations[i + 1])
         for r in range(3):
             total = positions[i, r]
             for c in range(3):
                 total += rotations[i, r, c] * anchor[c] + rotations[i + 1, r, c] * offset[c]
             positions[i + 1, r] = total
+    rotation = matrix(root_rotation)
     for i in range(root - 1, -1, -1):
         j = (i - rigid_links) * hinges
-        step_rotation(axes, turn, angles[max(j, 0) : max(j, 0) + hinges], j >= 0, step)
-        multiply(rotations[i + 1], step.T, rotations[i])
+        step = _step_rotation(axes, fixed, q[max(j, 0) : max(j + hinges, 0)])
+        a, b, c, d, e, f, g, h, k = step
+        rotation = product(rotation, (a, d, g, b, e, h, c, f, k))
+        write_matrix(rotation, rotations[i])
         for r in range(3):
             total = positions[i + 1, r]
-            for c in range(3):
-                total -= rotations[i, r, c] * anchor[c] + rotations[i + 1, r, c] * offset[c]
+            for s in range(3):
+                total -= rotations[i, r, s] * anchor[s] + rotations[i + 1, r, s] * offset[s]
             positions[i, r] = total
 
 
 @njit(**KERNEL, nogil=True)
 def many_chain_poses(
-    angles: Array,
+    q: Array,
     joint: Joint,
     root: int,
     root_positions: Array,
@@ -180,10 +202,20 @@ def many_chain_poses(
     positions: Array,
     rotations: Array,
 ) -> None:
-    """``chain_poses`` for (F, J) angles, (F, 3) and (F, 3, 3) roots."""
-    for f in range(angles.shape[0]):
+    """Write the poses of F configurations, see ``chain_poses``.
+
+    Args:
+        q: (F, J) hinge angles, in rad.
+        joint: The module's joint.
+        root: Index of the module whose poses are given.
+        root_positions: (F, 3) its centres.
+        root_rotations: (F, 3, 3) its orientations.
+        positions: (F, n, 3) written: the centres.
+        rotations: (F, n, 3, 3) written: the orientations.
+    """
+    for f in range(q.shape[0]):
         chain_poses(
-            angles[f],
+            q[f],
             joint,
             root,
             root_positions[f],
@@ -194,8 +226,6 @@ def many_chain_poses(
 
 
 @njit(**INNER)
-def poses_from_rest(
-    angles: Array, joint: Joint, root: int, positions: Array, rotations: Array
-) -> None:
-    """``chain_poses`` with the root at the origin, upright."""
-    chain_poses(angles, joint, root, np.zeros(3), np.eye(3), positions, rotations)
+def poses_at_origin(q: Array, joint: Joint, root: int, positions: Array, rotations: Array) -> None:
+    """Write the poses for a root at the origin with identity orientation, see ``chain_poses``."""
+    chain_poses(q, joint, root, np.zeros(3), np.eye(3), positions, rotations)

@@ -1,31 +1,55 @@
-"""Pairs of modules that are near each other, and the forces between them, compiled."""
+"""Pairs of near modules, the repulsion between them and how fast they may move, compiled."""
 # pyright: reportUntypedFunctionDecorator=false
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL
+from planner.kernels.kinematics import Vector, cross, vector
+from planner.kernels.module import ModuleStates
 
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]
 
-SKIP_BELOW = 1000
-"""Points below which walking along the chain is faster than a grid."""
-FARTHEST_SQUARE = 1e18
-"""Squared distance in pitches² above which positions count as diverged."""
+MIN_GRID_POINTS = 1000
+"""Number of points from which on a grid is searched; below, a walk along the chain is faster.
+Measured."""
+MAX_SQUARED_DISTANCE = 1e18
+"""Squared distance in pitches² above which positions count as diverged, so that nothing is skipped.
+A larger one would no longer fit into an integer. Chosen."""
+MIN_REPULSION_SQUARE = 1e-6
+"""Squared distance in pitches² below which repulsion no longer grows: it is finite where two
+centres coincide. Chosen."""
+
+
+class PairLimits(NamedTuple):
+    """Allowed displacements of two modules relative to each other in one step, in pitches.
+
+    Attributes:
+        radius: Radius of both modules; beyond twice that, they cannot touch.
+        approach: By how much they may come nearer.
+        slide: By how much they may slide along each other.
+    """
+
+    radius: float
+    approach: float
+    slide: float
 
 
 @njit(**INNER)
 def _hash(x: int, y: int, z: int, mask: int) -> int:
+    """Return the slot of a cell in a table of ``mask`` + 1 slots."""
     return (x * 73856093 ^ y * 19349663 ^ z * 83492791) & mask
 
 
 @njit(**INNER, inline="always")  # called, it doubles the time of near_pairs
 def append_pair(pairs: Pairs, count: int, i: int, j: int) -> Pairs:
-    """Writes one pair behind ``count`` others, in a larger array when it is full."""
+    """Write a pair behind ``count`` others, and return the array: a larger one if it was full."""
     if count == pairs.shape[0]:
         larger = np.empty((2 * count, 2), dtype=np.int64)
         for k in range(count):
@@ -39,43 +63,59 @@ def append_pair(pairs: Pairs, count: int, i: int, j: int) -> Pairs:
 
 @njit(**KERNEL)
 def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
-    """Pairs (i, j), i < j, closer than ``cutoff`` and at least ``apart`` apart along the chain.
+    """Return pairs (i, j), i < j, closer than ``cutoff`` and at least ``apart`` links apart.
 
     Consecutive points must be at most 1 apart. Long chains are sorted into a hashed grid of cells
-    as wide as the cutoff: cost grows linearly with the points.
+    as wide as the cutoff: the cost is linear in the points.
 
     Args:
-        points: (n, 3).
-        cutoff: Largest distance.
-        apart: Least j − i.
+        points: (n, 3) positions, in pitches.
+        cutoff: Largest distance, in pitches.
+        apart: Smallest j − i.
 
     Returns:
         (P, 2) indices, ordered by i.
     """
+    if points.shape[0] < MIN_GRID_POINTS:
+        return _near_pairs_along(points, cutoff, apart)
+    return _near_pairs_in_grid(points, cutoff, apart)
+
+
+@njit(**INNER)
+def _near_pairs_along(points: Array, cutoff: float, apart: int) -> Pairs:
+    """Return near pairs by a walk along the chain that skips what is too far, see above."""
     n = points.shape[0]
-    found = np.empty((max(16, 8 * n), 2), dtype=np.int64)
+    pairs = np.empty((max(16, 8 * n), 2), dtype=np.int64)
     count = 0
     limit = cutoff * cutoff
-    if n < SKIP_BELOW:
-        for i in range(n):
-            j = i + apart
-            while j < n:
-                dx = points[i, 0] - points[j, 0]
-                dy = points[i, 1] - points[j, 1]
-                dz = points[i, 2] - points[j, 2]
-                square = dx * dx + dy * dy + dz * dz
-                if square < limit:
-                    found = append_pair(found, count, i, j)
-                    count += 1
-                    j += 1
-                else:
-                    # Neighbours along the chain are at most one pitch apart, so whoever is farther
-                    # away than the cutoff by k pitches has k followers that are too far as well.
-                    # A distance that is no number says nothing, and as an integer it is anything.
-                    j += 1
-                    if square < FARTHEST_SQUARE:
-                        j += int(np.sqrt(square) - cutoff)
-        return found[:count].copy()
+    for i in range(n):
+        j = i + apart
+        while j < n:
+            dx = points[i, 0] - points[j, 0]
+            dy = points[i, 1] - points[j, 1]
+            dz = points[i, 2] - points[j, 2]
+            square = dx * dx + dy * dy + dz * dz
+            if square < limit:
+                pairs = append_pair(pairs, count, i, j)
+                count += 1
+                j += 1
+            else:
+                # Consecutive points are at most one pitch apart. So a point that is k pitches
+                # beyond the cutoff has k followers that are too far as well. A distance that is
+                # not finite allows no such conclusion, and has no value as an integer.
+                j += 1
+                if square < MAX_SQUARED_DISTANCE:
+                    j += int(np.sqrt(square) - cutoff)
+    return pairs[:count].copy()
+
+
+@njit(**INNER)
+def _near_pairs_in_grid(points: Array, cutoff: float, apart: int) -> Pairs:
+    """Return near pairs from a hashed grid of cells, each of them a list of points, see above."""
+    n = points.shape[0]
+    pairs = np.empty((max(16, 8 * n), 2), dtype=np.int64)
+    count = 0
+    limit = cutoff * cutoff
     size = 16
     while size < 2 * n:
         size *= 2
@@ -109,22 +149,29 @@ def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
                             dy = points[i, 1] - points[j, 1]
                             dz = points[i, 2] - points[j, 2]
                             if dx * dx + dy * dy + dz * dz < limit:
-                                found = append_pair(found, count, i, int(j))
+                                pairs = append_pair(pairs, count, i, int(j))
                                 count += 1
                         j = following[j]
-    return found[:count].copy()
+    return pairs[:count].copy()
 
 
 @njit(**KERNEL)
 def repulsion(points: Array, pairs: Pairs, gain: float, out: Array) -> None:
-    """Adds eq. 3 of the paper to ``out`` (n, 3): gain / distance², away from each other."""
+    """Add the repulsion of near modules, gain / distance², to (n, 3) forces: the paper's eq. 3.
+
+    Args:
+        points: (n, 3) centres of the modules.
+        pairs: (P, 2) near pairs.
+        gain: γ of the equation.
+        out: (n, 3) forces, changed.
+    """
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]
         dx = points[i, 0] - points[j, 0]
         dy = points[i, 1] - points[j, 1]
         dz = points[i, 2] - points[j, 2]
-        square = max(dx * dx + dy * dy + dz * dz, 1e-6)
+        square = max(dx * dx + dy * dy + dz * dz, MIN_REPULSION_SQUARE)
         scale = gain / (square * np.sqrt(square))
         out[i, 0] += scale * dx
         out[i, 1] += scale * dy
@@ -135,97 +182,70 @@ def repulsion(points: Array, pairs: Pairs, gain: float, out: Array) -> None:
 
 
 @njit(**INNER)
-def haste(
-    gap: Array, velocity: Array, turning: float, cap: float, slide: float, reach: float
+def inverse_step_limit(
+    gap: Vector, velocity: Vector, surface_speed: float, limits: PairLimits
 ) -> float:
-    """How many times a pair's motion in a unit of time is more than it may be in a step.
+    """Return 1/Δt_max in 1/s of a pair: the largest ratio of a speed to its displacement per step.
+
+    A pair that cannot touch may approach by half of its clearance more, and slide so.
 
     Args:
-        gap: (3,) from one centre to the other.
-        velocity: (3,) of the other, as seen from the one.
-        turning: Speed of a surface point that their relative spin gives.
-        cap: How much nearer they may come.
-        slide: How far they may slide along each other.
-        reach: Distance from which on they are apart for certain; half of what is more they may
-            move besides.
+        gap: Vector from one centre to the other, in pitches.
+        velocity: Velocity of the other centre relative to the one, in pitches per second.
+        surface_speed: Speed of a surface point due to their relative rotation.
+        limits: Displacements that are allowed in one step.
     """
     distance = np.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2])
-    closing = 0.0
-    square = 0.0
-    for r in range(3):
-        closing -= velocity[r] * gap[r]
-        square += velocity[r] * velocity[r]
-    closing = max(closing / max(distance, 1e-9), 0.0) + turning
-    room = max(distance - reach, 0.0)
-    return max(closing / (cap + 0.5 * room), (np.sqrt(square) + turning) / (slide + 0.5 * room))
+    closing = -velocity[0] * gap[0] - velocity[1] * gap[1] - velocity[2] * gap[2]
+    square = velocity[0] * velocity[0] + velocity[1] * velocity[1] + velocity[2] * velocity[2]
+    closing = max(closing / max(distance, 1e-9), 0.0) + surface_speed
+    clearance = max(distance - 2.0 * limits.radius, 0.0)
+    return max(
+        closing / (limits.approach + 0.5 * clearance),
+        (np.sqrt(square) + surface_speed) / (limits.slide + 0.5 * clearance),
+    )
 
 
 @njit(**INNER)
-def haste_of_pair(
-    i: int,
-    j: int,
-    points: Array,
-    velocities: Array,
-    spins: Array,
-    radius: float,
-    cap: float,
-    slide: float,
-    gap: Array,
-    velocity: Array,
-) -> float:
-    """``haste`` of two modules of the same radius, as seen from half way between them.
+def pair_inverse_step_limit(i: int, j: int, modules: ModuleStates, limits: PairLimits) -> float:
+    """Return 1/Δt_max in 1/s of two modules, in a frame that turns as both do on average.
 
-    ``gap`` (3,) and ``velocity`` (3,) are written.
+    A common rigid motion so contributes nothing.
     """
+    points, omega = modules.positions, modules.angular_velocities
+    gap = (
+        points[j, 0] - points[i, 0],
+        points[j, 1] - points[i, 1],
+        points[j, 2] - points[i, 2],
+    )
+    mean = (
+        0.5 * (omega[i, 0] + omega[j, 0]),
+        0.5 * (omega[i, 1] + omega[j, 1]),
+        0.5 * (omega[i, 2] + omega[j, 2]),
+    )
+    common = cross(mean, gap)
+    one, other = vector(modules.velocities[i]), vector(modules.velocities[j])
+    relative = (
+        other[0] - one[0] - common[0],
+        other[1] - one[1] - common[1],
+        other[2] - one[2] - common[2],
+    )
+    rotation = 0.0
     for r in range(3):
-        gap[r] = points[j, r] - points[i, r]
-    wx = 0.5 * (spins[i, 0] + spins[j, 0])
-    wy = 0.5 * (spins[i, 1] + spins[j, 1])
-    wz = 0.5 * (spins[i, 2] + spins[j, 2])
-    velocity[0] = velocities[j, 0] - velocities[i, 0] - (wy * gap[2] - wz * gap[1])
-    velocity[1] = velocities[j, 1] - velocities[i, 1] - (wz * gap[0] - wx * gap[2])
-    velocity[2] = velocities[j, 2] - velocities[i, 2] - (wx * gap[1] - wy * gap[0])
-    turning = 0.0
-    for r in range(3):
-        turning += (spins[j, r] - spins[i, r]) ** 2
-    return haste(gap, velocity, radius * np.sqrt(turning), cap, slide, 2.0 * radius)
+        rotation += (omega[j, r] - omega[i, r]) ** 2
+    return inverse_step_limit(gap, relative, limits.radius * np.sqrt(rotation), limits)
 
 
 @njit(**KERNEL)
-def largest_haste(
-    points: Array,
-    velocities: Array,
-    spins: Array,
-    pairs: Pairs,
-    radius: float,
-    cap: float,
-    slide: float,
-) -> float:
-    """The largest ``haste`` of near pairs.
+def max_inverse_step_limit(modules: ModuleStates, pairs: Pairs, limits: PairLimits) -> float:
+    """Return the largest inverse step limit in 1/s of near pairs.
 
     Args:
-        points, velocities, spins: (n, 3) of the modules, in the world.
-        pairs: (P, 2) near ones.
-        radius: The module's.
-        cap, slide: How much nearer a pair may come in a step, and how far it may slide.
+        modules: Poses and velocities of all modules.
+        pairs: (P, 2) near pairs.
+        limits: Displacements that are allowed in one step.
     """
-    worst = 0.0
-    gap = np.empty(3)
-    velocity = np.empty(3)
+    largest = 0.0
     for k in range(pairs.shape[0]):
-        worst = max(
-            worst,
-            haste_of_pair(
-                pairs[k, 0],
-                pairs[k, 1],
-                points,
-                velocities,
-                spins,
-                radius,
-                cap,
-                slide,
-                gap,
-                velocity,
-            ),
-        )
-    return worst
+        largest = max(largest, pair_inverse_step_limit(pairs[k, 0], pairs[k, 1], modules, limits))
+    return largest

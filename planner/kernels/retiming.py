@@ -1,4 +1,4 @@
-"""Time-optimal laws along a path with bounds on every hinge, compiled.
+"""Time-optimal scalings of motion along a path, with bounds of every hinge, compiled.
 
 With bounds of speed and acceleration: reachability analysis over x = ṡ² at the knots of a grid
 (Pham, Pham: A new approach to time-optimal path parameterization based on reachability analysis,
@@ -18,21 +18,30 @@ from planner.kernels import INNER, KERNEL
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-MOST_CUTS = 100
-ROUNDING = 1e-12
-LEAST_LEFT = 0.05
-"""Share of a torque's bound that is left for ü, at least."""
-STEEP = 1e-7
-"""A row with |b| below this share of |a| bounds x alone; its line is too steep to intersect."""
+MAX_TANGENT_CUTS = 100
+"""Maximum number of cuts along tangents in the search of the largest controllable x. After fewer,
+x would lie a little above it. Chosen."""
+FEASIBILITY_TOLERANCE = 1e-12
+"""Overlap of two bounds, relative to them, that rounding may take away. Chosen."""
+MIN_TORQUE_FRACTION = 0.05
+"""Fraction of a torque's bound that remains for ü, however much of it u̇² takes. A larger one lets
+torques exceed their bounds further, with a smaller one motions may all but stop. Chosen."""
+MIN_SLOPE = 1e-7
+"""A row with |b| below this fraction of |a| bounds x alone: its line is too steep to intersect
+others precisely. Chosen."""
+MIN_INERTIA = 1e-12
+"""Torque per ü below which a hinge does not bound ü: avoids a division by zero."""
 
 
 @njit(**INNER)
-def _slopes(slopes: Array, left: int, right: int, part: Array, start: Array, end: Array) -> None:
-    """Writes q' at both knots of a cell."""
+def _write_slopes(
+    slopes: Array, left: int, right: int, fractions: Array, start: Array, end: Array
+) -> None:
+    """Write (J,) slopes q' at both knots of a cell, interpolated between two given ones."""
     for j in range(start.size):
-        turn = slopes[right, j] - slopes[left, j]
-        start[j] = slopes[left, j] + part[0] * turn
-        end[j] = slopes[left, j] + part[1] * turn
+        change = slopes[right, j] - slopes[left, j]
+        start[j] = slopes[left, j] + fractions[0] * change
+        end[j] = slopes[left, j] + fractions[1] * change
 
 
 @njit(**KERNEL)
@@ -40,21 +49,21 @@ def fastest_profile(
     slopes: Array,
     left: Indices,
     right: Indices,
-    parts: Array,
+    fractions: Array,
     lengths: Array,
     speed: float,
     acceleration: float,
 ) -> Array:
-    """(N + 1,) largest ṡ² at the knots that the bounds allow, at rest at both ends.
+    """Return the (N + 1,) largest ṡ² at the knots that the bounds allow, at rest at both ends.
 
     Args:
         slopes: (K, J) slopes q' between which those of each cell lie.
-        left, right: (N,) which two.
-        parts: (N, 2) how far it is from the left to the right one at both knots of a cell; q' is
+        left, right: (N,) indices of these two.
+        fractions: (N, 2) fraction from the left to the right one at both knots of a cell; q' is
             zero at one of them at most.
-        lengths: (N,) of the cells, in s.
-        speed: Bound of every |q̇|.
-        acceleration: Bound of every |q̈|.
+        lengths: (N,) lengths of the cells, in s.
+        speed: Bound of every |q̇|, in rad/s.
+        acceleration: Bound of every |q̈|, in rad/s².
     """
     count = lengths.size
     start = np.empty(slopes.shape[1])
@@ -62,70 +71,80 @@ def fastest_profile(
     # |q'| is largest at a knot, so this holds between knots too.
     ceiling = np.full(count + 1, np.inf)
     for k in range(count):
-        _slopes(slopes, left[k], right[k], parts[k], start, end)
+        _write_slopes(slopes, left[k], right[k], fractions[k], start, end)
         steepest = 0.0
         for j in range(start.size):
             steepest = max(steepest, abs(start[j]), abs(end[j]))
-        most = (speed / steepest) ** 2
-        ceiling[k] = min(ceiling[k], most)
-        ceiling[k + 1] = min(ceiling[k + 1], most)
+        limit = (speed / steepest) ** 2
+        ceiling[k] = min(ceiling[k], limit)
+        ceiling[k + 1] = min(ceiling[k + 1], limit)
     ceiling[0] = ceiling[count] = 0.0
     for k in range(count - 1, -1, -1):
-        _slopes(slopes, left[k], right[k], parts[k], start, end)
+        _write_slopes(slopes, left[k], right[k], fractions[k], start, end)
         ceiling[k] = _controllable(start, end, lengths[k], acceleration, ceiling[k], ceiling[k + 1])
     x = np.zeros(count + 1)
     for k in range(count):
-        _slopes(slopes, left[k], right[k], parts[k], start, end)
-        high = _reach(start, end, lengths[k], acceleration, x[k])[2]
+        _write_slopes(slopes, left[k], right[k], fractions[k], start, end)
+        high = _next_range(start, end, lengths[k], acceleration, x[k])[2]
         x[k + 1] = max(0.0, min(high, ceiling[k + 1]))
     return x
 
 
 @njit(**INNER)
-def _reach(
+def _next_range(
     start: Array, end: Array, length: float, acceleration: float, x: float
 ) -> tuple[float, float, float, float, float]:
-    """What x at a knot allows at the next: least and slope, most and slope; and the most x alone.
+    """Return the range of x₊ at the next knot that x at this one allows.
 
-    Each hinge has a row |a x + b y| ≤ acceleration at either knot, y being the next x.
+    Each hinge has a row |a x + b x₊| ≤ acceleration at either knot.
+
+    Args:
+        start, end: (J,) slopes q' at both knots.
+        length: Length of the cell.
+        acceleration: Bound of every |q̈|.
+        x: ṡ² at this knot.
+
+    Returns:
+        Lower bound and its derivative by x, upper bound and its derivative by x, and the upper
+        bound of x itself.
     """
-    low, low_slope, high, high_slope, alone = -np.inf, 0.0, np.inf, 0.0, np.inf
+    low, low_slope, high, high_slope, x_bound = -np.inf, 0.0, np.inf, 0.0, np.inf
     half = 0.5 / length
     for j in range(start.size):
-        bend = (end[j] - start[j]) / length
+        curvature = (end[j] - start[j]) / length
         for knot in range(2):
-            a = bend - half * start[j] if knot == 0 else -half * end[j]
-            b = half * start[j] if knot == 0 else bend + half * end[j]
-            if abs(b) <= STEEP * abs(a):
+            a = curvature - half * start[j] if knot == 0 else -half * end[j]
+            b = half * start[j] if knot == 0 else curvature + half * end[j]
+            if abs(b) <= MIN_SLOPE * abs(a):
                 if a != 0.0:
-                    alone = min(alone, acceleration / abs(a))
+                    x_bound = min(x_bound, acceleration / abs(a))
                 continue
             slope = -a / b
-            most = acceleration / abs(b)
-            if slope * x + most < high:
-                high, high_slope = slope * x + most, slope
-            if slope * x - most > low:
-                low, low_slope = slope * x - most, slope
-    return low, low_slope, high, high_slope, alone
+            width = acceleration / abs(b)
+            if slope * x + width < high:
+                high, high_slope = slope * x + width, slope
+            if slope * x - width > low:
+                low, low_slope = slope * x - width, slope
+    return low, low_slope, high, high_slope, x_bound
 
 
 @njit(**INNER)
 def _controllable(
-    start: Array, end: Array, length: float, acceleration: float, x: float, following: float
+    start: Array, end: Array, length: float, acceleration: float, x: float, x_next: float
 ) -> float:
-    """The largest of 0 … x from which 0 … ``following`` can be reached at the next knot.
+    """Return the largest of 0 … x from which one of 0 … ``x_next`` can be reached.
 
-    How much there is to choose from is a concave function of x, and not negative at 0: cutting
-    along its tangents leads down to its root.
+    The size of the range at the next knot is a concave function of x, and not negative at 0: cuts
+    along its tangents lead down to its root.
     """
-    x = min(x, _reach(start, end, length, acceleration, 0.0)[4])
-    for _ in range(MOST_CUTS):
-        low, low_slope, high, high_slope, _ = _reach(start, end, length, acceleration, x)
+    x = min(x, _next_range(start, end, length, acceleration, 0.0)[4])
+    for _ in range(MAX_TANGENT_CUTS):
+        low, low_slope, high, high_slope, _ = _next_range(start, end, length, acceleration, x)
         if low < 0.0:
             low, low_slope = 0.0, 0.0
-        if high > following:
-            high, high_slope = following, 0.0
-        if high - low >= -ROUNDING * (x + following) or high_slope >= low_slope:
+        if high > x_next:
+            high, high_slope = x_next, 0.0
+        if high - low >= -FEASIBILITY_TOLERANCE * (x + x_next) or high_slope >= low_slope:
             break
         x = max(0.0, x - (high - low) / (high_slope - low_slope))
     return x
@@ -133,25 +152,25 @@ def _controllable(
 
 @njit(**KERNEL)
 def torque_passes(a: Array, b: Array, ceiling: Array, step: float) -> Array:
-    """(U,) z = u̇² at even places of a path along which the torques are τ = a ü + b u̇².
+    """Return (U,) z = u̇² at even steps of a path along which the torques are τ = a ü + b u̇².
 
     It is never above the ceiling and 0 at both ends; ü = z' / 2 is what |τ| ≤ 1 leaves of it: a
     forward and a backward pass (Bobrow, Dubowsky, Gibson: Time-optimal control, 1985).
 
     Args:
-        a, b: (U, J).
-        ceiling: (U,).
-        step: From one place to the next.
+        a, b: (U, J) torques per ü and per u̇², as fractions of their bounds.
+        ceiling: (U,) upper bound of z.
+        step: Step of u.
     """
     z = ceiling.copy()
     z[0] = z[-1] = 0.0
     last = len(z) - 1
-    for forth in (True, False):
+    for forward in (True, False):
         for k in range(last):
-            here, there = (k, k + 1) if forth else (last - k, last - k - 1)
-            most = np.inf
+            i, following = (k, k + 1) if forward else (last - k, last - k - 1)
+            limit = np.inf
             for j in range(a.shape[1]):
-                left = max(1.0 - abs(b[here, j]) * z[here], LEAST_LEFT)
-                most = min(most, left / max(abs(a[here, j]), 1e-12))
-            z[there] = min(z[there], z[here] + 2.0 * most * step)
+                available = max(1.0 - abs(b[i, j]) * z[i], MIN_TORQUE_FRACTION)
+                limit = min(limit, available / max(abs(a[i, j]), MIN_INERTIA))
+            z[following] = min(z[following], z[i] + 2.0 * limit * step)
     return z

@@ -1,11 +1,11 @@
-"""Where modules touch the floor and each other, and what forces ask of hinges, compiled.
+"""Contact points of modules with the floor and each other, and hinge torques of forces.
 
-Two convex modules touch along the axis that separates them best, as in ``clearance``. Is that a
-face's normal, the points are the corners of what the two faces have in common; is it across two
-edges, there is one point between them.
+Compiled. Two convex modules touch along the axis that separates them best, as in ``clearance``. If
+that is a face's normal, the points are the corners of the intersection of the two faces; if it is
+across two edges, there is one point between them.
 
-The moment about a hinge is that of all forces beyond it. Of two forces of a contact between modules
-that cancels out for all hinges but those between the two, so that its column is short.
+The torque of a hinge is the moment of all forces beyond it. The two forces of a contact between
+modules cancel for all hinges but those between the two, so that its column is sparse.
 """
 # pyright: reportUntypedFunctionDecorator=false
 
@@ -24,23 +24,32 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Int32s = NDArray[np.int32]
 EDGE_BIAS = 0.01
-"""Pitches by which an axis across two edges must separate better than a face's normal does."""
-RIM = 0.02
-"""What two faces have in common counts from this width on, in pitches: else they touch nowhere."""
-SAME = 1e-4
-"""Pitches below which two points are one."""
-ON_PLANE = 1e-9
-"""Pitches up to which a corner lies on the plane that cuts it off."""
-MOST_CORNERS = 16
-"""Corners that the common part of two faces may have."""
-
-
+"""Pitches by which an axis across two edges must separate better than a face's normal does. A
+larger one prefers the points of faces, which change less from frame to frame. Chosen."""
+FACE_BIAS = 1e-6
+"""Pitches by which a face of the second module must separate better than one of the first, so that
+rounding does not swap them. Chosen."""
+MIN_OVERLAP_WIDTH = 0.02
+"""Width in pitches from which on the intersection of two faces counts; below it, they do not touch.
+Chosen."""
+MIN_POINT_DISTANCE = 1e-4
+"""Distance in pitches below which two contact points of a pair are one. Chosen."""
+PLANE_TOLERANCE = 1e-9
+"""Distance in pitches up to which a corner lies on the plane that cuts it off. Chosen."""
+MIN_EDGE_ANGLE = 1e-3
+"""Sine of the angle of two edges below which they count as parallel, and define no axis. Chosen."""
+MIN_EDGE_DETERMINANT = 1e-12
+"""Determinant |u|² |v|² − (u·v)² in pitches⁴ below which two edges are parallel. Chosen."""
+MIN_TORQUE = 1e-12
+"""Torque per unit force, in pitches, below which an element of a column is left out. Chosen."""
+MAX_CORNERS = 16
+"""Maximum number of corners of the intersection of two faces; more are left out."""
 EQUATIONS = 6
-"""Rows behind those of the hinges: force and moment of all that acts on a chain that is free."""
+"""Rows behind those of the hinges: sum of forces and of moments on a chain that is free."""
 
 
-class Solid(NamedTuple):
-    """A module's hull with its faces and edges, about its centre, in pitches.
+class FacetedHull(NamedTuple):
+    """Hull of a module with its faces and edges, about its centre, in pitches.
 
     Attributes:
         vertices: (V, 3) corners.
@@ -59,17 +68,16 @@ class Solid(NamedTuple):
     radius: float
 
 
-class Found(NamedTuple):
-    """Contact points.
+class ContactPoints(NamedTuple):
+    """Contact points of a configuration.
 
     Attributes:
-        first: (C,) the module that is pushed along the normal.
-        second: (C,) the module that is pushed against it; −1 for the floor.
-        feature: (C,) tells the points of a pair apart; the same place has the same one in the
-            next frame, mostly.
-        points: (C, 3) where.
+        first: (C,) modules that are pushed along the normals.
+        second: (C,) modules that are pushed against them; −1 for the floor.
+        feature: (C,) identifies a point of a pair, mostly with the same number in the next frame.
+        points: (C, 3) points, in pitches.
         normals: (C, 3) unit normals.
-        gaps: (C,) distance of the two surfaces there; negative where they overlap.
+        gaps: (C,) distances of the two surfaces, in pitches; negative where they overlap.
     """
 
     first: Ints
@@ -81,12 +89,12 @@ class Found(NamedTuple):
 
 
 class Hinges(NamedTuple):
-    """The hinges of a configuration, in the world's frame.
+    """Hinges of a configuration, in the world frame.
 
     Attributes:
         axes: (J, 3) unit axes.
         anchors: (J, 3) points on them.
-        before: (J,) the module before each.
+        before: (J,) modules before them.
     """
 
     axes: Array
@@ -96,12 +104,15 @@ class Hinges(NamedTuple):
 
 @njit(**INNER, inline="always")
 def _dot(a: Array, b: Array) -> float:
+    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(**INNER)
-def _best_face(corners: Array, normals: Array, solid: Solid, other: Array) -> tuple[float, int]:
-    """The face that separates best from other corners: distance and which one."""
+def _best_face(
+    corners: Array, normals: Array, solid: FacetedHull, other: Array
+) -> tuple[float, int]:
+    """Return the distance by which one face separates a module best from other corners, and it."""
     best, which = -np.inf, 0
     for f in range(normals.shape[0]):
         normal = normals[f]
@@ -123,7 +134,7 @@ def _best_edges(
     gap: Array,
     axis: Array,
 ) -> float:
-    """The best separation across two edges; its axis (3,), from a to b, is written."""
+    """Return the best separation across two edges; write its (3,) axis, from a to b."""
     best = -np.inf
     across = np.empty(3)
     for i in range(along_a.shape[0]):
@@ -132,7 +143,7 @@ def _best_edges(
             across[1] = along_a[i, 2] * along_b[j, 0] - along_a[i, 0] * along_b[j, 2]
             across[2] = along_a[i, 0] * along_b[j, 1] - along_a[i, 1] * along_b[j, 0]
             length = np.sqrt(_dot(across, across))
-            if length < 1e-3:
+            if length < MIN_EDGE_ANGLE:
                 continue
             if _dot(across, gap) < 0.0:
                 length = -length
@@ -151,7 +162,7 @@ def _best_edges(
 
 @njit(**INNER)
 def _supporting(corners: Array, edges: Ints, axis: Array, sign: float) -> tuple[int, int]:
-    """The edge that reaches farthest along plus or minus an axis."""
+    """Return the edge that extends farthest along plus or minus an axis, as two corners."""
     best, which = -np.inf, 0
     for e in range(edges.shape[0]):
         s = sign * ((corners[edges[e, 0]] + corners[edges[e, 1]]) * axis).sum()
@@ -162,65 +173,55 @@ def _supporting(corners: Array, edges: Ints, axis: Array, sign: float) -> tuple[
 
 @njit(**INNER)
 def _between_edges(a0: Array, a1: Array, b0: Array, b1: Array, point: Array) -> bool:
-    """Writes the point between two edges; whether they really cross there."""
+    """Write the point halfway between two edges; return True if it lies on both."""
     u, v, w = a1 - a0, b1 - b0, a0 - b0
     uu, uv, vv = (u * u).sum(), (u * v).sum(), (v * v).sum()
     uw, vw = (u * w).sum(), (v * w).sum()
     scale = uu * vv - uv * uv
-    if scale < 1e-12:
+    if scale < MIN_EDGE_DETERMINANT:
         return False
     s = (uv * vw - vv * uw) / scale
     t = (uu * vw - uv * uw) / scale
-    if s < -RIM or s > 1.0 + RIM or t < -RIM or t > 1.0 + RIM:
+    if min(s, t) < -MIN_OVERLAP_WIDTH or max(s, t) > 1.0 + MIN_OVERLAP_WIDTH:
         return False
     point[:] = 0.5 * (a0 + s * u + b0 + t * v)
     return True
 
 
 @njit(**INNER)
-def _clipped(loop: Array, count: int, at: Array, inward: Array, out: Array) -> int:
-    """Cuts a polygon (count, 3) off behind a plane; how many corners ``out`` has then."""
+def _clip(loop: Array, count: int, point: Array, inward: Array, out: Array) -> int:
+    """Write the part of a polygon in front of a plane; return its number of corners.
+
+    Args:
+        loop: (MAX_CORNERS, 3) corners of the polygon, of which ``count`` are used.
+        count: Number of its corners.
+        point, inward: (3,) point and normal of the plane.
+        out: (MAX_CORNERS, 3) written.
+    """
     kept = 0
-    level = _dot(at, inward)
+    level = _dot(point, inward)
     for k in range(count):
         p, q = loop[k], loop[(k + 1) % count]
         dp = _dot(p, inward) - level
         dq = _dot(q, inward) - level
-        if dp >= -ON_PLANE and kept < MOST_CORNERS:
+        if dp >= -PLANE_TOLERANCE and kept < MAX_CORNERS:
             for r in range(3):
                 out[kept, r] = p[r]
             kept += 1
-        crossed = (dp > ON_PLANE and dq < -ON_PLANE) or (dp < -ON_PLANE and dq > ON_PLANE)
-        if crossed and kept < MOST_CORNERS:
-            share = dp / (dp - dq)
+        crossed = (dp > PLANE_TOLERANCE and dq < -PLANE_TOLERANCE) or (
+            dp < -PLANE_TOLERANCE and dq > PLANE_TOLERANCE
+        )
+        if crossed and kept < MAX_CORNERS:
+            fraction = dp / (dp - dq)
             for r in range(3):
-                out[kept, r] = p[r] + (q[r] - p[r]) * share
+                out[kept, r] = p[r] + (q[r] - p[r]) * fraction
             kept += 1
     return kept
 
 
 @njit(**INNER)
-def _common_corners(
-    face: Ints,
-    normal: Array,
-    corners: Array,
-    other_face: Ints,
-    other_corners: Array,
-    most: float,
-    points: Array,
-    gaps: Array,
-) -> int:
-    """Corners of what two faces have in common, seen along the first one's normal.
-
-    Those farther than ``most`` from the first face are left out, and all are where they make up
-    less than ``RIM``. ``points`` (MOST_CORNERS, 3) and ``gaps`` are written.
-    """
-    loop = np.empty((MOST_CORNERS, 3))
-    spare = np.empty((MOST_CORNERS, 3))
-    count = 0
-    while count < other_face.shape[0] and other_face[count] >= 0:
-        loop[count] = other_corners[other_face[count]]
-        count += 1
+def _inward_normals(face: Ints, normal: Array, corners: Array) -> Array:
+    """Return (sides, 3) unit vectors in a face's plane, across its sides, towards its inside."""
     sides = 0
     while sides < face.shape[0] and face[sides] >= 0:
         sides += 1
@@ -233,7 +234,56 @@ def _common_corners(
         length = np.sqrt(_dot(inward[k], inward[k]))
         for r in range(3):
             inward[k, r] /= length
-        count = _clipped(loop, count, p, inward[k], spare)
+    return inward
+
+
+@njit(**INNER)
+def _is_new(point: Array, points: Array, gaps: Array, normal: Array, count: int) -> bool:
+    """Return True if a corner is none of those that the contact points were made of."""
+    for m in range(count):
+        distance = 0.0
+        for r in range(3):
+            corner = points[m, r] + 0.5 * gaps[m] * normal[r]
+            distance = max(distance, abs(corner - point[r]))
+        if distance < MIN_POINT_DISTANCE:
+            return False
+    return True
+
+
+@njit(**INNER)
+def _write_common_corners(
+    face: Ints,
+    normal: Array,
+    corners: Array,
+    other_face: Ints,
+    other_corners: Array,
+    max_gap: float,
+    points: Array,
+    gaps: Array,
+) -> int:
+    """Write the corners of the intersection of two faces, seen along the first one's normal.
+
+    Args:
+        face: Corners of the first face, as in ``FacetedHull.loops``.
+        normal: (3,) its normal.
+        corners: (V, 3) corners of its module.
+        other_face, other_corners: Those of the second face.
+        max_gap: Corners farther from the first face, in pitches, are left out.
+        points: (MAX_CORNERS, 3) written: halfway between both faces.
+        gaps: (MAX_CORNERS,) written: distances from the first face.
+
+    Returns:
+        Number of corners; 0 if the intersection is narrower than ``MIN_OVERLAP_WIDTH``.
+    """
+    loop = np.empty((MAX_CORNERS, 3))
+    spare = np.empty((MAX_CORNERS, 3))
+    count = 0
+    while count < other_face.shape[0] and other_face[count] >= 0:
+        loop[count] = other_corners[other_face[count]]
+        count += 1
+    inward = _inward_normals(face, normal, corners)
+    for k in range(inward.shape[0]):
+        count = _clip(loop, count, corners[face[k]], inward[k], spare)
         loop, spare = spare, loop
         if count == 0:
             return 0
@@ -241,144 +291,216 @@ def _common_corners(
     kept = 0
     for k in range(count):
         gap = _dot(loop[k], normal) - level
-        if gap > most:
-            continue
-        new = True
-        for m in range(kept):
-            off = 0.0
-            for r in range(3):
-                off = max(off, abs(points[m, r] + 0.5 * gaps[m] * normal[r] - loop[k, r]))
-            if off < SAME:
-                new = False
-        if new:
+        if gap <= max_gap and _is_new(loop[k], points, gaps, normal, kept):
             for r in range(3):
                 points[kept, r] = loop[k, r] - 0.5 * gap * normal[r]
             gaps[kept] = gap
             kept += 1
-    for k in range(sides):
-        reach = -np.inf
+    for k in range(inward.shape[0]):
+        width = -np.inf
         for m in range(kept):
-            reach = max(reach, _dot(points[m], inward[k]) - _dot(corners[face[k]], inward[k]))
-        if reach < RIM:
+            width = max(width, _dot(points[m], inward[k]) - _dot(corners[face[k]], inward[k]))
+        if width < MIN_OVERLAP_WIDTH:
             return 0
     return kept
+
+
+class _PlacedHulls(NamedTuple):
+    """Hulls of n modules in the world frame.
+
+    Attributes:
+        positions: (n, 3) centres.
+        corners: (n, V, 3) corners.
+        normals: (n, F, 3) outward normals of the faces.
+        directions: (n, D, 3) directions of the edges.
+    """
+
+    positions: Array
+    corners: Array
+    normals: Array
+    directions: Array
+
+
+@njit(**INNER)
+def _placed_hulls(positions: Array, rotations: Array, solid: FacetedHull) -> _PlacedHulls:
+    """Return the hulls of modules at (n, 3) centres and (n, 3, 3) orientations."""
+    n = positions.shape[0]
+    corners = np.empty((n, solid.vertices.shape[0], 3))
+    normals = np.empty((n, solid.normals.shape[0], 3))
+    directions = np.empty((n, solid.directions.shape[0], 3))
+    for i in range(n):
+        transposed = np.ascontiguousarray(rotations[i].T)
+        corners[i] = solid.vertices @ transposed + positions[i]
+        normals[i] = solid.normals @ transposed
+        directions[i] = solid.directions @ transposed
+    return _PlacedHulls(positions, corners, normals, directions)
+
+
+@njit(**INNER)
+def _add_floor_points(
+    i: int, corners: Array, floor_gap: float, count: int, out: ContactPoints
+) -> int:
+    """Write the contact points of module i with the floor; return their number with the others.
+
+    Args:
+        i: Index of the module.
+        corners: (V, 3) its corners.
+        floor_gap: Largest height of a corner that touches, in pitches.
+        count: Number of contact points so far.
+        out: Written from ``count`` on.
+    """
+    for v in range(corners.shape[0]):
+        if corners[v, 2] <= floor_gap:
+            out.first[count] = i
+            out.second[count] = -1
+            out.feature[count] = v
+            out.points[count] = corners[v]
+            out.normals[count, 0] = 0.0
+            out.normals[count, 1] = 0.0
+            out.normals[count, 2] = 1.0
+            out.gaps[count] = corners[v, 2]
+            count += 1
+    return count
+
+
+@njit(**INNER)
+def _add_module_points(
+    pairs: Ints,
+    hulls: _PlacedHulls,
+    solid: FacetedHull,
+    module_gap: float,
+    count: int,
+    out: ContactPoints,
+) -> int:
+    """Write the contact points between modules; return their number with the others.
+
+    Args:
+        pairs: (P, 2) near pairs of modules.
+        hulls: Hulls of all modules.
+        solid: Hull of a module.
+        module_gap: Largest distance of two modules that touch, in pitches.
+        count: Number of contact points so far.
+        out: Written from ``count`` on.
+    """
+    positions, corners, normals, directions = hulls
+    axis = np.empty(3)
+    for k in range(pairs.shape[0]):
+        i, j = pairs[k, 0], pairs[k, 1]
+        gap_i, face_i = _best_face(corners[i], normals[i], solid, corners[j])
+        if gap_i > module_gap:
+            continue
+        gap_j, face_j = _best_face(corners[j], normals[j], solid, corners[i])
+        if gap_j > module_gap:
+            continue
+        between = positions[j] - positions[i]
+        gap = _best_edges(corners[i], corners[j], directions[i], directions[j], between, axis)
+        if gap > module_gap:
+            continue
+        if gap <= max(gap_i, gap_j) + EDGE_BIAS:
+            first, second, face = i, j, face_i
+            if gap_j > gap_i + FACE_BIAS:
+                first, second, face = j, i, face_j
+            count = _add_face_points(first, second, face, hulls, solid, module_gap, count, out)
+            continue
+        a0, a1 = _supporting(corners[i], solid.edges, axis, 1.0)
+        b0, b1 = _supporting(corners[j], solid.edges, axis, -1.0)
+        if _between_edges(
+            corners[i, a0], corners[i, a1], corners[j, b0], corners[j, b1], out.points[count]
+        ):
+            out.first[count] = j
+            out.second[count] = i
+            out.feature[count] = -1
+            out.normals[count] = axis
+            out.gaps[count] = gap
+            count += 1
+    return count
+
+
+@njit(**INNER)
+def _add_face_points(
+    a: int,
+    b: int,
+    face: int,
+    hulls: _PlacedHulls,
+    solid: FacetedHull,
+    module_gap: float,
+    count: int,
+    out: ContactPoints,
+) -> int:
+    """Write the contact points of a face of module a with module b; see ``_add_module_points``."""
+    normal = hulls.normals[a, face]
+    other, least = 0, np.inf
+    for f in range(solid.normals.shape[0]):
+        cosine = _dot(hulls.normals[b, f], normal)
+        if cosine < least:
+            other, least = f, cosine
+    added = _write_common_corners(
+        solid.loops[face],
+        normal,
+        hulls.corners[a],
+        solid.loops[other],
+        hulls.corners[b],
+        module_gap,
+        out.points[count : count + MAX_CORNERS],
+        out.gaps[count : count + MAX_CORNERS],
+    )
+    for m in range(added):
+        out.first[count + m] = b
+        out.second[count + m] = a
+        out.feature[count + m] = face * MAX_CORNERS + m
+        out.normals[count + m] = normal
+    return count + added
 
 
 @njit(**KERNEL, nogil=True)
 def contact_points(
     positions: Array,
     rotations: Array,
-    solid: Solid,
+    solid: FacetedHull,
     apart: int,
     floor_gap: float,
     module_gap: float,
-) -> Found:
-    """All contact points of one configuration that stands on the plane z = 0.
+) -> ContactPoints:
+    """Return all contact points of one configuration that stands on the plane z = 0.
 
     Args:
-        positions: (n, 3) centres.
+        positions: (n, 3) centres, in pitches.
         rotations: (n, 3, 3) orientations.
-        solid: Of each module.
-        apart: Pairs fewer links apart don't touch.
-        floor_gap: Corners up to this high stand on the floor.
-        module_gap: Points of two modules touch up to this distance.
+        solid: Hull of a module.
+        apart: Pairs fewer links apart are exempt.
+        floor_gap: Largest height of a corner that stands on the floor, in pitches.
+        module_gap: Largest distance of two modules that touch, in pitches.
     """
     n = positions.shape[0]
     pairs = near_pairs(positions, 2.0 * solid.radius + module_gap, apart)
-    room = solid.vertices.shape[0] * n + MOST_CORNERS * pairs.shape[0] + 1
-    first = np.empty(room, dtype=np.int64)
-    second = np.empty(room, dtype=np.int64)
-    feature = np.empty(room, dtype=np.int64)
-    points = np.empty((room, 3))
-    normals = np.empty((room, 3))
-    gaps = np.empty(room)
-    corners = np.empty((n, solid.vertices.shape[0], 3))
-    faces = np.empty((n, solid.normals.shape[0], 3))
-    edges = np.empty((n, solid.directions.shape[0], 3))
+    capacity = solid.vertices.shape[0] * n + MAX_CORNERS * pairs.shape[0] + 1
+    out = ContactPoints(
+        np.empty(capacity, dtype=np.int64),
+        np.empty(capacity, dtype=np.int64),
+        np.empty(capacity, dtype=np.int64),
+        np.empty((capacity, 3)),
+        np.empty((capacity, 3)),
+        np.empty(capacity),
+    )
+    hulls = _placed_hulls(positions, rotations, solid)
     count = 0
     for i in range(n):
-        turned = np.ascontiguousarray(rotations[i].T)
-        corners[i] = solid.vertices @ turned + positions[i]
-        faces[i] = solid.normals @ turned
-        edges[i] = solid.directions @ turned
-        if positions[i, 2] > solid.radius + floor_gap:
-            continue
-        for v in range(solid.vertices.shape[0]):
-            if corners[i, v, 2] <= floor_gap:
-                first[count] = i
-                second[count] = -1
-                feature[count] = v
-                points[count] = corners[i, v]
-                normals[count, 0] = 0.0
-                normals[count, 1] = 0.0
-                normals[count, 2] = 1.0
-                gaps[count] = corners[i, v, 2]
-                count += 1
-    axis = np.empty(3)
-    for k in range(pairs.shape[0]):
-        i, j = pairs[k, 0], pairs[k, 1]
-        of_i, face_i = _best_face(corners[i], faces[i], solid, corners[j])
-        if of_i > module_gap:
-            continue
-        of_j, face_j = _best_face(corners[j], faces[j], solid, corners[i])
-        if of_j > module_gap:
-            continue
-        gap = positions[j] - positions[i]
-        across = _best_edges(corners[i], corners[j], edges[i], edges[j], gap, axis)
-        if across > module_gap:
-            continue
-        if across > max(of_i, of_j) + EDGE_BIAS:
-            a0, a1 = _supporting(corners[i], solid.edges, axis, 1.0)
-            b0, b1 = _supporting(corners[j], solid.edges, axis, -1.0)
-            if not _between_edges(
-                corners[i, a0], corners[i, a1], corners[j, b0], corners[j, b1], points[count]
-            ):
-                continue
-            first[count] = j
-            second[count] = i
-            feature[count] = -1
-            normals[count] = axis
-            gaps[count] = across
-            count += 1
-            continue
-        a, b, face = i, j, face_i
-        if of_j > of_i + 1e-6:
-            a, b, face = j, i, face_j
-        normal = faces[a, face]
-        other, least = 0, np.inf
-        for f in range(solid.normals.shape[0]):
-            against = _dot(faces[b, f], normal)
-            if against < least:
-                other, least = f, against
-        kept = _common_corners(
-            solid.loops[face],
-            normal,
-            corners[a],
-            solid.loops[other],
-            corners[b],
-            module_gap,
-            points[count : count + MOST_CORNERS],
-            gaps[count : count + MOST_CORNERS],
-        )
-        for m in range(kept):
-            first[count] = b
-            second[count] = a
-            feature[count] = face * MOST_CORNERS + m
-            normals[count] = normal
-            count += 1
-    return Found(
-        first[:count].copy(),
-        second[:count].copy(),
-        feature[:count].copy(),
-        points[:count].copy(),
-        normals[:count].copy(),
-        gaps[:count].copy(),
+        if positions[i, 2] <= solid.radius + floor_gap:
+            count = _add_floor_points(i, hulls.corners[i], floor_gap, count, out)
+    count = _add_module_points(pairs, hulls, solid, module_gap, count, out)
+    return ContactPoints(
+        out.first[:count].copy(),
+        out.second[:count].copy(),
+        out.feature[:count].copy(),
+        out.points[:count].copy(),
+        out.normals[:count].copy(),
+        out.gaps[:count].copy(),
     )
 
 
 @njit(**INNER)
-def _turning(axis: Array, anchor: Array, point: Array, force: Array) -> float:
-    """The moment of a force about an axis."""
+def _moment(axis: Array, anchor: Array, point: Array, force: Array) -> float:
+    """Return the moment of a force about an axis."""
     x, y, z = point[0] - anchor[0], point[1] - anchor[1], point[2] - anchor[2]
     return (
         axis[0] * (y * force[2] - z * force[1])
@@ -388,7 +510,7 @@ def _turning(axis: Array, anchor: Array, point: Array, force: Array) -> float:
 
 
 @njit(**KERNEL, nogil=True)
-def columns(
+def torque_columns(
     hinges: Hinges,
     root: int,
     held: bool,
@@ -397,41 +519,44 @@ def columns(
     points: Array,
     forces: Array,
 ) -> tuple[Int32s, Int32s, Array]:
-    """What each of C unit forces asks of the hinges, by columns: starts, rows and values.
+    """Return the hinge torques that balance each of C forces, as sparse columns.
 
     A hinge's torque is what the module before it exerts on the one behind. Unless the root is held,
     force and moment on the whole chain follow as ``EQUATIONS`` rows; forces between modules have
     none of them.
 
     Args:
-        hinges: The hinges.
-        root: The module from which on hinges are reached; where the root is held that is the one.
-        held: Whether the root is held still, by whatever force that takes.
-        first: (C,) the module on which a force acts.
-        second: (C,) the one on which its opposite acts; negative for none.
-        points: (C, 3) where.
-        forces: (C, 3) the force on the first.
+        hinges: Hinges of the configuration.
+        root: Module from which the forces are reached along the chain; the held one, if any.
+        held: True if the root is held still, by any force that this needs.
+        first: (C,) modules on which the forces act.
+        second: (C,) modules on which their opposites act; negative for none.
+        points: (C, 3) points at which they act, in pitches.
+        forces: (C, 3) forces on the first modules.
+
+    Returns:
+        (C + 1,) starts of the columns, and row and value of each element.
     """
     count = first.shape[0]
     hinge_count = hinges.before.shape[0]
-    room = 16 * (count + 1)
+    capacity = 16 * (count + 1)
     starts = np.empty(count + 1, dtype=np.int32)
-    rows = np.empty(room, dtype=np.int32)
-    values = np.empty(room)
-    at = 0
+    rows = np.empty(capacity, dtype=np.int32)
+    values = np.empty(capacity)
+    size = 0
     before = hinges.before
     for c in range(count):
-        starts[c] = at
-        if at + hinge_count + EQUATIONS > room:
-            room = 2 * room + hinge_count + EQUATIONS
-            larger_rows = np.empty(room, dtype=np.int32)
-            larger_rows[:at] = rows[:at]
+        starts[c] = size
+        if size + hinge_count + EQUATIONS > capacity:
+            capacity = 2 * capacity + hinge_count + EQUATIONS
+            larger_rows = np.empty(capacity, dtype=np.int32)
+            larger_rows[:size] = rows[:size]
             rows = larger_rows
-            larger_values = np.empty(room)
-            larger_values[:at] = values[:at]
+            larger_values = np.empty(capacity)
+            larger_values[:size] = values[:size]
             values = larger_values
         i, j = first[c], second[c]
-        # Hinges between `low` and `high` feel it; those behind the force lose what is on them.
+        # Only hinges between `low` and `high` transmit it, with a sign that depends on the side.
         low, high = min(i, j if j >= 0 else root), max(i, j if j >= 0 else root)
         sign = -1.0 if i == high else 1.0
         if low == high:
@@ -439,19 +564,19 @@ def columns(
         start = np.searchsorted(before, low)
         stop = np.searchsorted(before, high)
         for h in range(start, stop):
-            value = sign * _turning(hinges.axes[h], hinges.anchors[h], points[c], forces[c])
-            if abs(value) > 1e-12:
-                rows[at] = h
-                values[at] = value
-                at += 1
+            value = sign * _moment(hinges.axes[h], hinges.anchors[h], points[c], forces[c])
+            if abs(value) > MIN_TORQUE:
+                rows[size] = h
+                values[size] = value
+                size += 1
         if j < 0 and not held:
             x, y, z = points[c, 0], points[c, 1], points[c, 2]
             fx, fy, fz = forces[c, 0], forces[c, 1], forces[c, 2]
             whole = (fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
             for r in range(EQUATIONS):
-                if abs(whole[r]) > 1e-12:
-                    rows[at] = hinge_count + r
-                    values[at] = whole[r]
-                    at += 1
-    starts[count] = at
-    return starts, rows[:at].copy(), values[:at].copy()
+                if abs(whole[r]) > MIN_TORQUE:
+                    rows[size] = hinge_count + r
+                    values[size] = whole[r]
+                    size += 1
+    starts[count] = size
+    return starts, rows[:size].copy(), values[:size].copy()

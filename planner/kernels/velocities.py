@@ -8,118 +8,123 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL
-from planner.kernels.kinematics import copy_vector, product, rodrigues
-from planner.kernels.module import Joint
+from planner.kernels.kinematics import (
+    Vector,
+    copy_vector,
+    cross,
+    matrix,
+    product,
+    rodrigues,
+    vector,
+)
+from planner.kernels.module import Joint, ModuleStates
 
 Array = NDArray[np.float64]
 
 
 @njit(**INNER)
-def cross(a: Array, b: Array, out: Array) -> None:
-    """Writes the cross product of two (3,) vectors into ``out``."""
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
+def relative_angular_velocity(rotation: Array, axes: Array, q: Array, qd: Array) -> Vector:
+    """Return ω of the next module relative to this one, in the world frame.
+
+    Args:
+        rotation: (3, 3) orientation of the module before the joint.
+        axes: (K, 3) hinge axes in its frame, outermost first.
+        q, qd: (K,) angles and rates of the joint's hinges.
+    """
+    frame = matrix(rotation)
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(axes.shape[0]):
+        for c in range(3):
+            x += frame[c] * axes[k, c] * qd[k]
+            y += frame[3 + c] * axes[k, c] * qd[k]
+            z += frame[6 + c] * axes[k, c] * qd[k]
+        if k + 1 < axes.shape[0]:
+            frame = product(frame, rodrigues(axes[k], q[k]))
+    return x, y, z
 
 
 @njit(**INNER)
-def relative_spin(rotation: Array, axes: Array, angles: Array, rates: Array, out: Array) -> None:
-    """Writes the angular velocity that one joint's hinges give the next module, in the world."""
-    f = (
-        rotation[0, 0],
-        rotation[0, 1],
-        rotation[0, 2],
-        rotation[1, 0],
-        rotation[1, 1],
-        rotation[1, 2],
-        rotation[2, 0],
-        rotation[2, 1],
-        rotation[2, 2],
-    )
-    out[:] = 0.0
-    for k in range(axes.shape[0]):
-        for c in range(3):
-            out[0] += f[c] * axes[k, c] * rates[k]
-            out[1] += f[3 + c] * axes[k, c] * rates[k]
-            out[2] += f[6 + c] * axes[k, c] * rates[k]
-        if k + 1 == axes.shape[0]:
-            return
-        f = product(f, rodrigues(axes[k], angles[k]))
+def _pivot(position: Array, rotation: Array, anchor: Array) -> Vector:
+    """Return the centre of the joint behind a module, in the world frame."""
+    x, y, z = position[0], position[1], position[2]
+    for c in range(3):
+        x += rotation[0, c] * anchor[c]
+        y += rotation[1, c] * anchor[c]
+        z += rotation[2, c] * anchor[c]
+    return x, y, z
 
 
 @njit(**KERNEL)
 def chain_velocities(
-    angles: Array,
-    rates: Array,
+    q: Array,
+    qd: Array,
     joint: Joint,
     root: int,
     root_velocity: Array,
-    root_spin: Array,
-    positions: Array,
-    rotations: Array,
-    velocities: Array,
-    spins: Array,
+    root_angular_velocity: Array,
+    modules: ModuleStates,
 ) -> None:
-    """Writes (n, 3) linear and angular velocities in the world's frame.
+    """Write the velocities of all modules, in the world frame.
 
-    The poses must be those of ``chain_poses`` for the same angles.
+    From module to module v' = v + ω × (pivot − p) + ω' × (p' − pivot).
+
+    Args:
+        q, qd: (J,) hinge angles and rates.
+        joint: The module's joint.
+        root: Index of the module whose velocities are given.
+        root_velocity: (3,) velocity of its centre in the world frame.
+        root_angular_velocity: (3,) ω in the world frame.
+        modules: Poses as ``chain_poses`` writes them for ``q``; the velocities are written.
     """
+    positions, rotations, velocities, omega = modules
     rigid_links, anchor, axes = joint.rigid_links, joint.anchor, joint.axes
     n = positions.shape[0]
     hinges = axes.shape[0]
-    spin = np.zeros(3)
-    arm = np.empty(3)
-    turn = np.empty(3)
-    pivot = np.empty(3)
     copy_vector(root_velocity, velocities[root])
-    copy_vector(root_spin, spins[root])
+    copy_vector(root_angular_velocity, omega[root])
     for step in range(n - 1):
         # From the root to the end, then from the root back; i is the module that holds the joint.
         ahead = step < n - 1 - root
         i = root + step if ahead else n - 2 - step
         known, new, sign = (i, i + 1, 1.0) if ahead else (i + 1, i, -1.0)
         j = (i - rigid_links) * hinges
+        relative = (0.0, 0.0, 0.0)
         if j >= 0:
-            relative_spin(rotations[i], axes, angles[j : j + hinges], rates[j : j + hinges], spin)
-        else:
-            spin[:] = 0.0
+            relative = relative_angular_velocity(
+                rotations[i], axes, q[j : j + hinges], qd[j : j + hinges]
+            )
+        x, y, z = _pivot(positions[i], rotations[i], anchor)
+        omega[new, 0] = omega[known, 0] + sign * relative[0]
+        omega[new, 1] = omega[known, 1] + sign * relative[1]
+        omega[new, 2] = omega[known, 2] + sign * relative[2]
+        near = cross(
+            vector(omega[known]),
+            (x - positions[known, 0], y - positions[known, 1], z - positions[known, 2]),
+        )
+        far = cross(
+            vector(omega[new]),
+            (positions[new, 0] - x, positions[new, 1] - y, positions[new, 2] - z),
+        )
         for r in range(3):
-            pivot[r] = positions[i, r]
-            for c in range(3):
-                pivot[r] += rotations[i, r, c] * anchor[c]
-        for r in range(3):
-            spins[new, r] = spins[known, r] + sign * spin[r]
-            arm[r] = pivot[r] - positions[known, r]
-        cross(spins[known], arm, turn)
-        for r in range(3):
-            velocities[new, r] = velocities[known, r] + turn[r]
-            arm[r] = positions[new, r] - pivot[r]
-        cross(spins[new], arm, turn)
-        for r in range(3):
-            velocities[new, r] += turn[r]
+            velocities[new, r] = velocities[known, r] + near[r] + far[r]
 
 
 @njit(**INNER)
-def momentum_velocity(
-    masses: Array,
-    inertia: Array,
-    root: int,
-    positions: Array,
-    rotations: Array,
-    velocities: Array,
-    spins: Array,
+def equivalent_rigid_velocity(
+    masses: Array, inertia: Array, root: int, modules: ModuleStates
 ) -> tuple[Array, Array, Array]:
-    """How a rigid body of the same shape, momentum and angular momentum would move.
+    """Return the motion of a rigid body of the same shape, momentum and angular momentum.
 
     Args:
         masses: (n,) of the modules.
-        inertia: (3,) of a module of mass 1 about its axes.
-        root: A module.
-        positions, rotations, velocities, spins: (n, 3), (n, 3, 3), (n, 3), (n, 3) in the world.
+        inertia: (3,) principal moments of a module of mass 1 about its centre.
+        root: Index of a module.
+        modules: Poses and velocities of all modules.
 
     Returns:
-        (3,) velocity of the root, (3,) spin, and (3,) the centre of mass.
+        (3,) velocity of the root, (3,) ω, and (3,) centre of mass, in the world frame.
     """
+    positions, rotations, velocities, omega = modules
     total = masses.sum()
     centre = np.zeros(3)
     velocity = np.zeros(3)
@@ -130,26 +135,27 @@ def momentum_velocity(
     momentum = np.zeros(3)
     whole = np.zeros((3, 3))
     arm = np.empty(3)
-    moved = np.empty(3)
-    work = np.empty(3)
+    relative = np.empty(3)
     for i in range(masses.shape[0]):
         square = 0.0
         for r in range(3):
             arm[r] = positions[i, r] - centre[r]
-            moved[r] = velocities[i, r] - velocity[r]
+            relative[r] = velocities[i, r] - velocity[r]
             square += arm[r] * arm[r]
-        cross(arm, moved, work)
+        orbital = cross(vector(arm), vector(relative))
         for r in range(3):
-            momentum[r] += masses[i] * work[r]
+            momentum[r] += masses[i] * orbital[r]
             whole[r, r] += masses[i] * square
             for c in range(3):
                 own = 0.0
                 for k in range(3):
                     own += rotations[i, r, k] * inertia[k] * rotations[i, c, k]
                 whole[r, c] += masses[i] * (own - arm[r] * arm[c])
-                momentum[r] += masses[i] * own * spins[i, c]
-    spin: Array = np.linalg.solve(whole, momentum)  # pyright: ignore[reportAssignmentType]
+                momentum[r] += masses[i] * own * omega[i, c]
+    rigid: Array = np.linalg.solve(whole, momentum)  # pyright: ignore[reportAssignmentType]
     for r in range(3):
         arm[r] = positions[root, r] - centre[r]
-    cross(spin, arm, work)
-    return velocity + work, spin, centre
+    turning = cross(vector(rigid), vector(arm))
+    for r in range(3):
+        velocity[r] += turning[r]
+    return velocity, rigid, centre

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.kernels.knots import reduced, tightened
+from planner.kernels.knots import simplified, tightened
 from planner.pathfinding.knots import Knot, best_view, closed_polygons, knot_of, smaller
 
 Array = NDArray[np.float64]
@@ -62,7 +62,7 @@ def diagram_of(centres: ArrayLike) -> Diagram | None:
     best = min((smaller(polygon, rng)[1] for polygon in polygons), key=len)
     sight, places, signs = best_view(best, rng)
     for k in range(SHORTENED if len(best) <= MOST_SHORTENED else 0):
-        shorter = reduced(tightened(best, PULLS[k % len(PULLS)]))
+        shorter = simplified(tightened(best, PULLS[k % len(PULLS)]))
         found = best_view(shorter, rng)
         if len(found[2]) <= len(signs):
             sight, places, signs = found

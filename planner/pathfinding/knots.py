@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import InputError
 from planner.kernels.knots import crossings as seen_crossings
 from planner.kernels.knots import determinant as determinant_modulo
-from planner.kernels.knots import reduced, tightened
+from planner.kernels.knots import simplified, tightened
 
 Array = NDArray[np.float64]
 Verdict = Literal["unknot", "knotted", "undecided"]
@@ -115,12 +115,12 @@ def knot_of_polygon(polygon: Array, rng: np.random.Generator) -> Knot:
 
 def smaller(polygon: Array, rng: np.random.Generator) -> tuple[Knot, Array]:
     """The knot of a closed polygon as of ``knot_of_polygon``, and the smaller one that shows it."""
-    points = reduced(polygon)
+    points = simplified(polygon)
     knot = _judged(points, rng)
     for k in range(ROUNDS):
         if knot.verdict != "undecided":
             break
-        points = reduced(tightened(points, (0.9, 0.4, 0.65)[k % 3]))
+        points = simplified(tightened(points, (0.9, 0.4, 0.65)[k % 3]))
         knot = _judged(points, rng)
     return knot, points
 

@@ -22,7 +22,14 @@ from planner.clearance.sweep import sweep
 from planner.cores import cores
 from planner.explosion.paper import explode_as_published
 from planner.explosion.simultaneous import explode
-from planner.kernels.articulated import Contacts, add_many_contacts, articulated
+from planner.kernels.articulated import (
+    NO_TAIL,
+    Accelerations,
+    ArticulatedBodies,
+    ChainModel,
+)
+from planner.kernels.contact_forces import ContactModel, PairContacts, add_many_contacts
+from planner.kernels.module import ModuleStates
 from planner.kernels.trails import one_circuit
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.playback import RobotParameters
@@ -106,24 +113,19 @@ def warm_up_motions(chain: Chain) -> None:
 
 def _many_contacts(chain: Chain) -> None:
     """Push two modules apart as if they touched in more points than are solved exactly."""
-    n, hinges = len(chain), len(chain.module.joint.axes)
-    found = articulated(n, hinges)
-    found.base[:] = np.eye(6)
-    found.hinges[:] = np.eye(hinges)
+    n, module = len(chain), chain.module
+    aba = ArticulatedBodies.zeros(n, module.hinges_per_joint)
+    aba.root_inertia[:] = np.eye(6)
+    aba.D[:] = np.eye(module.hinges_per_joint)
     still = np.zeros((n, 3))
+    normal = np.array([[0.0, 0.0, 1.0]])
     add_many_contacts(
-        Contacts(np.array([[0, 2]]), np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 3))),
-        np.full(1, 0.01),
-        (0.02, 1.0),
-        np.array(SOLIMP),
-        found,
-        chain.module.joint,
-        0,
-        still,
-        still,
-        still,
-        np.zeros(len(chain.folded_rad)),
-        np.zeros(6),
+        PairContacts(np.array([[0, 2]]), normal, np.zeros((1, 3)), np.full(1, 0.01)),
+        ContactModel(0.02, 1.0, np.array(SOLIMP)),
+        ChainModel(module.joint, module.inertia, NO_TAIL, False, 0),
+        ModuleStates(still, np.zeros((n, 3, 3)), still, still),
+        aba,
+        Accelerations(np.zeros(len(chain.folded_rad)), np.zeros(6)),
     )
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.statics import hinge_frames
-from planner.kernels.statics import Hinges, columns
+from planner.kernels.statics import Hinges, torque_columns
 from planner.motion.windows import Windows
 from planner.playback.window_course import WindowCurve
 from planner.statics.contacts import FLOOR_GAP, SUNK, lowest_corners
@@ -130,7 +130,7 @@ class TableCurve(WindowCurve):
         )
         up = np.tile([0.0, 0.0, 1.0], (len(which), 1))
         nothing = np.full(len(which), -1)
-        starts, rows, values = columns(
+        starts, rows, values = torque_columns(
             hinges, 0, True, which, nothing, poses.positions[which] + lowest, up
         )
         # A hinge holds against what a turn would follow: a lever is the opposite of its torque.

@@ -29,7 +29,7 @@ from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
 from planner.clearance.sweep import Sweep, sweep
 from planner.errors import InputError
-from planner.kernels.smoothing import blamed_hinges, displacements
+from planner.kernels.smoothing import mark_blamed_hinges, write_displacements
 from planner.progress import Cancelled, never
 from planner.robot.smoothing_targets import along, mean, parts, softened, straight, worthwhile
 
@@ -245,7 +245,7 @@ class _Smoothing:
         module = self.chain.module
         blamed = np.zeros(angles.shape, dtype=np.bool_)
         self.looks += len(angles)
-        blamed_hinges(
+        mark_blamed_hinges(
             angles,
             module.joint,
             module.hull,
@@ -293,7 +293,7 @@ class _Smoothing:
         """
         module = self.chain.module
         largest, mean = np.zeros(len(angles) - 1), np.zeros(len(angles) - 1)
-        displacements(
+        write_displacements(
             angles,
             module.joint,
             largest,

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.kernels.articulated import NO_ROD
-from planner.kernels.roots import wxyzs_of
+from planner.kernels.articulated import NO_TAIL
+from planner.kernels.segment_state import write_wxyzs
 from planner.simulation.model import (
     SOLIMP,
     Material,
@@ -129,7 +129,7 @@ class ContactFinder:
         places = self.data.qpos.reshape(-1, 7)
         places[1:count, :3] = positions[1:]
         wxyzs = np.empty((count - 1, 4))
-        wxyzs_of(rotations, np.arange(1, count), wxyzs)
+        write_wxyzs(rotations, np.arange(1, count), wxyzs)
         places[1:count, 3:] = wxyzs
         if self._rod:
             along = rotations[-1][:, 0]
@@ -166,7 +166,7 @@ class Anchored(ReducedChain):
         finder.make_room(len(chain), rod)
         mass = float(min(rod, heaviest_rod))
         across = mass * (1.0 + mass**2) / 12.0
-        self._rod = np.array([mass, 0.5 + 0.5 * mass, mass / 6.0, across]) if rod else NO_ROD
+        self._tail = np.array([mass, 0.5 + 0.5 * mass, mass / 6.0, across]) if rod else NO_TAIL
 
     def accelerations(self, state: State, forces: Array, end_torque: Array) -> Acceleration:
         """The acceleration of a state; ``place`` must have been called for it.

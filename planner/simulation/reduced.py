@@ -17,14 +17,21 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import SimulationError
 from planner.kernels.articulated import (
-    NO_ROD,
-    Contacts,
+    NO_TAIL,
+    Accelerations,
+    ArticulatedBodies,
+    ChainModel,
+    Loads,
+    unconstrained_accelerations,
+)
+from planner.kernels.contact_forces import (
+    ContactModel,
+    PairContacts,
     add_contacts,
     add_many_contacts,
-    articulated,
-    free_accelerations,
 )
 from planner.kernels.kinematics import chain_poses
+from planner.kernels.module import ModuleStates
 from planner.kernels.velocities import chain_velocities
 from planner.simulation.model import Material
 
@@ -192,21 +199,17 @@ class ReducedChain:
         self._armature = np.full(len(chain.folded_rad), float(material.armature))
         self._stop_rad = material.stop_of(chain.module)
         self._stiffness = np.full(len(chain.folded_rad), float(material.stiffness))
-        self._rod = NO_ROD
+        self._tail = NO_TAIL
         self._end_torque = np.zeros(3)
         self._make_room()
-
-    @property
-    def motion(self) -> tuple[Array, Array, Array, Array]:
-        """Positions, rotations, velocities and spins of all modules, as placed last."""
-        return self.positions, self.rotations, self.velocities, self.spins
 
     def _make_room(self) -> None:
         """What is written to in every step."""
         n = len(self.chain)
-        self.positions, self.velocities, self.spins = (np.empty((n, 3)) for _ in range(3))
-        self.rotations = np.empty((n, 3, 3))
-        self._articulated = articulated(n, self.chain.module.hinges_per_joint)
+        self.modules = ModuleStates.empty(n)
+        """Poses and velocities of all modules, as placed last."""
+        self.positions, self.rotations, self.velocities, self.spins = self.modules
+        self._aba = ArticulatedBodies.zeros(n, self.chain.module.hinges_per_joint)
 
     def set_stiffness(self, stiffness: Array) -> None:
         """Springs of the (J,) hinges towards straight."""
@@ -214,11 +217,11 @@ class ReducedChain:
 
     def place(self, state: State) -> None:
         """Writes poses and velocities of all modules for a state, see the attributes."""
-        self._kinematics(state, self.positions, self.rotations, self.velocities, self.spins)
+        self._kinematics(state, self.modules)
 
     def place_velocities(self, state: State) -> None:
         """Writes the velocities alone, for a state whose poses are those placed last."""
-        self._move(state, self.positions, self.rotations, self.velocities, self.spins)
+        self._move(state, self.modules)
 
     def free_accelerations(self, state: State, forces: Array) -> Acceleration:
         """The acceleration of a state in which nothing touches and no hinge is at its stop.
@@ -233,7 +236,7 @@ class ReducedChain:
         Raises:
             SimulationError: When the numbers are bad.
         """
-        return self._accelerations_of(state, *self._free(state, forces, self._armature))
+        return self._accelerations_of(state, self._free(state, forces, self._armature))
 
     def _held_accelerations(
         self, state: State, forces: Array, contacts: Found | None
@@ -245,104 +248,87 @@ class ReducedChain:
         """
         outwards = np.sign(state.angles) * (np.abs(state.angles) >= self._stop_rad)
         held = outwards != 0.0
-        hinges, root = self._touching(state, forces, held, contacts)
+        found = self._touching(state, forces, held, contacts)
         for _ in range(MOST_HELD):
-            wrong = ((outwards * hinges > 0.0) != held) & (outwards != 0.0)
+            wrong = ((outwards * found.qdd > 0.0) != held) & (outwards != 0.0)
             if not wrong.any():
                 break
             held ^= wrong
-            hinges, root = self._touching(state, forces, held, contacts)
+            found = self._touching(state, forces, held, contacts)
         if contacts is None:
-            return self._accelerations_of(state, hinges, root)
+            return self._accelerations_of(state, found)
         return self._accelerations_of(
-            state, hinges, root, contacts=len(contacts.depths), depth=float(contacts.depths.max())
+            state, found, contacts=len(contacts.depths), depth=float(contacts.depths.max())
         )
 
     def _touching(
         self, state: State, forces: Array, held: NDArray[np.bool_], contacts: Found | None
-    ) -> tuple[Array, Array]:
+    ) -> Accelerations:
         """Accelerations as from ``_free`` under some contacts, some hinges held still."""
         armature = np.where(held, HELD, self._armature)
-        hinges, root = self._free(state, forces, armature)
+        found = self._free(state, forces, armature)
         if contacts is not None:
             arguments = (
-                Contacts(contacts.pairs, contacts.normals, contacts.points),
-                contacts.depths,
-                contacts.solref,
-                contacts.solimp,
-                self._articulated,
-                self.chain.module.joint,
-                self.root,
-                self.positions,
-                self.velocities,
-                self.spins,
-                hinges,
-                root,
+                PairContacts(contacts.pairs, contacts.normals, contacts.points, contacts.depths),
+                ContactModel(*contacts.solref, contacts.solimp),
+                self._model,
+                self.modules,
+                self._aba,
+                found,
             )
             if len(contacts.depths) > MOST_PIVOTED or not add_contacts(*arguments):
                 add_many_contacts(*arguments)
-        return hinges, root
+        return found
 
-    def _free(self, state: State, forces: Array, armature: Array) -> tuple[Array, Array]:
-        """(J,) hinge accelerations and (6,) the root's, angular first, where nothing touches."""
-        hinges, root = np.empty_like(state.angles), np.empty(6)
-        free_accelerations(
-            state.angles,
-            state.rates,
-            -self._stiffness * state.angles,
-            forces,
-            self.chain.module.joint,
-            self.chain.module.inertia,
-            armature,
-            self._rod,
-            self._end_torque,
-            self._fixed,
-            self.root,
-            self.positions,
-            self.rotations,
-            self.spins,
-            self._articulated,
-            hinges,
-            root,
+    @property
+    def _model(self) -> ChainModel:
+        """Inertial parameters of the chain."""
+        module = self.chain.module
+        return ChainModel(module.joint, module.inertia, self._tail, self._fixed, self.root)
+
+    def _free(self, state: State, forces: Array, armature: Array) -> Accelerations:
+        """Accelerations of hinges and root where nothing touches."""
+        q = state.angles
+        loads = Loads(-self._stiffness * q, armature, forces, self._end_torque)
+        found = Accelerations(np.empty_like(q), np.empty(6))
+        unconstrained_accelerations(
+            self._model, q, state.rates, loads, self.modules, self._aba, found
         )
-        return hinges, root
+        return found
 
     @staticmethod
     def _accelerations_of(
-        state: State, hinges: Array, root: Array, *, contacts: int = 0, depth: float = 0.0
+        state: State, found: Accelerations, *, contacts: int = 0, depth: float = 0.0
     ) -> Acceleration:
-        if not np.isfinite(hinges).all():
+        if not np.isfinite(found.qdd).all():
             raise SimulationError("the accelerations are no longer finite.")
         return Acceleration(
-            hinges=hinges,
-            linear=root[3:],
-            angular=state.rotation.T @ root[:3],
+            hinges=found.qdd,
+            linear=found.root[3:],
+            angular=state.rotation.T @ found.root[:3],
             contacts=contacts,
             depth=depth,
         )
 
-    def _kinematics(
-        self, state: State, positions: Array, rotations: Array, velocities: Array, spins: Array
-    ) -> None:
-        module, root = self.chain.module, self.root
+    def _kinematics(self, state: State, out: ModuleStates) -> None:
         chain_poses(
-            state.angles, module.joint, root, state.position, state.rotation, positions, rotations
+            state.angles,
+            self.chain.module.joint,
+            self.root,
+            state.position,
+            state.rotation,
+            out.positions,
+            out.rotations,
         )
-        self._move(state, positions, rotations, velocities, spins)
+        self._move(state, out)
 
-    def _move(
-        self, state: State, positions: Array, rotations: Array, velocities: Array, spins: Array
-    ) -> None:
-        module, root = self.chain.module, self.root
+    def _move(self, state: State, out: ModuleStates) -> None:
         chain_velocities(
             state.angles,
             state.rates,
-            module.joint,
-            root,
+            self.chain.module.joint,
+            self.root,
             state.velocity,
             state.rotation @ state.spin,
-            positions,
-            rotations,
-            velocities,
-            spins,
+            out,
         )

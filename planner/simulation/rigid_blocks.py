@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import InputError, SimulationError
-from planner.kernels.core import box_cover
+from planner.kernels.folded_core import box_cover
 from planner.kernels.kinematics import chain_poses
+from planner.kernels.module import ModuleStates
 from planner.kernels.velocities import chain_velocities
 from planner.simulation.model import Material, add_next_body, add_previous_body, base_spec, compiled
 from planner.simulation.mujoco import mujoco
@@ -92,10 +93,9 @@ class Blocks:
         of_block = dict(roots)
         names = [f"module_{of_block[k]}" for k in range(len(blocks))]
         self._bodies = np.array([self.model.body(name).id for name in names])
-        self.positions = np.empty((n, 3))
-        self.rotations = np.empty((n, 3, 3))
-        self.velocities = np.empty((n, 3))
-        self.spins = np.empty((n, 3))
+        self.modules = ModuleStates.empty(n)
+        """Poses and velocities of all modules, as placed last."""
+        self.positions, self.rotations, self.velocities, self.spins = self.modules
 
     def _set_options(self) -> None:
         option = self.model.opt
@@ -128,10 +128,7 @@ class Blocks:
             self.chain.root,
             state.velocity,
             state.rotation @ state.spin,
-            self.positions,
-            self.rotations,
-            self.velocities,
-            self.spins,
+            self.modules,
         )
 
     def accelerations(self, state: State, forces: Array) -> Acceleration:

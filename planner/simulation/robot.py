@@ -21,7 +21,14 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
 from planner.errors import SimulationError
-from planner.kernels.robot import advance, servo_torques, stop_drifting
+from planner.kernels.module import ReducedAcceleration, ReducedState
+from planner.kernels.servo_step import (
+    RobotServos,
+    ServoTarget,
+    advance,
+    remove_net_momentum,
+    servo_torques,
+)
 from planner.parameters.playback import RobotParameters
 from planner.simulation.model import Material
 from planner.simulation.mujoco import mujoco
@@ -129,21 +136,16 @@ class Faults:
         """
         count = len(angles)
         wanted, rubbing = np.empty(count), np.empty(count)
-        servo_torques(
-            angles,
-            rates,
-            *target,
-            self._noise_rad * self._rng.standard_normal(count),
+        servos = RobotServos(
             self.offsets[hinges],
+            self.friction[hinges],
             self.encoder_rad,
             self.stiffness,
             self.damping,
-            step_s,
-            self.friction[hinges],
             self.expected_friction,
-            wanted,
-            rubbing,
         )
+        noise = self._noise_rad * self._rng.standard_normal(count)
+        servo_torques(angles, rates, ServoTarget(*target), noise, servos, step_s, wanted, rubbing)
         inertia = step_s * step_s * self.stiffness + step_s * self.damping
         limited = np.zeros(count)
         left = MOST_SATURATED
@@ -258,30 +260,28 @@ class Robot:
         acceleration = found[-1]
         self.torques = given
         if not advance(
-            *self._reduced,
-            acceleration.hinges,
-            acceleration.linear,
-            acceleration.angular,
+            self._reduced,
+            ReducedAcceleration(acceleration.hinges, acceleration.linear, acceleration.angular),
             h,
             self.chain.module.joint,
             segments.root,
-            *segments.motion,
+            segments.modules,
         ):
             raise SimulationError("the state is no longer finite.")
 
     def stop_drifting(self) -> None:
         """Takes away the momentum that integration has added since the chain was at rest."""
-        stop_drifting(
+        remove_net_momentum(
             self.faults.masses,
             self.chain.module.inertia,
             self._segments.root,
             self._centre,
-            *self._reduced[2:],
-            *self._segments.motion,
+            self._reduced,
+            self._segments.modules,
         )
 
     @property
-    def _reduced(self) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """The state's arrays, in the kernels' order."""
+    def _reduced(self) -> ReducedState:
+        """The state's arrays, as kernels take them."""
         s = self.state
-        return s.angles, s.rates, s.position, s.rotation, s.velocity, s.spin
+        return ReducedState(s.angles, s.rates, s.position, s.rotation, s.velocity, s.spin)

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.kernels.clearance import least_separation
-from planner.kernels.roots import write_root_velocities, write_state
+from planner.kernels.module import ModuleStates
+from planner.kernels.segment_state import SegmentLayout, write_root_velocities, write_state
 from planner.simulation.model import (
     SEGMENT_MODULES,
     Material,
@@ -58,12 +59,13 @@ class Segments(ReducedChain):
         super().__init__(chain, material, root=chain.root)
         self._geom_size = material.geom_size
         joints = [self.model.joint(name) for name in chain.joint_names]
-        self._hinge_qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
+        hinge_qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
         self.hinge_dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
         """(J,) where the hinges' velocities are among the model's."""
         roots = [self.model.joint(f"root_{start}") for start in starts]
-        self._root_qpos = np.array([j.qposadr[0] for j in roots], dtype=np.int64)
-        self._root_dofs = np.array([j.dofadr[0] for j in roots], dtype=np.int64)
+        root_qpos = np.array([j.qposadr[0] for j in roots], dtype=np.int64)
+        root_dofs = np.array([j.dofadr[0] for j in roots], dtype=np.int64)
+        self._layout = SegmentLayout(self.starts, hinge_qpos, self.hinge_dofs, root_qpos, root_dofs)
         self._middle = starts.index(chain.root)
         self._hinge_ids = np.array([j.id for j in joints], dtype=np.int64)
         self._bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
@@ -84,7 +86,7 @@ class Segments(ReducedChain):
     def _make_room(self) -> None:
         super()._make_room()
         n = len(self.chain)
-        self._ahead = (np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3)))
+        self._ahead = ModuleStates.empty(n)
         self._bias = np.zeros(self.model.nv)
 
     def _set_options(self) -> None:
@@ -132,7 +134,7 @@ class Segments(ReducedChain):
         acceleration = data.qacc
         if not np.isfinite(acceleration).all() or np.abs(acceleration).max() > 1e10:
             raise SimulationError("the accelerations are no longer finite.")
-        at = self._root_dofs[self._middle]
+        at = self._layout.root_dofs[self._middle]
         root = acceleration[at : at + 6].copy()
         return Acceleration(
             hinges=acceleration[self.hinge_dofs],
@@ -147,15 +149,8 @@ class Segments(ReducedChain):
         write_state(
             state.angles,
             state.rates,
-            self.positions,
-            self.rotations,
-            self.velocities,
-            self.spins,
-            self.starts,
-            self._hinge_qpos,
-            self.hinge_dofs,
-            self._root_qpos,
-            self._root_dofs,
+            self.modules,
+            self._layout,
             self.data.qpos,
             self.data.qvel,
         )
@@ -209,12 +204,11 @@ class Segments(ReducedChain):
         data = self.data
         ahead = state.copy()
         ahead.advance(BIAS_STEP_S)
-        positions, rotations, velocities, spins = self._ahead
-        self._kinematics(ahead, positions, rotations, velocities, spins)
+        self._kinematics(ahead, self._ahead)
         # Constant hinge velocities: only those of the roots change.
         bias = self._bias
         bias[:] = data.qvel
-        write_root_velocities(rotations, velocities, spins, self.starts, self._root_dofs, bias)
+        write_root_velocities(self._ahead, self.starts, self._layout.root_dofs, bias)
         bias -= data.qvel
         bias /= BIAS_STEP_S
         rows = np.empty(data.nefc)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.chain.statics import hinge_frames
-from planner.kernels.statics import EQUATIONS, Hinges, columns
+from planner.kernels.statics import EQUATIONS, Hinges, torque_columns
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
 from planner.statics.friction import Friction, drifting, rays, wider
 from planner.statics.program import Columns, Program
@@ -178,7 +178,7 @@ class Balance:
         root = self.chain.root if clamped is None else clamped
         held = clamped is not None
         first, second, points = found.first[which], found.second[which], found.points[which]
-        matrix = columns(at.hinges, root, held, first, second, points, forces)
+        matrix = torque_columns(at.hinges, root, held, first, second, points, forces)
         weight = self._weight(at.hinges, root, held, at.positions)
         most = 1.0 / max(enough, LEAST)
         pushes = self._program.pushes(_keys(found, which), matrix, weight, joints, most)
@@ -200,7 +200,9 @@ class Balance:
 
     def _weight(self, hinges: Hinges, root: int, held: bool, positions: Array) -> Array:
         """(rows,) what the modules' weights ask of every row."""
-        _, rows, values = columns(hinges, root, held, self._all, self._none, positions, self._down)
+        _, rows, values = torque_columns(
+            hinges, root, held, self._all, self._none, positions, self._down
+        )
         count = len(self._before) + (0 if held else EQUATIONS)
         return np.bincount(rows, values, minlength=count).astype(np.float64)
 

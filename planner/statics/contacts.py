@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.module import Module
-from planner.kernels.statics import Solid, contact_points
+from planner.kernels.statics import FacetedHull, contact_points
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -98,7 +98,7 @@ def contacts(
 
 
 @lru_cache(maxsize=16)
-def solid_of(module: Module, size: float) -> Solid:
+def solid_of(module: Module, size: float) -> FacetedHull:
     """A module's hull with its faces and edges, as kernels take it."""
     reach = module.vertices @ module.face_normals.T
     normals: list[Array] = []
@@ -116,7 +116,7 @@ def solid_of(module: Module, size: float) -> Solid:
         for p, q in zip(loop, loop[1:] + loop[:1], strict=True)
     }
     most = max(len(loop) for loop in loops)
-    return Solid(
+    return FacetedHull(
         vertices=np.ascontiguousarray(module.vertices * size),
         normals=np.array(normals),
         loops=np.array([loop + [-1] * (most - len(loop)) for loop in loops], dtype=np.int64),

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.kernels import pairs as module
-from planner.kernels.pairs import largest_haste, near_pairs, repulsion
+from planner.kernels.module import ModuleStates
+from planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs, repulsion
 from planner.simulation.model import Material
 from planner.simulation.segments import Segments
 from tests.conftest import examples
@@ -54,7 +55,7 @@ def test_walking_finds_all_pairs(
 @examples(one_of=5)
 @given(st.integers(1000, 1300), st.integers(0, 2**32 - 1), st.floats(0.0, 3.0), st.floats(0.8, 4.0))
 def test_the_grid_finds_all_pairs(count: int, seed: int, stiffness: float, cutoff: float) -> None:
-    assert count >= module.SKIP_BELOW
+    assert count >= module.MIN_GRID_POINTS
     points = wandering(count, seed, stiffness)
     found = near_pairs(points, cutoff, 2).tolist()
     assert {(i, j) for i, j in found} == all_pairs(points, cutoff, 2)
@@ -116,9 +117,7 @@ def test_no_surface_point_moves_faster_against_another_module_than_said() -> Non
         segments.place(state)
         pairs = near_pairs(segments.positions, 2.5, 2)
         radius = chain.module.radius
-        said = largest_haste(
-            segments.positions, segments.velocities, segments.spins, pairs, radius, 1.0, 1.0
-        )
+        said = max_inverse_step_limit(segments.modules, pairs, PairLimits(radius, 1.0, 1.0))
         # Corners of each seen from the other's centre, in a frame that turns as both do on average.
         for i, j in [*pairs.tolist(), *pairs[:, ::-1].tolist()]:
             corners = chain.module.vertices @ segments.rotations[j].T
@@ -134,14 +133,15 @@ def test_no_surface_point_moves_faster_against_another_module_than_said() -> Non
 
 def test_two_modules_that_spin_against_each_other_touch_as_fast_as_their_corners() -> None:
     points, spins = np.array([[0.0, 0, 0], [1.5, 0, 0]]), np.array([[0.0, 0, 1], [0.0, 0, -1]])
-    said = largest_haste(points, np.zeros((2, 3)), spins, np.array([[0, 1]]), 0.8, 0.5, 1.0)
+    modules = ModuleStates(points, np.zeros((2, 3, 3)), np.zeros((2, 3)), spins)
+    said = max_inverse_step_limit(modules, np.array([[0, 1]]), PairLimits(0.8, 0.5, 1.0))
     assert said == pytest.approx(2.0 * 0.8 / 0.5)
 
 
 @pytest.mark.parametrize(
     ("velocity", "said"),
     [
-        ([-0.1, 0.0, 0.0], 0.1 / 0.02),  # nearer: by ``cap`` in a step
+        ([-0.1, 0.0, 0.0], 0.1 / 0.02),  # nearer: by ``approach`` in a step
         ([0.1, 0.0, 0.0], 0.1 / 0.2),  # farther
         ([0.0, 0.1, 0.0], 0.1 / 0.2),  # along each other: by ``slide``
     ],
@@ -151,7 +151,9 @@ def test_what_comes_nearer_may_do_so_less_far_than_what_slides(
 ) -> None:
     points, still = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.zeros((2, 3))
     moving, pair = np.array([[0.0, 0, 0], velocity]), np.array([[0, 1]])
-    assert largest_haste(points, moving, still, pair, 0.8, 0.02, 0.2) == pytest.approx(said)
+    modules = ModuleStates(points, np.zeros((2, 3, 3)), moving, still)
+    found = max_inverse_step_limit(modules, pair, PairLimits(0.8, 0.02, 0.2))
+    assert found == pytest.approx(said)
 
 
 def test_a_rigid_motion_brings_nothing_closer() -> None:
@@ -161,13 +163,6 @@ def test_a_rigid_motion_brings_nothing_closer() -> None:
     state.rates[:] = 0.0
     segments.place(state)
     pairs = near_pairs(segments.positions, 4.0, 2)
-    said = largest_haste(
-        segments.positions,
-        segments.velocities,
-        segments.spins,
-        pairs,
-        chain.module.radius,
-        0.1,
-        0.1,
-    )
+    limits = PairLimits(chain.module.radius, 0.1, 0.1)
+    said = max_inverse_step_limit(segments.modules, pairs, limits)
     assert said == pytest.approx(0.0, abs=1e-11)

@@ -17,7 +17,10 @@ from planner.explosion.explosion import ContactDepth
 from planner.explosion.peeling import Peeling, peel, turned_towards
 from planner.explosion.peeling_proof import Proof
 from planner.explosion.peeling_window import Bend, Peelable
-from planner.kernels.peeling import Caps, window_haste
+from planner.kernels.folded_core import CoreCells
+from planner.kernels.module import ModuleStates
+from planner.kernels.pairs import PairLimits
+from planner.kernels.window_forces import StepLimits, window_inverse_step_limit
 from planner.motion.motion import motion_arrays
 from planner.motion.record import Record
 from planner.motion.windows import Windows
@@ -154,21 +157,24 @@ def test_a_rod_turns_as_fast_where_the_core_has_gone_as_where_none_ever_was() ->
     along_z = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
     spins = np.tile([0.0, turn, 0.0], (count, 1))
     core_box = np.array([[0, 0, 0], [0, 0, 1]])
+    modules = ModuleStates(
+        positions, np.tile(along_z, (count, 1, 1)), np.cross(spins, positions), spins
+    )
     found = [
-        window_haste(
+        window_inverse_step_limit(
             np.zeros(2 * (count - 2)),
-            positions,
-            np.tile(along_z, (count, 1, 1)),
-            np.cross(spins, positions),
-            spins,
-            0,
+            modules,
+            CoreCells(
+                grid=np.arange(height, dtype=np.int32).reshape(1, 1, height),
+                low=np.zeros(3, dtype=np.int64),
+                box=core_box,
+                first=0,
+            ),
             rod,
-            np.arange(height, dtype=np.int32).reshape(1, 1, height),
-            np.zeros(3, dtype=np.int64),
-            core_box,
             DEFAULT.repulsion_cutoff,
-            1.0,
-            Caps(joint_rad=0.03, pair=0.03, slide=0.1, body=0.4, turn_rad=0.03),
+            StepLimits(
+                joint_rad=0.03, body=0.4, tail_turn_rad=0.03, pair=PairLimits(1.0, 0.03, 0.1)
+            ),
         )
         for height in (2, 60)
     ]

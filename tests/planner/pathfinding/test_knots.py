@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.kernels.knots import determinant, reduced, tightened
+from planner.kernels.knots import determinant, simplified, tightened
 from planner.pathfinding.knots import Knot, knot_of, knot_of_polygon
 from planner.pathfinding.knots import _determinant as exact_determinant
 from planner.pathfinding.knots import _fewest_crossings as fewest_crossings
@@ -154,7 +154,7 @@ def test_making_a_random_polygon_smaller_keeps_its_determinant(seed: int, sticks
     steps = rng.normal(size=(sticks, 3))
     polygon = np.cumsum(steps - steps.mean(axis=0), axis=0)
     expected = raw_determinant(polygon, rng)
-    smaller = reduced(polygon)
+    smaller = simplified(polygon)
     assert len(smaller) <= len(polygon)
     for points in (smaller, tightened(polygon, 0.9), tightened(smaller, 0.5)):
         assert raw_determinant(points, rng) == expected

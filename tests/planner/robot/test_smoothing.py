@@ -12,7 +12,7 @@ from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.kernels.smoothing import blamed_hinges, displacements
+from planner.kernels.smoothing import mark_blamed_hinges, write_displacements
 from planner.playback.reference import Reference, record_lengths
 from planner.playback.time_law import duration, torque_bounded_profile
 from planner.robot.smoothing import DISTANCE_WEIGHT, SPACING_RAD, smooth
@@ -167,7 +167,7 @@ def test_blame_falls_on_the_hinges_between() -> None:
     angles = np.zeros((2, len(chain.folded_rad)))
     angles[1, 8] = angles[1, 10] = angles[1, 12] = np.pi / 2  # a turn into itself
     blamed = np.zeros(angles.shape, dtype=np.bool_)
-    count = blamed_hinges(
+    count = mark_blamed_hinges(
         angles,
         module.joint,
         module.hull,
@@ -191,7 +191,7 @@ def test_displacements_are_those_of_kinematics() -> None:
     rng = np.random.default_rng(1)
     angles = np.array([random_angles(chain, rng) for _ in range(4)])
     largest, mean_ = np.zeros(3), np.zeros(3)
-    displacements(
+    write_displacements(
         angles,
         module.joint,
         largest,
