@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
-from planner.clearance.sweep import SHARE
+from planner.clearance.sweep import BOUND_RATIO
 from planner.kernels import sweep as kernel
 from planner.kernels.module import Hull
 
@@ -183,14 +183,14 @@ def near_pairs(bodies: Body, interval: Interval, h: float, reach: float) -> tupl
     chain, size, *_, low, high = interval
     i, j = np.triu_indices(len(chain), chain.module.apart)
     nearing, bent = bodies.D[i] + bodies.D[j], (low <= i) & (j <= high)
-    large = bodies.D[low : high + 1].max() > kernel.WILD
+    large = bodies.D[low : high + 1].max() > kernel.LARGE_MOTION
     if large:
         by_hinges = h * abs(bodies.S[j] - bodies.S[i]) * (j - i)
         nearing = np.where(bent, minimum(nearing, by_hinges), nearing)
     near = norm(bodies.p[j] - bodies.p[i]) - 2.0 * chain.module.radius * size - reach < nearing
     near &= (j > low) & (i < high)  # the others are rigid with each other
-    too_many = large and (near & bent).sum() > kernel.MOST_NEAR * (high - low + 1)
-    swinging = near & (j > high) & (bodies.D[j] > kernel.WILD)
+    too_many = large and (near & bent).sum() > kernel.MAX_PAIRS_PER_MODULE * (high - low + 1)
+    swinging = near & (j > high) & (bodies.D[j] > kernel.LARGE_MOTION)
     return np.stack([i, j], axis=1)[near], bool(too_many or swinging.any())
 
 
@@ -231,14 +231,16 @@ def prove_interval(interval: Interval, cutoff: float, least: float) -> tuple[flo
         if too_large:
             bodies = motion(interval, middle, 0.0)
             pairs, _ = near_pairs(bodies, interval, 0.0, 0.0)
-        target = SHARE * min(least, clearance) if bisections < kernel.TIGHT_HALVINGS else 0.0
-        target, width = max(kernel.ROUNDING, target), 0.0 if too_large else h
+        target = (
+            BOUND_RATIO * min(least, clearance) if bisections < kernel.TIGHT_BISECTIONS else 0.0
+        )
+        target, width = max(kernel.ROUNDING_MARGIN, target), 0.0 if too_large else h
         now, proved, unresolved = check(bodies, interval, pairs, width, cutoff, target)
         clearance = min(clearance, now)
         bound = bound if too_large else min(bound, proved)
         if not too_large and len(unresolved) == 0:
             continue
-        limit = kernel.MOST_TAMINGS if too_large else kernel.MOST_HALVINGS
+        limit = kernel.MAX_COARSE_BISECTIONS if too_large else kernel.MAX_BISECTIONS
         if now <= 0.0 or bisections == limit:
             return clearance, None
         pairs = None if too_large else unresolved

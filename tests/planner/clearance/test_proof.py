@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.clearance.sweep import ENOUGH, FAR, sweep
+from planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
 from planner.motion.windows import Windows
 from tests.conftest import examples
 from tests.planner.chains import coil, line
@@ -81,7 +81,11 @@ def stretch(chain: Chain, windows: Windows, k: int) -> tuple[int, int]:
 def assert_same(chain: Chain, motion: Array | Windows, size: float) -> bool:
     """Both prove the motion, or both refuse it; returns which."""
     found = sweep(chain, motion, size=size)
-    cutoff = FAR if found.modules is None or found.clearance >= ENOUGH else ENOUGH
+    cutoff = (
+        EXTENDED_CLEARANCE_CAP
+        if found.modules is None or found.clearance >= CLEARANCE_CAP
+        else CLEARANCE_CAP
+    )
     clearance, bound = reference(chain, motion, size, cutoff=cutoff)
     assert (found.bound > 0.0) == (bound is not None)
     if bound is None:
@@ -139,7 +143,7 @@ def test_real_tetrahedra_have_nearly_the_bound_of_the_reference() -> None:
         chain = bent(TETRAHEDRON, 9, rng)
         motion = np.stack([chain.folded_rad, 0.9 * chain.folded_rad])
         found = sweep(chain, motion, size=0.8)
-        cutoff = ENOUGH if found.clearance < ENOUGH else FAR
+        cutoff = CLEARANCE_CAP if found.clearance < CLEARANCE_CAP else EXTENDED_CLEARANCE_CAP
         clearance, bound = reference(chain, motion, 0.8, cutoff=cutoff)
         assert bound is not None
         assert found.clearance == pytest.approx(clearance, abs=TOLERANCE)
