@@ -231,10 +231,8 @@ def prove_interval(interval: Interval, cutoff: float, least: float) -> tuple[flo
         if too_large:
             bodies = motion(interval, middle, 0.0)
             pairs, _ = near_pairs(bodies, interval, 0.0, 0.0)
-        target = (
-            BOUND_RATIO * min(least, clearance) if bisections < kernel.TIGHT_BISECTIONS else 0.0
-        )
-        target, width = max(kernel.ROUNDING_MARGIN, target), 0.0 if too_large else h
+        tight = BOUND_RATIO * min(least, clearance) * (bisections < kernel.TIGHT_BISECTIONS)
+        target, width = max(kernel.ROUNDING_MARGIN, tight), 0.0 if too_large else h
         now, proved, unresolved = check(bodies, interval, pairs, width, cutoff, target)
         clearance = min(clearance, now)
         bound = bound if too_large else min(bound, proved)
