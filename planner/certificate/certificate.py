@@ -24,7 +24,7 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.chain.statics import GRAVITY_M_S2, static_torque
 from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
-from planner.clearance.sweep import SHARE, Sweep, check_windows, sweep
+from planner.clearance.sweep import BOUND_RATIO, Sweep, check_windows, sweep
 from planner.errors import InputError
 from planner.motion.frames import PHASES, Frames
 from planner.motion.motion import Motion
@@ -208,7 +208,9 @@ def certify(
         asked_to_stop = asked_to_stop or cancelled()
         return asked_to_stop
 
-    def swept(motion: Array | Windows, name: str, fraction: float, share: float = SHARE) -> Sweep:
+    def swept(
+        motion: Array | Windows, name: str, fraction: float, share: float = BOUND_RATIO
+    ) -> Sweep:
         progress(Progress(stage="certify", fraction=fraction, message=f"checking the {name}"))
         return sweep(chain, motion, size=size, share=share, cancelled=stopped)
 

@@ -30,7 +30,7 @@ from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques, motion_of
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.sweep import sweep
-from planner.kernels.clearance import module_clearances
+from planner.kernels.clearance import Solid, module_clearances
 from planner.motion.frames import PHASES, Frames
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.timeline import Timeline
@@ -58,8 +58,8 @@ def write_figures(
     """Works the figures of a timeline out and saves them, some frames at a time.
 
     Of a timeline of windows there are only those of the whole frames, ``Curves``; clearances of
-    ``planner.clearance.sweep.ENOUGH`` and more are not told apart, and torques are those at some
-    frames.
+    ``planner.clearance.sweep.CLEARANCE_CAP`` and more are not told apart, and torques are those at
+    some frames.
 
     Args:
         timeline: Where the timeline is.
@@ -99,9 +99,7 @@ def clearances_of(chain: Chain, angles_rad: Array, *, size: float) -> tuple[Floa
     module_clearances(
         poses.positions,
         poses.rotations,
-        module.hull,
-        module.inner_radius,
-        size,
+        Solid(module.hull, float(size), module.inner_radius),
         module.apart,
         REACH,
         clearance,

@@ -1,4 +1,4 @@
-"""Clearance of a configuration: how far apart its modules are at the closest place."""
+"""Clearance of a configuration: the least distance of its modules."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class Closest:
     """The closest place of a configuration.
 
     Attributes:
-        clearance: A lower bound of the least distance in pitches; when modules overlap, exactly
-            minus the depth of the deepest overlap.
-        modules: The two modules, or None when all are at least the asked-for distance apart.
+        clearance: Lower bound of the least distance in pitches; if modules overlap, exactly minus
+            the depth of the deepest overlap.
+        modules: The two modules; None if all are at least the cutoff apart.
     """
 
     clearance: float
@@ -31,14 +31,14 @@ class Closest:
 def closest(
     module: Module, positions: Array, rotations: Array, *, size: float, enough: float = 0.5
 ) -> Closest:
-    """The closest place of one configuration.
+    """Find the closest place of one configuration.
 
     Args:
         module: The kind of module.
         positions: (n, 3) centres in pitches.
         rotations: (n, 3, 3) orientations.
         size: Module size as a fraction of the pitch; 1 fills the lattice.
-        enough: Distances of this and more are not told apart.
+        enough: Cutoff in pitches: distances of this and more are not told apart.
     """
     pairs = near_pairs(positions, 2.0 * module.radius * size + enough, module.apart)
     value, first, second = least_separation(

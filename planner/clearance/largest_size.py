@@ -13,32 +13,35 @@ from planner.clearance.sweep import Sweep, sweep
 from planner.motion.windows import Windows
 
 Array = NDArray[np.float64]
-FULL: Final = 1.0
-"""Module size at which neighbours touch, of a pitch."""
-STEP: Final = 0.002
-"""Difference of two module sizes that are tried, in pitches."""
-MOST_STEPS: Final = 12
+FULL_SIZE: Final = 1.0
+"""Module size in pitches at which neighbours touch: the largest one that is tried."""
+SIZE_STEP: Final = 0.002
+"""Difference in pitches of two module sizes that are tried. Smaller ones find larger modules and
+need more sweeps. Chosen."""
+MAX_SIZE_STEPS: Final = 12
+"""Maximum number of sizes that are tried; beyond it the answer is the size known to be clear.
+Chosen."""
 
 
 def largest_size(chain: Chain, motions: Sequence[Array | Windows], *, clear_at: float) -> float:
-    """The largest module size, in steps of ``STEP``, at which motions are proved clear.
+    """Find the largest module size, in steps of ``SIZE_STEP``, at which motions are proved clear.
 
-    Clearance falls about evenly with the size, so that two sizes tell where it vanishes; from there
-    on down the motions are swept until one passes, as the certificate sweeps them.
+    Clearance falls about linearly with the size, so that two sizes give the one where it vanishes.
+    From there on down the motions are swept until they pass.
 
     Args:
         chain: The chain.
-        motions: (F, J) hinge angles of each, or windows.
+        motions: (F, J) hinge angles of each in radians, or windows.
         clear_at: A size at which they are clear.
     """
     low = min(sweep(chain, m, size=clear_at).clearance for m in motions)
-    high = min(sweep(chain, m, size=FULL).clearance for m in motions)
+    high = min(sweep(chain, m, size=FULL_SIZE).clearance for m in motions)
     if high >= 0.0:
-        return FULL
-    vanishes = clear_at + (FULL - clear_at) * low / (low - high)
-    steps = int(vanishes / STEP)
-    for k in range(MOST_STEPS):
-        size = (steps - k) * STEP
+        return FULL_SIZE
+    vanishes = clear_at + (FULL_SIZE - clear_at) * low / (low - high)
+    steps = int(vanishes / SIZE_STEP)
+    for k in range(MAX_SIZE_STEPS):
+        size = (steps - k) * SIZE_STEP
         if size <= clear_at:
             break
         if all(_clear(sweep(chain, m, size=size)) for m in motions):

@@ -1,7 +1,7 @@
-"""Linked modules: the pairs that no check looks at, and what that costs.
+"""Linked modules: the pairs that are exempt from every check, and how deep they overlap.
 
 Modules fewer than ``Module.apart`` links from each other share a joint, and their full-size hulls
-lie in one another while it turns. So a module that can exist lacks something there: its *relief*.
+overlap while it turns. So a real module lacks some material there, its *relief*: decision 0018.
 """
 
 from __future__ import annotations
@@ -20,19 +20,21 @@ from planner.motion.windows import Windows
 
 Array = NDArray[np.float64]
 LINKED: Final = "consecutive modules (i, i+1)"
+"""Value of ``ExemptPairs.rule`` for cubes."""
 NONE: Final = "none"
+"""Value of ``ExemptPairs.rule`` if all pairs are checked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """Where a motion is closest to a collision: a frame (a half: between two) and two modules."""
+    """Closest place of a motion: frame number (a fraction means between two) and two modules."""
 
     frame: float
     modules: tuple[int, int] | None
 
     @classmethod
     def from_dict(cls, values: dict[str, Any] | None) -> Place | None:
-        """From plain values; None from None."""
+        """Read plain values; None gives None."""
         if values is None:
             return None
         modules = values["modules"]
@@ -43,20 +45,20 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExemptPairs:
-    """The pairs of modules that are not checked against each other. Lengths in pitches.
+    """Pairs of modules that are not checked against each other. Lengths in pitches.
 
     Attributes:
-        rule: Which they are, in words.
-        apart: They are (i, j) with i < j < i + apart.
-        count: How many.
-        worst_overlap: Deepest overlap of such a pair in the motion, at the size that is verified:
-            at frames and halfway between them. 0 when there is none, None when there is no motion.
-        worst_overlap_at: Where that is; None where nothing overlaps.
-        worst_overlap_bound: What their overlap is nowhere more than; None when there is no motion.
-        relief_radius: A real module lacks what is farther than this from its joint along any
-            direction in which the next module may lie, see ``Module.reach``. None if all of it may
-            be there.
-        relief_share: Which part of its volume that is.
+        rule: Rule that exempts them, in words.
+        apart: The pairs are (i, j) with i < j < i + apart.
+        count: Number of pairs.
+        worst_overlap: Deepest overlap of such a pair in the motion at the module size, at frames
+            and halfway between them. 0 when there is none, None when there is no motion.
+        worst_overlap_at: Place of the deepest overlap; None if nothing overlaps.
+        worst_overlap_bound: Upper bound of the overlap over the motion; None without a motion.
+        relief_radius: A real module lacks all material that is farther than this from its joint
+            along any direction in which the next module may lie, see ``Module.reach``. None if it
+            lacks nothing.
+        relief_share: Fraction (0…1) of its volume that it lacks.
     """
 
     rule: str
@@ -81,11 +83,11 @@ class ExemptPairs:
 
 
 def exempt_pairs(chain: Chain, motions: Sequence[Array | Windows], *, size: float) -> ExemptPairs:
-    """Which modules of a chain are not checked against each other, and how far they overlap.
+    """Return the pairs of a chain that are not checked, and how deep they overlap in motions.
 
     Args:
         chain: The chain.
-        motions: (F, J) hinge angles each, or windows; none where nothing was looked at.
+        motions: (F, J) hinge angles of each in radians, or windows; may be empty.
         size: Module size as a fraction of the pitch.
     """
     module, count = chain.module, len(chain)
@@ -121,7 +123,7 @@ def _link(module: Module, size: float) -> Link:
 
 
 def _angles(motion: Array | Windows) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """Where frames' windows begin among the hinges and among the angles, and the angles."""
+    """Return (F,) first hinges of the windows, (F + 1,) offsets of their angles, and the angles."""
     if isinstance(motion, Windows):
         first, offsets = motion.first.astype(np.int64), motion.offsets.astype(np.int64)
         return first, offsets, motion.angles_rad.astype(np.float64)

@@ -1,24 +1,15 @@
-"""Sweep: the clearance of a whole motion, at its frames and everywhere between them.
+"""Sweep: the proved clearance of a whole motion, at its frames and everywhere between them.
 
-Between two frames the hinge angles run evenly. Each interval is looked at in its middle; a pair of
-modules passes when its clearance there is more than it can lose on the way to either end. What it
-can lose is bounded by Taylor from the middle: exact velocity and acceleration of the pair against
-each other, and a bound of their change (``planner.kernels.bodies``, ``planner.kernels.approach``).
-Intervals with pairs that don't pass are halved.
+The proof is that of docs/decisions/0012-sweep-bound.md; ``planner.kernels.sweep`` computes it. Some
+pairs are not checked:
 
-What is never looked at, and why that is safe:
-
-* Pairs fewer links apart than ``Module.apart``: the joint's nature.
-* Pairs whose balls stay farther apart than the least clearance of the frame before: their
-  clearance is more than that, so they change no figure. How far they go is bounded by the way of
-  both, and by the turns of the hinges between them.
-* Of ``Windows``, pairs of modules that are rigid with each other from one frame to the next:
-  below both windows all are folded, above both all are straight. The folded shape is looked at
-  once with all its pairs, and so is a straight rod; a frame has the clearance of its own part of
-  either.
-* Of a rod, modules that can't come near the box around everything else. Along the rod the distance
-  to that box and the way a module goes change by at most a known amount a link, so that most of
-  the rod is passed over in leaps. A rod that swings too far for that has its interval halved first.
+* Pairs fewer links apart than ``Module.apart``: they share a joint (``planner.clearance.linked``).
+* Pairs that stay farther apart than the least clearance of the frame before, because they change
+  no figure: lemma 7.
+* Of ``Windows``, pairs of modules that are rigid with each other from one frame to the next. Below
+  both windows all modules are folded, above both all are straight. The folded shape and the
+  straight chain are checked once, with all their pairs; a frame has the clearance of its own part
+  of either.
 """
 
 from __future__ import annotations
@@ -36,24 +27,29 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.errors import InputError
-from planner.kernels.bodies import ROTATION, VELOCITY, WIDTH
+from planner.kernels.bodies import BODY_COLUMNS, ROTATION, VELOCITY
 from planner.kernels.clearance import least_separation
 from planner.kernels.pairs import near_pairs
-from planner.kernels.sweep import Angles, Found, Shape, rigid_clearances, sweep_frames
+from planner.kernels.sweep import Angles, Shape, SweepResult, rigid_clearances, sweep_frames
 from planner.motion.windows import Windows
 from planner.progress import Cancelled, never
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-CHUNK: Final = 64
-"""Frames that one task of a thread sweeps."""
-MOST_THREADS: Final = 4
-ENOUGH: Final = 0.2
-"""Pitches up to which the least clearance is looked for."""
-FAR: Final = 3.0
-"""Pitches up to which it is looked for where no pair is nearer than ``ENOUGH``."""
-SHARE: Final = 0.9
-"""Share of the least clearance seen that is to be proved, where a few halvings more can do so."""
+FRAMES_PER_TASK: Final = 64
+"""Number of frames that one task of a thread sweeps. Fewer cost more calls, more leave threads idle
+at the end of a motion. Chosen."""
+MAX_THREADS: Final = 4
+"""Maximum number of threads of one sweep. More take processors from other folds. Chosen."""
+CLEARANCE_CAP: Final = 0.2
+"""Clearance in pitches from which on clearances are not told apart. A larger value makes more pairs
+near, and sweeps slower. Chosen."""
+EXTENDED_CLEARANCE_CAP: Final = 3.0
+"""Cap in pitches for a motion without a pair below ``CLEARANCE_CAP``, as a short chain may have it.
+Chosen."""
+BOUND_RATIO: Final = 0.9
+"""Fraction (0…1) of the least clearance seen that a lower bound should reach. Larger values tighten
+the bound and need more bisections: table of decision 0012."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,13 +57,15 @@ class Sweep:
     """The closest place of a motion.
 
     Attributes:
-        clearance: Least clearance found at frames and in-betweens, in pitches.
-        frame: Where, as a frame number; a half means between two.
-        modules: The two modules, None when everything is far apart.
-        bound: What the clearance is nowhere less than; 0 where halving ended without an answer.
-        unbounded: A moment around which it did, as a frame number; None where it never did.
-        in_betweens: Configurations looked at between frames.
-        per_frame: (F,) clearance at each frame, capped at ``ENOUGH``.
+        clearance: Least clearance seen at frames and in-betweens, in pitches.
+        frame: Frame number of it; a fraction means between two frames.
+        modules: The two modules; None if no pair is below the cap.
+        bound: Lower bound of the clearance over the whole motion, in pitches; 0 or less if it could
+            not be proved.
+        unbounded: Frame number around which the bisection ended without a proof; None if it never
+            did.
+        in_betweens: Number of configurations that were checked between frames.
+        per_frame: (F,) clearance at each frame in pitches, at most the cap.
     """
 
     clearance: float
@@ -84,26 +82,26 @@ def sweep(
     motion: Array | Windows,
     *,
     size: float,
-    share: float = SHARE,
+    share: float = BOUND_RATIO,
     cancelled: Cancelled = never,
 ) -> Sweep:
-    """The clearance of a motion through all its frames.
+    """Compute the clearance of a motion through all its frames, with a proved lower bound.
 
     Args:
         chain: The chain.
-        motion: (F, J) hinge angles of the frames, or windows.
+        motion: (F, J) hinge angles of the frames in radians, or windows.
         size: Module size as a fraction of the pitch.
-        share: Which part of the least clearance seen the bound should reach; 0 where it is enough
-            that it is above 0, for halvings cost time.
-        cancelled: Asked now and then; a cancelled sweep covers what was looked at so far.
+        share: Fraction (0…1) of the least clearance seen that the bound should reach. With 0 any
+            bound above 0 does, which saves bisections.
+        cancelled: Polled between tasks; a cancelled sweep covers the tasks that were done.
 
     Raises:
         InputError: ``bad-windows`` for windows that are not of this chain.
     """
-    found = _swept(chain, motion, size, share, ENOUGH, cancelled)
+    found = _swept(chain, motion, size, share, CLEARANCE_CAP, cancelled)
     if found.modules is None and not cancelled():
-        # A short chain may never come that close to itself: then how far it stays off.
-        found = _swept(chain, motion, size, share, FAR, cancelled)
+        # A short chain may never come that near itself: then its clearance is above the cap.
+        found = _swept(chain, motion, size, share, EXTENDED_CLEARANCE_CAP, cancelled)
     return found
 
 
@@ -118,7 +116,7 @@ def _swept(
     frames = len(motion)
     first, offsets = _extents(chain, motion)
     at_rest = _AtRest.of(chain, size, enough) if isinstance(motion, Windows) else None
-    known, who = (
+    rigid, closest = (
         (np.full(frames, enough), np.full((frames, 2), -1))
         if at_rest is None
         else at_rest.frames(chain, first, np.diff(offsets))
@@ -126,8 +124,8 @@ def _swept(
     shape = _shape(chain, size, None) if at_rest is None else windows_shape(chain, size)
     per_frame = np.full(frames, enough)
 
-    def part(start: int) -> Found:
-        stop = min(start + CHUNK, frames)
+    def part(start: int) -> SweepResult:
+        stop = min(start + FRAMES_PER_TASK, frames)
         begins, ends = int(offsets[start]), int(offsets[min(stop + 1, frames)])
         if isinstance(motion, Windows):
             values = motion.angles_rad[begins:ends].astype(np.float64)
@@ -135,20 +133,20 @@ def _swept(
             # A copy: a read-only array would be another type, for which all is compiled anew.
             values = np.array(motion[start : stop + 1], dtype=np.float64).reshape(-1)
         angles = Angles(first=first, offsets=offsets, shift=begins, values=values)
-        return sweep_frames(shape, angles, start, stop, enough, known, per_frame, share)
+        return sweep_frames(shape, angles, start, stop, enough, rigid, per_frame, share)
 
     best, bound, unbounded, in_betweens = enough, enough, -1.0, 0
     where, modules = 0.0, (-1, -1)
-    for found in _in_turn(part, range(0, frames, CHUNK), cancelled):
-        bound = min(bound, found.bound)
-        in_betweens += found.in_betweens
+    for found in _in_turn(part, range(0, frames, FRAMES_PER_TASK), cancelled):
+        bound = min(bound, found.lower_bound)
+        in_betweens += found.midpoints
         if unbounded < 0.0:
-            unbounded = found.unbounded
+            unbounded = found.unproved_at
         if found.clearance < best:
-            best, where, modules = found.clearance, found.where, (found.first, found.second)
+            best, where, modules = found.clearance, found.frame, (found.first, found.second)
     if best < enough and modules[0] < 0:
         # Nothing that moves is closer than what is at rest.
-        modules = tuple(who[int(where)].tolist())
+        modules = tuple(closest[int(where)].tolist())
     return Sweep(
         clearance=float(best),
         frame=float(where),
@@ -161,7 +159,7 @@ def _swept(
 
 
 class Between:
-    """The least clearance on the way from one configuration of a chain to another, asked often.
+    """Clearance on the way from one configuration of a chain to another, for many queries.
 
     Args:
         chain: The chain.
@@ -172,7 +170,10 @@ class Between:
         self._shape = _shape(chain, size, None)
 
     def clearance(self, start: Array, end: Array, enough: float) -> float:
-        """The least seen from ``start`` on, before ``end``; of ``enough`` and more only that."""
+        """Return the least clearance from ``start`` (J,) on, before ``end``, in pitches.
+
+        At most ``enough``; 0 if nothing could be proved.
+        """
         hinges = len(start)
         angles = Angles(
             first=np.zeros(2, np.int64),
@@ -180,20 +181,20 @@ class Between:
             shift=0,
             values=np.concatenate([start, end]),
         )
-        known, per_frame = np.full(2, enough), np.full(2, enough)
-        found = sweep_frames(self._shape, angles, 0, 1, enough, known, per_frame, 0.0)
-        return 0.0 if found.unbounded >= 0.0 else float(found.clearance)
+        rigid, per_frame = np.full(2, enough), np.full(2, enough)
+        found = sweep_frames(self._shape, angles, 0, 1, enough, rigid, per_frame, 0.0)
+        return 0.0 if found.unproved_at >= 0.0 else float(found.clearance)
 
 
 def clearance_at(
     chain: Chain, motion: Array | Windows, frame: float, modules: tuple[int, int], *, size: float
 ) -> float:
-    """The clearance of two modules at one moment of a motion, as a sweep sees it.
+    """Return the clearance of two modules at one moment of a motion, in pitches.
 
     Args:
         chain: The chain.
-        motion: As for ``sweep``.
-        frame: The moment, as a frame number.
+        motion: (F, J) hinge angles of the frames in radians, or windows.
+        frame: Frame number; a fraction means between two frames.
         modules: The two, the earlier one first.
         size: Module size as a fraction of the pitch.
     """
@@ -211,19 +212,21 @@ def clearance_at(
         np.array([modules], dtype=np.int64),
         chain.module.hull,
         size,
-        FAR,
+        EXTENDED_CLEARANCE_CAP,
     )
     return float(found)
 
 
-def _in_turn(part: Callable[[int], Found], starts: range, cancelled: Cancelled) -> Iterator[Found]:
-    """Results of all parts in their order, some of them at the same time, until cancelled."""
+def _in_turn(
+    part: Callable[[int], SweepResult], starts: range, cancelled: Cancelled
+) -> Iterator[SweepResult]:
+    """Yield the results of all tasks in their order, computed in threads, until cancelled."""
     if len(starts) == 1:  # a short motion is done sooner than a thread begins
         if not cancelled():
             yield part(starts[0])
         return
-    threads = min(MOST_THREADS, len(starts), os.cpu_count() or 1)
-    waiting: deque[Future[Found]] = deque()
+    threads = min(MAX_THREADS, len(starts), os.cpu_count() or 1)
+    waiting: deque[Future[SweepResult]] = deque()
     with ThreadPoolExecutor(max(1, threads)) as pool:
         for start in starts:
             if cancelled():
@@ -231,12 +234,12 @@ def _in_turn(part: Callable[[int], Found], starts: range, cancelled: Cancelled) 
             if len(waiting) > 2 * threads:
                 yield waiting.popleft().result()
             waiting.append(pool.submit(part, start))
-        for left in waiting:
-            yield left.result()
+        for task in waiting:
+            yield task.result()
 
 
 def check_windows(chain: Chain, windows: Windows) -> None:
-    """Refuses windows that are not of this chain.
+    """Refuse windows that do not belong to this chain.
 
     Raises:
         InputError: ``bad-windows``.
@@ -245,7 +248,7 @@ def check_windows(chain: Chain, windows: Windows) -> None:
 
 
 def _extents(chain: Chain, motion: Array | Windows) -> tuple[Ints, Ints]:
-    """Where each frame's window begins, (F,), and where its angles do among all, (F + 1,)."""
+    """Return (F,) first hinges of the windows and (F + 1,) offsets of their angles among all."""
     hinges = len(chain.folded_rad)
     frames = len(motion)
     if not isinstance(motion, Windows):
@@ -274,7 +277,7 @@ def _extents(chain: Chain, motion: Array | Windows) -> tuple[Ints, Ints]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _AtRest:
-    """The folded shape and the straight rod, with the clearance of all their beginnings."""
+    """Clearances of the folded shape and of the straight chain, for modules 0 … j of either."""
 
     folded: tuple[Array, Ints]
     straight: tuple[Array, Ints]
@@ -292,20 +295,20 @@ class _AtRest:
         return cls(folded=clearances(chain.folded_poses), straight=clearances(_straight(chain)))
 
     def frames(self, chain: Chain, first: Ints, widths: Ints) -> tuple[Array, Ints]:
-        """(F,) clearance of what is at rest in each window's frame, and (F, 2) the modules."""
-        hinges, rigid = chain.module.hinges_per_joint, chain.module.rigid_links
-        core = first // hinges + rigid
+        """Return (F,) clearance of the core and the tail of each frame, and (F, 2) the modules."""
+        hinges, links = chain.module.hinges_per_joint, chain.module.rigid_links
+        core = first // hinges + links
         last = np.maximum(first + widths, np.where(first % hinges, first + 1, 0))
-        rod = np.where(last > first, (last - 1) // hinges + rigid + 1, core)
-        below, above = self.folded[0][core], self.straight[0][len(chain) - 1 - rod]
-        who = self.straight[1][len(chain) - 1 - rod]
-        who = np.where(who >= 0, who + rod[:, None], -1)
-        who = np.where((below <= above)[:, None], self.folded[1][core], who)
-        return np.minimum(below, above), who
+        tail = np.where(last > first, (last - 1) // hinges + links + 1, core)
+        below, above = self.folded[0][core], self.straight[0][len(chain) - 1 - tail]
+        pairs = self.straight[1][len(chain) - 1 - tail]
+        pairs = np.where(pairs >= 0, pairs + tail[:, None], -1)
+        pairs = np.where((below <= above)[:, None], self.folded[1][core], pairs)
+        return np.minimum(below, above), pairs
 
 
 def windows_shape(chain: Chain, size: float) -> Shape:
-    """What ``planner.kernels.sweep`` knows of a chain whose motion is windows."""
+    """Return the shape of a chain whose motion is windows, for ``planner.kernels.sweep``."""
     return _shape(chain, size, (chain.folded_poses, _straight(chain)))
 
 
@@ -314,9 +317,9 @@ def _straight(chain: Chain) -> Poses:
 
 
 def _shape(chain: Chain, size: float, at_rest: tuple[Poses, Poses] | None) -> Shape:
-    """A shape: with a core and a rod where the folded and the straight chain are given."""
+    """Return a shape; with a core and a tail if the folded and the straight chain are given."""
     module, n = chain.module, len(chain)
-    core = np.zeros((n, WIDTH))
+    core = np.zeros((n, BODY_COLUMNS))
     core[:, ROTATION:VELOCITY] = np.eye(3).ravel()
     if at_rest is not None:
         core[:, :ROTATION] = at_rest[0].positions
@@ -334,9 +337,9 @@ def _shape(chain: Chain, size: float, at_rest: tuple[Poses, Poses] | None) -> Sh
         joint=module.joint,
         hull=module.hull,
         size=float(size),
-        apart=module.apart,
+        min_checked_gap=module.apart,
         root=chain.root if at_rest is None else -1,
-        folded=chain.folded_rad.copy(),
+        folded_rad=chain.folded_rad.copy(),
         core=core,
         boxes=np.hstack(
             [np.minimum.accumulate(centres, axis=0), np.maximum.accumulate(centres, axis=0)]
@@ -346,6 +349,6 @@ def _shape(chain: Chain, size: float, at_rest: tuple[Poses, Poses] | None) -> Sh
         cells=cells,
         starts=np.concatenate([[0], np.cumsum(counts)]),
         members=np.argsort(flat, kind="stable"),
-        places=np.zeros((0, 3)) if at_rest is None else at_rest[1].positions,
-        rotations=np.zeros((0, 3, 3)) if at_rest is None else at_rest[1].rotations,
+        tail_positions=np.zeros((0, 3)) if at_rest is None else at_rest[1].positions,
+        tail_rotations=np.zeros((0, 3, 3)) if at_rest is None else at_rest[1].rotations,
     )

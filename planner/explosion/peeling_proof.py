@@ -49,5 +49,5 @@ class Proof:
         found = sweep_frames(
             self._shape, angles, 0, count, enough, np.full(count, enough), per_frame, 0.0
         )
-        proved = found.bound > 0.0
+        proved = found.lower_bound > 0.0
         return (found.clearance if proved else min(found.clearance, 0.0)), per_frame

@@ -1,8 +1,8 @@
 """How much of its clearance a pair of modules can lose around one moment, compiled.
 
-A plane with unit normal n stays as it is seen from module i. A point r of module j, at
-x(s) + Q(s) r as seen from i, nears that plane by no more than the first and second derivative at
-s = 0 along n say, plus a bound of the third one: Taylor, so it is a bound and no estimate.
+Lemmas 5 and 6 of docs/decisions/0012-sweep-bound.md. A plane with unit normal n stays as it is seen
+from module a. A point r of module b, at x(s) + Q(s) r as seen from a, nears that plane by no more
+than the first and second derivative at s = 0 along n say, plus a bound of the third one.
 """
 # pyright: reportUntypedFunctionDecorator=false
 
@@ -12,100 +12,158 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import KERNEL
+from planner.kernels import INNER, KERNEL
 from planner.kernels.bodies import (
     ACCELERATION,
-    MOST_JERK,
-    MOST_SPIN,
-    MOST_TURNING,
-    MOST_TWIST,
-    RATES,
-    SPIN,
-    TURNING,
+    ANGULAR_ACCELERATION,
+    ANGULAR_ACCELERATION_BOUND,
+    ANGULAR_JERK_BOUND,
+    ANGULAR_SPEED_BOUND,
+    ANGULAR_VELOCITY,
+    JERK_BOUND,
+    RATE_SUM,
     VELOCITY,
     length,
-    spatial_jerk,
+    rotation_jerk_bound,
 )
 
 Array = NDArray[np.float64]
-SLIDE, PULL, ROLL, REST = 0, 3, 6, 9
-WIDTH = 10
-"""Columns of an approach: velocity, acceleration and spin of j as seen from i (9), then a bound on
-how far any point of j gets besides these."""
+REL_VELOCITY, REL_ACCELERATION, REL_ANGULAR_VELOCITY, REMAINDER = 0, 3, 6, 9
+"""First columns of a relative motion: u, e and ψ of lemma 5 (3 each), velocity, acceleration and
+angular velocity of b as seen from a at s = 0; then the bound of how near any point of b gets
+besides these (lemma 6)."""
+RELATIVE_COLUMNS = 10
+
+
+@njit(**INNER, inline="always")  # called, it slows the sweep
+def _third_derivative_bound(
+    a: Array,
+    b: Array,
+    half: float,
+    radius: float,
+    links: float,
+    centre: tuple[float, float, float],
+    turn: tuple[float, float, float],
+) -> float:
+    """Return the bound X + ρ Q of the third derivative of any point of b as seen from a: lemma 5.
+
+    Args:
+        a, b, half, radius, links: As for ``relative_motion_bound``.
+        centre: |d|, |d'| and |d''| at s = 0.
+        turn: |ψ|, |ψ'| and |y'| at s = 0.
+    """
+    distance, speed, acceleration = centre
+    spin, spin_rate, difference_rate = turn
+    rates = abs(b[RATE_SUM] - a[RATE_SUM])  # S
+    cube = rates * rates * rates
+    w, u = a[ANGULAR_SPEED_BOUND], a[ANGULAR_ACCELERATION_BOUND]
+    # Taylor bounds |d|, |d'| and |d''| over the interval; then X.
+    jerk = a[JERK_BOUND] + b[JERK_BOUND]
+    speed = speed + half * (acceleration + 0.5 * half * jerk)
+    acceleration += half * jerk
+    distance += half * speed
+    jerk += 3.0 * (w * acceleration + (u + w * w) * speed) + rotation_jerk_bound(a) * distance
+    jerk = min(jerk, cube * links)
+    # The same for |y|, then Ψ, the bounds of |ψ'| and |ψ|, and Q.
+    angular_jerk = a[ANGULAR_JERK_BOUND] + b[ANGULAR_JERK_BOUND]
+    difference = spin + half * (difference_rate + 0.5 * half * angular_jerk)
+    angular_jerk += 2.0 * w * (u + b[ANGULAR_ACCELERATION_BOUND]) + (u + w * w) * difference
+    angular_jerk = min(angular_jerk, 0.5 * cube)
+    max_spin_rate = spin_rate + half * angular_jerk
+    max_spin = min(spin + half * (spin_rate + 0.5 * half * angular_jerk), rates)
+    rotation_jerk = angular_jerk + 3.0 * max_spin * max_spin_rate + max_spin * max_spin * max_spin
+    return jerk + radius * min(rotation_jerk, cube)
 
 
 @njit(**KERNEL)
-def approach(
-    a: Array, b: Array, half: float, radius: float, arm: float, found: Array
+def relative_motion_bound(
+    a: Array, b: Array, half: float, radius: float, links: float, relative: Array
 ) -> tuple[float, float]:
-    """How body b moves as seen from body a.
+    """Bound how near body b gets to body a: lemmas 5 and 6.
 
     Args:
-        a, b: (…,) bodies, see ``planner.kernels.bodies``.
-        half: How far s goes both ways.
-        radius: Of the modules.
-        arm: What the chain between them that moves is at most long.
-        found: (WIDTH,) written.
+        a, b: (BODY_COLUMNS,) bodies, see ``planner.kernels.bodies``.
+        half: h: the interval is |s| ≤ h.
+        radius: ρ, of the ball about a module.
+        links: k, links between the two that move against each other.
+        relative: (RELATIVE_COLUMNS,) written.
 
     Returns:
-        How near any point of b may get to a from where it is at s = 0, and the centres' distance.
+        Pitches by which any point of b may get nearer to a than at s = 0, along whatever axis; and
+        the distance of the centres at s = 0.
     """
     dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    wx, wy, wz = a[SPIN], a[SPIN + 1], a[SPIN + 2]
-    tx, ty, tz = a[TURNING], a[TURNING + 1], a[TURNING + 2]
+    wx, wy, wz = a[ANGULAR_VELOCITY], a[ANGULAR_VELOCITY + 1], a[ANGULAR_VELOCITY + 2]
+    tx = a[ANGULAR_ACCELERATION]
+    ty = a[ANGULAR_ACCELERATION + 1]
+    tz = a[ANGULAR_ACCELERATION + 2]
     vx = b[VELOCITY] - a[VELOCITY]
     vy = b[VELOCITY + 1] - a[VELOCITY + 1]
     vz = b[VELOCITY + 2] - a[VELOCITY + 2]
     ax = b[ACCELERATION] - a[ACCELERATION]
     ay = b[ACCELERATION + 1] - a[ACCELERATION + 1]
     az = b[ACCELERATION + 2] - a[ACCELERATION + 2]
-    cx, cy, cz = wy * dz - wz * dy, wz * dx - wx * dz, wx * dy - wy * dx
-    # The velocity seen from a is v − ω × d, the acceleration a − ω' × d − 2 ω × v + ω × (ω × d).
+    cx, cy, cz = wy * dz - wz * dy, wz * dx - wx * dz, wx * dy - wy * dx  # ω × d
+    # Lemma 5: u = d' − ω × d and e = d'' − ω' × d − 2 ω × d' + ω × (ω × d).
     ux, uy, uz = vx - cx, vy - cy, vz - cz
     ex, ey, ez = cx - 2.0 * vx, cy - 2.0 * vy, cz - 2.0 * vz
     px = ax - (ty * dz - tz * dy) + wy * ez - wz * ey
     py = ay - (tz * dx - tx * dz) + wz * ex - wx * ez
     pz = az - (tx * dy - ty * dx) + wx * ey - wy * ex
-    yx, yy, yz = b[SPIN] - wx, b[SPIN + 1] - wy, b[SPIN + 2] - wz
-    sx, sy, sz = b[TURNING] - tx, b[TURNING + 1] - ty, b[TURNING + 2] - tz
+    # ψ = y = ω_b − ω_a, and ψ' = y' − ω_a × y.
+    yx = b[ANGULAR_VELOCITY] - wx
+    yy = b[ANGULAR_VELOCITY + 1] - wy
+    yz = b[ANGULAR_VELOCITY + 2] - wz
+    sx = b[ANGULAR_ACCELERATION] - tx
+    sy = b[ANGULAR_ACCELERATION + 1] - ty
+    sz = b[ANGULAR_ACCELERATION + 2] - tz
     zx, zy, zz = sx - (wy * yz - wz * yy), sy - (wz * yx - wx * yz), sz - (wx * yy - wy * yx)
+    relative[REL_VELOCITY], relative[REL_VELOCITY + 1], relative[REL_VELOCITY + 2] = ux, uy, uz
+    relative[REL_ACCELERATION] = px
+    relative[REL_ACCELERATION + 1] = py
+    relative[REL_ACCELERATION + 2] = pz
+    relative[REL_ANGULAR_VELOCITY] = yx
+    relative[REL_ANGULAR_VELOCITY + 1] = yy
+    relative[REL_ANGULAR_VELOCITY + 2] = yz
     distance = length(dx, dy, dz)
-    rates = abs(b[RATES] - a[RATES])
-    cube = rates * rates * rates
-    # Bounds over the while: of d and its derivatives, then of what a sees.
-    w, u = a[MOST_SPIN], a[MOST_TURNING]
-    hard = length(ax, ay, az)
-    jerk = a[MOST_JERK] + b[MOST_JERK]
-    fast = length(vx, vy, vz) + half * (hard + 0.5 * half * jerk)
-    hard += half * jerk
-    far = distance + half * fast
-    jerk += 3.0 * (w * hard + (u + w * w) * fast) + spatial_jerk(a) * far
-    jerk = min(jerk, cube * arm)
-    roll = length(yx, yy, yz)
-    rolling = length(zx, zy, zz)
-    twist = a[MOST_TWIST] + b[MOST_TWIST]
-    spin = roll + half * (length(sx, sy, sz) + 0.5 * half * twist)
-    twist += 2.0 * w * (u + b[MOST_TURNING]) + (u + w * w) * spin
-    twist = min(twist, 0.5 * cube)
-    most_turning = rolling + half * twist
-    most_roll = min(roll + half * (rolling + 0.5 * half * twist), rates)
-    around = min(twist + 3.0 * most_roll * most_turning + most_roll * most_roll * most_roll, cube)
-    found[SLIDE], found[SLIDE + 1], found[SLIDE + 2] = ux, uy, uz
-    found[PULL], found[PULL + 1], found[PULL + 2] = px, py, pz
-    found[ROLL], found[ROLL + 1], found[ROLL + 2] = yx, yy, yz
-    found[REST] = 0.5 * half * half * radius * (rolling + roll * roll)
-    found[REST] += half * half * half / 6.0 * (jerk + radius * around)
-    slide = length(ux, uy, uz)
-    pull = length(px, py, pz)
-    return half * (slide + 0.5 * half * pull + radius * roll) + found[REST], distance
+    spin, spin_rate = length(yx, yy, yz), length(zx, zy, zz)
+    third = _third_derivative_bound(
+        a,
+        b,
+        half,
+        radius,
+        links,
+        (distance, length(vx, vy, vz), length(ax, ay, az)),
+        (spin, spin_rate, length(sx, sy, sz)),
+    )
+    relative[REMAINDER] = 0.5 * half * half * radius * (spin_rate + spin * spin)
+    relative[REMAINDER] += half * half * half / 6.0 * third
+    speed = length(ux, uy, uz)
+    acceleration = length(px, py, pz)
+    loss = half * (speed + 0.5 * half * acceleration + radius * spin) + relative[REMAINDER]
+    return loss, distance
 
 
 @njit(**KERNEL)
-def loss_along(found: Array, axis: Array, half: float, radius: float) -> float:
-    """How far any point of b may get along a unit axis (3,) that is fixed in a."""
+def directional_motion_bound(relative: Array, axis: Array, half: float, radius: float) -> float:
+    """Return loss(n) of lemma 6: how near any point of b gets along an axis fixed in a.
+
+    Args:
+        relative: (RELATIVE_COLUMNS,) of ``relative_motion_bound``.
+        axis: (3,) n, of length 1.
+        half, radius: h and ρ.
+    """
     x, y, z = axis[0], axis[1], axis[2]
-    slide = abs(x * found[SLIDE] + y * found[SLIDE + 1] + z * found[SLIDE + 2])
-    pull = abs(x * found[PULL] + y * found[PULL + 1] + z * found[PULL + 2])
-    rx, ry, rz = found[ROLL], found[ROLL + 1], found[ROLL + 2]
-    roll = length(y * rz - z * ry, z * rx - x * rz, x * ry - y * rx)
-    return half * (slide + 0.5 * half * pull + radius * roll) + found[REST]
+    speed = abs(
+        x * relative[REL_VELOCITY] + y * relative[REL_VELOCITY + 1] + z * relative[REL_VELOCITY + 2]
+    )
+    acceleration = abs(
+        x * relative[REL_ACCELERATION]
+        + y * relative[REL_ACCELERATION + 1]
+        + z * relative[REL_ACCELERATION + 2]
+    )
+    rx = relative[REL_ANGULAR_VELOCITY]
+    ry = relative[REL_ANGULAR_VELOCITY + 1]
+    rz = relative[REL_ANGULAR_VELOCITY + 2]
+    spin = length(y * rz - z * ry, z * rx - x * rz, x * ry - y * rx)
+    return half * (speed + 0.5 * half * acceleration + radius * spin) + relative[REMAINDER]

@@ -9,6 +9,8 @@ Manocha: OBBTree, 1996). So its sign decides collision exactly.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -19,12 +21,34 @@ from planner.kernels.pairs import near_pairs
 
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]
-ROUNDING = 1e-9
-"""Pitches that bounds are widened by, so that rounding skips no pair that may be the closest."""
+MIN_CROSS = 1e-9
+"""Least length of a cross product of two unit edges that is a candidate axis. Shorter ones are
+parallel edges up to rounding, and the face normals cover them. Chosen."""
+MIN_CROSS_SQUARE = 1e-18
+"""Square of ``MIN_CROSS``, for boxes."""
+DISTANCE_MARGIN = 1e-9
+"""Pitches by which ``module_clearances`` widens bounds from centre distances. Smaller values than
+the rounding error of a distance could skip the closest pair. Chosen."""
+
+
+class Solid(NamedTuple):
+    """A module as a solid.
+
+    Attributes:
+        hull: Full-size hull.
+        size: Scale of the hull.
+        inner_radius: Radius of the largest ball about the full-size module's centre that fits into
+            it, in pitches.
+    """
+
+    hull: Hull
+    size: float
+    inner_radius: float
 
 
 @njit(**INNER)
 def _interval(vertices: Array, axis: Array) -> tuple[float, float]:
+    """Return the least and the largest projection of (V, 3) vertices on an axis."""
     low = np.inf
     high = -np.inf
     for k in range(vertices.shape[0]):
@@ -35,7 +59,17 @@ def _interval(vertices: Array, axis: Array) -> tuple[float, float]:
 
 
 @njit(**INNER)
+def _rotate(rotation: Array, vector: Array, out: Array) -> None:
+    """Write the product of a (3, 3) rotation and a (3,) vector."""
+    for r in range(3):
+        out[r] = (
+            rotation[r, 0] * vector[0] + rotation[r, 1] * vector[1] + rotation[r, 2] * vector[2]
+        )
+
+
+@njit(**INNER)
 def _rotate_transposed(rotation: Array, vector: Array, out: Array) -> None:
+    """Write the product of the transpose of a (3, 3) rotation and a (3,) vector."""
     for c in range(3):
         out[c] = (
             rotation[0, c] * vector[0] + rotation[1, c] * vector[1] + rotation[2, c] * vector[2]
@@ -43,81 +77,105 @@ def _rotate_transposed(rotation: Array, vector: Array, out: Array) -> None:
 
 
 @njit(**INNER)
+def _box_axis_separation(k: int, across: Array, relative: Array, half: Array) -> float:
+    """Return the separation of two boxes along candidate axis k of 15; −∞ for parallel edges.
+
+    Candidates are the 3 face normals of a, the 3 of b, and the cross products of edge r of a and
+    edge c of b for k = 6 + 3 r + c (Gottschalk, Lin, Manocha 1996).
+
+    Args:
+        k: Number of the axis.
+        across: (3,) from centre a to centre b, in a's frame.
+        relative: (3, 3) rotation of b in a's frame.
+        half: (3,) half of the box along its axes.
+    """
+    scale = 1.0
+    if k < 3:
+        distance = across[k]
+        reach = (
+            half[k]
+            + abs(relative[k, 0]) * half[0]
+            + abs(relative[k, 1]) * half[1]
+            + abs(relative[k, 2]) * half[2]
+        )
+    elif k < 6:
+        c = k - 3
+        distance = (
+            across[0] * relative[0, c] + across[1] * relative[1, c] + across[2] * relative[2, c]
+        )
+        reach = (
+            half[c]
+            + abs(relative[0, c]) * half[0]
+            + abs(relative[1, c]) * half[1]
+            + abs(relative[2, c]) * half[2]
+        )
+    else:
+        r, c = (k - 6) // 3, (k - 6) % 3
+        r1, r2, c1, c2 = (r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3
+        scale = relative[r1, c] * relative[r1, c] + relative[r2, c] * relative[r2, c]
+        if scale < MIN_CROSS_SQUARE:
+            return -np.inf
+        scale = 1.0 / np.sqrt(scale)
+        distance = across[r2] * relative[r1, c] - across[r1] * relative[r2, c]
+        reach = (
+            half[r1] * abs(relative[r2, c])
+            + half[r2] * abs(relative[r1, c])
+            + half[c1] * abs(relative[r, c2])
+            + half[c2] * abs(relative[r, c1])
+        )
+    return (abs(distance) - reach) * scale
+
+
+@njit(**INNER)
+def _write_box_axis(
+    k: int, rotation_a: Array, rotation_b: Array, relative: Array, axis: Array
+) -> None:
+    """Write the (3,) unit vector of candidate axis k of ``_box_axis_separation``."""
+    for x in range(3):
+        if k < 3:
+            axis[x] = rotation_a[x, k]
+        elif k < 6:
+            axis[x] = rotation_b[x, k - 3]
+        else:
+            r, c = (k - 6) // 3, (k - 6) % 3
+            r1, r2 = (r + 1) % 3, (r + 2) % 3
+            scale = np.sqrt(relative[r1, c] * relative[r1, c] + relative[r2, c] * relative[r2, c])
+            axis[x] = (
+                relative[r1, c] * rotation_a[x, r2] - relative[r2, c] * rotation_a[x, r1]
+            ) / scale
+
+
+@njit(**INNER)
 def _box_separation(
     gap: Array, rotation_a: Array, rotation_b: Array, half: Array, enough: float, best_axis: Array
 ) -> float:
     """``separation_along`` for two boxes about their centres, ``half`` (3,) as wide each way."""
-    seen = np.empty((3, 3))
+    relative = np.empty((3, 3))
     across = np.empty(3)
     best = -np.inf
     which = 0
+    _rotate_transposed(rotation_a, gap, across)
     for r in range(3):
-        across[r] = (
-            rotation_a[0, r] * gap[0] + rotation_a[1, r] * gap[1] + rotation_a[2, r] * gap[2]
-        )
         for c in range(3):
-            seen[r, c] = (
+            relative[r, c] = (
                 rotation_a[0, r] * rotation_b[0, c]
                 + rotation_a[1, r] * rotation_b[1, c]
                 + rotation_a[2, r] * rotation_b[2, c]
             )
     for k in range(15):
-        scale = 1.0
-        if k < 3:
-            distance = across[k]
-            reach = (
-                half[k]
-                + abs(seen[k, 0]) * half[0]
-                + abs(seen[k, 1]) * half[1]
-                + abs(seen[k, 2]) * half[2]
-            )
-        elif k < 6:
-            c = k - 3
-            distance = across[0] * seen[0, c] + across[1] * seen[1, c] + across[2] * seen[2, c]
-            reach = (
-                half[c]
-                + abs(seen[0, c]) * half[0]
-                + abs(seen[1, c]) * half[1]
-                + abs(seen[2, c]) * half[2]
-            )
-        else:
-            r, c = (k - 6) // 3, (k - 6) % 3
-            r1, r2, c1, c2 = (r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3
-            scale = seen[r1, c] * seen[r1, c] + seen[r2, c] * seen[r2, c]
-            if scale < 1e-18:
-                continue
-            scale = 1.0 / np.sqrt(scale)
-            distance = across[r2] * seen[r1, c] - across[r1] * seen[r2, c]
-            reach = (
-                half[r1] * abs(seen[r2, c])
-                + half[r2] * abs(seen[r1, c])
-                + half[c1] * abs(seen[r, c2])
-                + half[c2] * abs(seen[r, c1])
-            )
-        separation = (abs(distance) - reach) * scale
+        separation = _box_axis_separation(k, across, relative, half)
         if separation > best:
             best = separation
             which = k
             if best >= enough:
                 break
-    for x in range(3):
-        if which < 3:
-            best_axis[x] = rotation_a[x, which]
-        elif which < 6:
-            best_axis[x] = rotation_b[x, which - 3]
-        else:
-            r, c = (which - 6) // 3, (which - 6) % 3
-            r1, r2 = (r + 1) % 3, (r + 2) % 3
-            scale = np.sqrt(seen[r1, c] * seen[r1, c] + seen[r2, c] * seen[r2, c])
-            best_axis[x] = (
-                seen[r1, c] * rotation_a[x, r2] - seen[r2, c] * rotation_a[x, r1]
-            ) / scale
+    _write_box_axis(which, rotation_a, rotation_b, relative, best_axis)
     return best
 
 
 @njit(**INNER)
 def _is_box(hull: Hull) -> bool:
-    """Whether the hull is a box along its own axes, about its centre."""
+    """Return True if the hull is a box along its own axes, about its centre."""
     vertices, normals, edges = hull.vertices, hull.normals, hull.edges
     if vertices.shape[0] != 8 or normals.shape[0] != 3 or edges.shape[0] != 3:
         return False
@@ -147,35 +205,22 @@ def separation_along(
     best = -np.inf
     axis = np.empty(3)
     local = np.empty(3)
-    axis_a = np.empty(3)
-    axis_b = np.empty(3)
+    edge_a = np.empty(3)
+    edge_b = np.empty(3)
     faces = normals.shape[0]
     count = edges.shape[0]
     for k in range(2 * faces + count * count):
         if k < 2 * faces:
             rotation = rotation_a if k < faces else rotation_b
-            normal = normals[k % faces]
-            for r in range(3):
-                axis[r] = (
-                    rotation[r, 0] * normal[0]
-                    + rotation[r, 1] * normal[1]
-                    + rotation[r, 2] * normal[2]
-                )
+            _rotate(rotation, normals[k % faces], axis)
         else:
-            ea = edges[(k - 2 * faces) // count]
-            eb = edges[(k - 2 * faces) % count]
-            for r in range(3):
-                axis_a[r] = (
-                    rotation_a[r, 0] * ea[0] + rotation_a[r, 1] * ea[1] + rotation_a[r, 2] * ea[2]
-                )
-                axis_b[r] = (
-                    rotation_b[r, 0] * eb[0] + rotation_b[r, 1] * eb[1] + rotation_b[r, 2] * eb[2]
-                )
-            axis[0] = axis_a[1] * axis_b[2] - axis_a[2] * axis_b[1]
-            axis[1] = axis_a[2] * axis_b[0] - axis_a[0] * axis_b[2]
-            axis[2] = axis_a[0] * axis_b[1] - axis_a[1] * axis_b[0]
+            _rotate(rotation_a, edges[(k - 2 * faces) // count], edge_a)
+            _rotate(rotation_b, edges[(k - 2 * faces) % count], edge_b)
+            axis[0] = edge_a[1] * edge_b[2] - edge_a[2] * edge_b[1]
+            axis[1] = edge_a[2] * edge_b[0] - edge_a[0] * edge_b[2]
+            axis[2] = edge_a[0] * edge_b[1] - edge_a[1] * edge_b[0]
             length = np.sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2])
-            if length < 1e-9:
+            if length < MIN_CROSS:
                 continue
             for r in range(3):
                 axis[r] /= length
@@ -206,14 +251,14 @@ def pair_separation(
     size: float,
     enough: float,
 ) -> float:
-    """Separation of two equal convex modules, see the top of this file.
+    """Return the separation of two equal convex modules, see the top of this file.
 
     Args:
-        gap: (3,) centre of b minus centre of a.
+        gap: (3,) centre of b minus centre of a, in pitches.
         rotation_a, rotation_b: (3, 3) orientations.
-        hull: Of both modules.
+        hull: Full-size hull of both modules.
         size: Scale of the hull.
-        enough: Stop as soon as the separation is known to be at least this.
+        enough: Pitches; the search stops when the separation is known to be at least this.
     """
     return separation_along(gap, rotation_a, rotation_b, hull, size, enough, np.empty(3))
 
@@ -227,10 +272,15 @@ def least_separation(
     size: float,
     enough: float,
 ) -> tuple[float, int, int]:
-    """The least separation over pairs of one configuration, and the pair that has it.
+    """Return the least separation over pairs of one configuration, and the pair that has it.
 
-    Pairs known to be at least ``enough`` apart are not looked at closely; when all are, the result
-    is ``enough`` with the pair (−1, −1).
+    If all pairs are at least ``enough`` apart, the result is ``enough`` with the pair (−1, −1).
+
+    Args:
+        positions, rotations: (n, 3) centres in pitches, (n, 3, 3) orientations.
+        pairs: (P, 2) modules.
+        hull, size: Full-size hull of each module, and its scale.
+        enough: Pitches from which on separations are not told apart.
     """
     best = enough
     first = -1
@@ -258,44 +308,41 @@ def least_separation(
 def module_clearances(
     positions: Array,
     rotations: Array,
-    hull: Hull,
-    inner_radius: float,
-    size: float,
-    apart: int,
-    reach: float,
+    solid: Solid,
+    min_checked_gap: int,
+    cutoff: float,
     clearance: NDArray[np.float32],
     nearest: NDArray[np.int32],
 ) -> None:
-    """Writes every module's least separation from the others in every configuration, and who it is.
+    """Write the least separation of every module in every configuration, and the other module.
 
     A separation lies between the centres' distance less two radii and less two inner radii, so the
-    nearest centre of a module bounds its result, and most pairs need no closer look.
+    nearest centre of a module bounds its result, and most pairs need no separating axes.
 
     Args:
         positions: (F, n, 3) centres.
         rotations: (F, n, 3, 3) orientations.
-        hull: Of each module.
-        inner_radius: Of the ball about a module's centre that fits into it.
-        size: Scale of the hull.
-        apart: Pairs fewer links apart don't count.
-        reach: Separations of this and more are not told apart.
-        clearance: (F, n) written; ``reach`` where nothing is nearer.
+        solid: Each module.
+        min_checked_gap: Pairs fewer links apart don't count.
+        cutoff: Pitches from which on separations are not told apart.
+        clearance: (F, n) written; ``cutoff`` where nothing is nearer.
         nearest: (F, n) written: the other module of the pair; −1 where nothing is nearer.
     """
     frames, n = positions.shape[:2]
+    hull, size = solid.hull, solid.size
     outer = 2.0 * hull.radius * size
-    inner = 2.0 * inner_radius * size
+    inner = 2.0 * solid.inner_radius * size
     best = np.empty(n)
     bound = np.empty(n)
     gap = np.empty(3)
     for f in range(frames):
         points = positions[f]
-        pairs = near_pairs(points, outer + reach, apart)
+        pairs = near_pairs(points, outer + cutoff, min_checked_gap)
         count = pairs.shape[0]
         distances = np.empty(count)
         for i in range(n):
-            best[i] = reach
-            bound[i] = reach
+            best[i] = cutoff
+            bound[i] = cutoff
             nearest[f, i] = -1
         for k in range(count):
             i = pairs[k, 0]
@@ -304,7 +351,7 @@ def module_clearances(
             dy = points[j, 1] - points[i, 1]
             dz = points[j, 2] - points[i, 2]
             distances[k] = np.sqrt(dx * dx + dy * dy + dz * dz)
-            most = distances[k] - inner + ROUNDING
+            most = distances[k] - inner + DISTANCE_MARGIN
             bound[i] = min(bound[i], most)
             bound[j] = min(bound[j], most)
         for k in range(count):

@@ -1,10 +1,10 @@
-"""How far linked modules of full size overlap during a motion, compiled.
+"""Depth by which linked modules overlap during a motion, compiled: decision 0018.
 
-How two linked modules lie depends on the angles of their joint alone. The next module's near face
-looks along a direction d of length 1; the module reaches through that face by h = max v·d − c, over
-its corners v as seen from the joint, with c the distance of the face. The overlap is never more
-than h. Between two frames the hinges turn evenly, by Δq: every v·d then stays within |v| (Σ|Δq|)²/8
-of the line through its values at both ends, and h is at most the larger of its two plus as much.
+The relative pose of two linked modules depends on the angles of their joint alone. The near face of
+the next module faces a direction d of length 1; the module extends through that face by
+h = max v·d − c, over its corners v in the joint's frame, with c the distance of the face. The
+overlap is at most h. Between two frames the hinges turn evenly, by Δq: every v·d then stays within
+|v| (Σ|Δq|)²/8 of linear interpolation, and h is at most the larger one of both ends plus as much.
 """
 # pyright: reportUntypedFunctionDecorator=false
 
@@ -26,14 +26,14 @@ Ints = NDArray[np.int64]
 
 
 class Link(NamedTuple):
-    """A joint and the two full-size hulls that it links.
+    """A joint and the two hulls that it links.
 
     Attributes:
-        joint: Between the two.
-        hull: Of both.
+        joint: The joint.
+        hull: Full-size hull of both modules.
         size: Scale of the hulls.
-        face: (3,) where the next module's near face looks in its own frame, and ...
-        distance: ... how far from the joint that face is.
+        face: (3,) unit normal of the next module's near face, in that module's frame.
+        distance: Distance of that face from the joint in pitches.
     """
 
     joint: Joint
@@ -44,9 +44,13 @@ class Link(NamedTuple):
 
 
 class Overlap(NamedTuple):
-    """The deepest overlap found, when that is (a half: between two frames), which joint; a bound.
+    """The deepest overlap of a motion.
 
-    The joint is −1 when nothing overlaps.
+    Attributes:
+        depth: Deepest overlap seen, in pitches; 0 if nothing overlaps.
+        frame: Frame number of it; a half means halfway between two frames.
+        joint: Number of the joint; −1 if nothing overlaps.
+        bound: Upper bound of the overlap over the whole motion, in pitches.
     """
 
     depth: float
@@ -56,8 +60,8 @@ class Overlap(NamedTuple):
 
 
 @njit(**INNER)
-def _turned(axis: Array, angle: float, vector: Array, out: Array) -> None:
-    """Writes a vector turned about an axis of length 1."""
+def _rotate_about(axis: Array, angle: float, vector: Array, out: Array) -> None:
+    """Write a vector rotated about an axis of length 1 (Rodrigues); ``out`` may be ``vector``."""
     c, s = np.cos(angle), np.sin(angle)
     along = (axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]) * (1.0 - c)
     x = axis[1] * vector[2] - axis[2] * vector[1]
@@ -71,33 +75,36 @@ def _turned(axis: Array, angle: float, vector: Array, out: Array) -> None:
 
 
 @njit(**INNER)
-def _reach(link: Link, angles: Array, towards: Array) -> float:
-    """How far the module reaches through the next one's near face."""
+def _extension(link: Link, angles: Array, towards: Array) -> float:
+    """Return h, by which the module extends through the near face of the next one, in pitches.
+
+    ``towards`` (3,) receives d.
+    """
     for r in range(3):
         towards[r] = 0.0
         for c in range(3):
             towards[r] += link.joint.turn[r, c] * link.face[c]
     for k in range(angles.shape[0] - 1, -1, -1):
-        _turned(link.joint.axes[k], angles[k], towards, towards)
-    most = -np.inf
+        _rotate_about(link.joint.axes[k], angles[k], towards, towards)
+    extent = -np.inf
     for v in range(link.hull.vertices.shape[0]):
         along = 0.0
         for r in range(3):
             along += (link.size * link.hull.vertices[v, r] - link.joint.anchor[r]) * towards[r]
-        most = max(most, along)
-    return most - link.distance
+        extent = max(extent, along)
+    return extent - link.distance
 
 
 @njit(**INNER)
-def _depth(link: Link, angles: Array) -> float:
-    """How deep the two modules overlap, by separating axes; below 0 when they are apart."""
+def _overlap(link: Link, angles: Array) -> float:
+    """Return the overlap of the two modules by separating axes, in pitches; below 0 if apart."""
     rotation = link.joint.turn.copy()
     column = np.empty(3)
     gap = np.zeros(3)
     for r in range(3):
         copy_vector(rotation[:, r], column)
         for k in range(angles.shape[0] - 1, -1, -1):
-            _turned(link.joint.axes[k], angles[k], column, column)
+            _rotate_about(link.joint.axes[k], angles[k], column, column)
         copy_vector(column, rotation[:, r])
         for i in range(3):
             gap[i] += column[i] * link.joint.offset[r]
@@ -116,24 +123,24 @@ def _depth(link: Link, angles: Array) -> float:
 def deepest_overlap(
     link: Link, folded: Array, first: Ints, offsets: Ints, values: Array
 ) -> Overlap:
-    """The deepest overlap of linked modules over the frames of a motion and halfway between them.
+    """Find the deepest overlap of linked modules at all frames and halfway between them.
 
     Args:
-        link: What is linked, and how.
-        folded: (J,) hinge angles before a window; behind it they are 0.
-        first: (F,) hinges at which the frames' windows begin.
-        offsets: (F + 1,) where each window begins in ``values``.
-        values: The angles of all windows.
+        link: The joint and its hulls.
+        folded: (J,) hinge angles before a window in radians; behind it they are 0.
+        first: (F,) first hinge of each frame's window.
+        offsets: (F + 1,) start of each window in ``values``.
+        values: Angles of all windows in radians.
     """
     hinges = link.joint.axes.shape[0]
     frames = first.shape[0]
-    longest = 0.0
+    longest = 0.0  # of |v|
     for v in range(link.hull.vertices.shape[0]):
         away = link.size * link.hull.vertices[v] - link.joint.anchor
         longest = max(longest, np.sqrt((away**2).sum()))
     towards = np.empty(3)
     here, there, halfway = np.empty(hinges), np.empty(hinges), np.empty(hinges)
-    depth, frame, who, bound = 0.0, 0.0, -1, 0.0
+    depth, frame, joint, bound = 0.0, 0.0, -1, 0.0
     for k in range(frames):
         to = min(k + 1, frames - 1)
         low = min(first[k], first[to])
@@ -159,14 +166,14 @@ def deepest_overlap(
                         there[a] = angle
                 halfway[a] = 0.5 * (here[a] + there[a])
                 turned += abs(there[a] - here[a])
-            begins, ends = _reach(link, here, towards), _reach(link, there, towards)
+            begins, ends = _extension(link, here, towards), _extension(link, there, towards)
             bound = max(bound, max(begins, ends) + longest * turned**2 / 8.0)
             if begins > depth:
-                found = _depth(link, here)
-                if found > depth:
-                    depth, frame, who = found, float(k), at_link
-            if to > k and _reach(link, halfway, towards) > depth:
-                found = _depth(link, halfway)
-                if found > depth:
-                    depth, frame, who = found, k + 0.5, at_link
-    return Overlap(depth, frame, who, bound)
+                overlap = _overlap(link, here)
+                if overlap > depth:
+                    depth, frame, joint = overlap, float(k), at_link
+            if to > k and _extension(link, halfway, towards) > depth:
+                overlap = _overlap(link, halfway)
+                if overlap > depth:
+                    depth, frame, joint = overlap, k + 0.5, at_link
+    return Overlap(depth, frame, joint, bound)

@@ -1,7 +1,8 @@
-"""The clearance of many frames of a motion and of all between them, compiled.
+"""Proof of the clearance of many frames of a motion and of everything between them, compiled.
 
-A frame has a *core* of folded modules that stay, a *stretch* whose hinges move, and a straight
-*rod* that is rigid with the stretch's last module. Without windows the stretch is the whole chain.
+Lemmas 7 to 9 of docs/decisions/0012-sweep-bound.md. From one frame to the next, a chain has a
+*folded core* that stays, a *stretch* whose hinges move, and a straight *tail* that is rigid with
+the last module of the stretch. Without windows the stretch is the whole chain.
 """
 # pyright: reportUntypedFunctionDecorator=false
 
@@ -14,14 +15,18 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL, ZERO
-from planner.kernels.approach import approach, loss_along
+from planner.kernels.approach import (
+    RELATIVE_COLUMNS,
+    directional_motion_bound,
+    relative_motion_bound,
+)
 from planner.kernels.bodies import (
-    DRIFT,
-    MOST_SPIN,
-    RATES,
+    ANGULAR_SPEED_BOUND,
+    BODY_COLUMNS,
+    DISPLACEMENT_BOUND,
+    RATE_SUM,
     ROTATION,
     VELOCITY,
-    WIDTH,
     length,
     move_bodies,
     rod_body,
@@ -33,43 +38,58 @@ from planner.kernels.pairs import append_pair, near_pairs
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-MOST_HALVINGS = 16
-"""Times that an interval is halved to prove a pair clear."""
-WILD = 1.0
-"""Way of a module in pitches above which pairs are looked for along the chain."""
-MOST_NEAR = 32
-"""Pairs for a module, in the mean, above which such an interval is halved first."""
-MOST_TAMINGS = 12
-"""Times that an interval is halved for that: docs/decisions/0012-sweep-bound.md."""
-ROUNDING = 1e-9
-"""Clearance in pitches that a bound must prove for a pair to pass."""
-TIGHT_HALVINGS = 8
-"""Halvings up to which a bound must prove a share of the least clearance seen."""
+MAX_BISECTIONS = 16
+"""Bisections of an interval to prove its pairs clear. Beyond it the clearance counts as unproved
+and the plan is refused. More prove nearer passes and cost time where modules touch: decision
+0012."""
+LARGE_MOTION = 1.0
+"""Displacement of a module in pitches above which pairs are searched along the chain, and above
+which a tail module that may meet something has the interval bisected first. Chosen."""
+MAX_PAIRS_PER_MODULE = 32
+"""Pairs per module of the stretch, in the mean, above which an interval of large motion is bisected
+before its pairs are checked. More cost time on pairs that smaller intervals exclude: decision
+0012."""
+MAX_COARSE_BISECTIONS = 12
+"""Bisections of an interval whose motion is too large for the broad phase. Beyond it the clearance
+counts as unproved and the plan is refused. Decision 0012."""
+ROUNDING_MARGIN = 1e-9
+"""Pitches that a lower bound must exceed for a pair to pass: lemma 10. Smaller values than the
+rounding error, 1e-10 for 10 000 modules, would prove nothing."""
+TIGHT_BISECTIONS = 8
+"""Bisections up to which a lower bound must reach a ratio of the least clearance seen. More give
+tighter bounds and cost time. Decision 0012."""
+
+MIDDLE, HALF_WIDTH = 0, 1
+"""Columns of the interval stack: middle and half width, in units of the time between two frames."""
+FIRST_PAIR, END_PAIR, BISECTIONS = 0, 1, 2
+"""Columns of the pair range stack: which of the unresolved pairs belong to an interval (the first
+is −1 if its pairs are still to be searched), and how many bisections led to it."""
 
 
 class Shape(NamedTuple):
-    """What a sweep knows of the chain.
+    """A chain as the sweep sees it.
 
     Attributes:
         joint, hull: Of the module.
         size: Scale of the hull.
-        apart: Pairs fewer links apart don't count.
-        root: The module held still when there is no core; −1 when the core is.
-        folded: (J,) hinge angles of the core.
-        core: (n, WIDTH) the folded modules as bodies at rest.
+        min_checked_gap: Pairs fewer links apart are not checked.
+        root: Module held still when there is no folded core; −1 when the core is.
+        folded_rad: (J,) hinge angles of the folded core.
+        core: (n, BODY_COLUMNS) the folded modules as bodies at rest.
         boxes: (n, 6) corners of the box around the centres of the folded modules up to each.
-        origin, width, cells, starts, members: A grid of the folded centres: its corner, how wide
-            its cells are and how many there are along x, y and z; cell c holds
+        origin, width, cells, starts, members: A grid of the folded centres: its corner (3,), the
+            width of a cell in pitches, the number of cells along x, y and z; cell c holds
             ``members[starts[c]:starts[c + 1]]``, and c counts along z first.
-        places, rotations: (n, 3), (n, 3, 3) modules of a rod as seen from the one it starts at.
+        tail_positions, tail_rotations: (n, 3), (n, 3, 3) modules of a straight tail in the frame
+            of the module that it begins at.
     """
 
     joint: Joint
     hull: Hull
     size: float
-    apart: int
+    min_checked_gap: int
     root: int
-    folded: Array
+    folded_rad: Array
     core: Array
     boxes: Array
     origin: Array
@@ -77,14 +97,18 @@ class Shape(NamedTuple):
     cells: Ints
     starts: Ints
     members: Ints
-    places: Array
-    rotations: Array
+    tail_positions: Array
+    tail_rotations: Array
 
 
 class Angles(NamedTuple):
-    """Frames: window k begins at hinge ``first[k]`` with ``values[offsets[k] - shift]``.
+    """Hinge angles of frames.
 
-    ``shift`` is what comes before ``values`` begin.
+    Attributes:
+        first: (F,) first hinge of each frame's window.
+        offsets: (F + 1,) start of each window among all angles.
+        shift: Number of angles that come before ``values``.
+        values: Angles in radians; window k begins at ``values[offsets[k] - shift]``.
     """
 
     first: Ints
@@ -93,26 +117,93 @@ class Angles(NamedTuple):
     values: Array
 
 
-class Found(NamedTuple):
-    """The closest place of a stretch of frames: see ``planner.clearance.sweep.Sweep``.
+class SweepResult(NamedTuple):
+    """The closest place of some frames and between them, see ``planner.clearance.sweep.Sweep``.
 
-    ``unbounded`` is −1 where everything is bounded.
+    Attributes:
+        clearance: Least clearance seen, in pitches.
+        frame: Frame number of it; a fraction means between two.
+        first, second: The two modules, −1 if nothing is nearer than the cutoff.
+        lower_bound: Lower bound of the clearance everywhere.
+        unproved_at: Frame number around which nothing was proved; −1 if all is proved.
+        midpoints: Configurations between frames that were checked.
     """
 
     clearance: float
-    where: float
+    frame: float
     first: int
     second: int
-    bound: float
-    unbounded: float
-    in_betweens: int
+    lower_bound: float
+    unproved_at: float
+    midpoints: int
+
+
+class Stretch(NamedTuple):
+    """Motion of a chain from one frame to another one.
+
+    Attributes:
+        low, high: First and last module of the stretch.
+        joint: The module's joint, with the rigid links at the start of the stretch.
+        root: Body of the stretch that is held still.
+        start: Hinge angles of the stretch in the first frame, in radians.
+        rates: What is added to them up to the other frame.
+    """
+
+    low: int
+    high: int
+    joint: Joint
+    root: int
+    start: Array
+    rates: Array
+
+
+class Scratch(NamedTuple):
+    """Arrays that one interval after the other uses.
+
+    Attributes:
+        bodies: (m, BODY_COLUMNS) the modules of the stretch; the root's pose is given.
+        points: (m, 3) their centres.
+        relative: (RELATIVE_COLUMNS,) motion of a pair.
+        tail: (BODY_COLUMNS,) a module of the tail.
+        rotation: (3, 3).
+    """
+
+    bodies: Array
+    points: Array
+    relative: Array
+    tail: Array
+    rotation: Array
+
+
+class PairList(NamedTuple):
+    """The first ``filled`` rows of ``pairs`` (…, 2), which has room for more."""
+
+    pairs: Ints
+    filled: int
+
+
+class Check(NamedTuple):
+    """Result of checking pairs in one interval: lemma 8.
+
+    Attributes:
+        clearance: Least clearance at s = 0.
+        first, second: The two modules that have it; −1 when none is below the cutoff.
+        lower_bound: Least lower bound of the proved pairs, at most the cutoff.
+        unresolved: Pairs whose lower bound does not exceed the target are appended here.
+    """
+
+    clearance: float
+    first: int
+    second: int
+    lower_bound: float
+    unresolved: PairList
 
 
 @njit(**INNER)
-def _stretch(shape: Shape, first: int, last: int, count: int) -> tuple[int, int]:
-    """First and last module of the stretch of a window: everything before and behind is rigid."""
+def _moving_modules(shape: Shape, first: int, last: int) -> tuple[int, int]:
+    """Return first and last module of the stretch whose hinges are ``first`` … ``last`` − 1."""
     if shape.root >= 0:
-        return 0, count - 1
+        return 0, shape.core.shape[0] - 1
     hinges = shape.joint.axes.shape[0]
     low = first // hinges + shape.joint.rigid_links
     if first % hinges:
@@ -122,15 +213,15 @@ def _stretch(shape: Shape, first: int, last: int, count: int) -> tuple[int, int]
 
 
 @njit(**INNER)
-def _fill(shape: Shape, angles: Angles, frame: int, start: int, out: Array) -> None:
-    """Writes the angles of a frame for the hinges from ``start`` on, as many as ``out`` holds."""
+def _write_angles(shape: Shape, angles: Angles, frame: int, start: int, out: Array) -> None:
+    """Write the angles of a frame for the hinges from ``start`` on, as many as ``out`` holds."""
     first = angles.first[frame]
     begin = angles.offsets[frame] - angles.shift
     width = angles.offsets[frame + 1] - angles.offsets[frame]
     for k in range(out.shape[0]):
         hinge = start + k
         if hinge < first:
-            out[k] = shape.folded[hinge]
+            out[k] = shape.folded_rad[hinge]
         elif hinge < first + width:
             out[k] = angles.values[begin + hinge - first]
         else:
@@ -138,26 +229,52 @@ def _fill(shape: Shape, angles: Angles, frame: int, start: int, out: Array) -> N
 
 
 @njit(**INNER)
-def _near_core(
-    shape: Shape, body: Array, module: int, low: int, most: float, pairs: Ints, count: int
-) -> tuple[Ints, int]:
-    """Adds the pairs of a module with those of the core whose centres are nearer than ``most``."""
-    below = min(low, module - shape.apart + 1)
+def _stretch(shape: Shape, angles: Angles, frame: int, to: int) -> Stretch:
+    """Return the motion from one frame to another one, or of one frame to itself."""
+    first, offsets = angles.first, angles.offsets
+    low, high = _moving_modules(
+        shape,
+        min(first[frame], first[to]),
+        max(
+            first[frame] + offsets[frame + 1] - offsets[frame],
+            first[to] + offsets[to + 1] - offsets[to],
+        ),
+    )
+    links, joint = shape.joint.rigid_links, shape.joint
+    rigid = max(0, links - low)  # the first links of a chain have no joint
+    hinges = joint.axes.shape[0]
+    begin = max(0, low - links) * hinges
+    start = np.empty(max(0, high - low - rigid) * hinges)
+    rates = np.empty_like(start)
+    _write_angles(shape, angles, frame, begin, start)
+    _write_angles(shape, angles, to, begin, rates)
+    rates -= start
+    part = Joint(rigid, joint.anchor, joint.axes, joint.turn, joint.offset)
+    return Stretch(low, high, part, max(0, shape.root), start, rates)
+
+
+@njit(**INNER)
+def _append_core_pairs(
+    shape: Shape, body: Array, module: int, low: int, reach: float, near: PairList
+) -> PairList:
+    """Append the pairs of a module with the folded core that have centres nearer than ``reach``."""
+    below = min(low, module - shape.min_checked_gap + 1)
     if below <= 0:
-        return pairs, count
+        return near
     box = shape.boxes[below - 1]
     for r in range(3):
-        if body[r] < box[r] - most or body[r] > box[3 + r] + most:
-            return pairs, count
+        if body[r] < box[r] - reach or body[r] > box[3 + r] + reach:
+            return near
     o = shape.origin
     width = shape.width
     cells = shape.cells
-    x0 = max(0, int(np.floor((body[0] - most - o[0]) / width)))
-    y0 = max(0, int(np.floor((body[1] - most - o[1]) / width)))
-    z0 = max(0, int(np.floor((body[2] - most - o[2]) / width)))
-    x1 = min(cells[0], int(np.floor((body[0] + most - o[0]) / width)) + 1)
-    y1 = min(cells[1], int(np.floor((body[1] + most - o[1]) / width)) + 1)
-    z1 = min(cells[2], int(np.floor((body[2] + most - o[2]) / width)) + 1)
+    x0 = max(0, int(np.floor((body[0] - reach - o[0]) / width)))
+    y0 = max(0, int(np.floor((body[1] - reach - o[1]) / width)))
+    z0 = max(0, int(np.floor((body[2] - reach - o[2]) / width)))
+    x1 = min(cells[0], int(np.floor((body[0] + reach - o[0]) / width)) + 1)
+    y1 = min(cells[1], int(np.floor((body[1] + reach - o[1]) / width)) + 1)
+    z1 = min(cells[2], int(np.floor((body[2] + reach - o[2]) / width)) + 1)
+    pairs, count = near
     for x in range(x0, x1):
         for y in range(y0, y1):
             row = (x * cells[1] + y) * cells[2]
@@ -167,196 +284,230 @@ def _near_core(
                     continue
                 other = shape.core[i]
                 dx, dy, dz = body[0] - other[0], body[1] - other[1], body[2] - other[2]
-                if dx * dx + dy * dy + dz * dz < most * most:
+                if dx * dx + dy * dy + dz * dz < reach * reach:
                     pairs = append_pair(pairs, count, i, module)
                     count += 1
-    return pairs, count
+    return PairList(pairs, count)
 
 
 @njit(**INNER)
-def _near_along(
+def _pairs_along(
     bodies: Array,
-    drift: float,
+    max_displacement: float,
     half: float,
     low: int,
     reach: float,
-    apart: int,
-    pairs: Ints,
-) -> tuple[Ints, int, bool]:
-    """Pairs of a stretch that swings far, and whether they are too many to be looked at.
+    min_checked_gap: int,
+    near: PairList,
+) -> tuple[PairList, bool]:
+    """Find the pairs of a stretch of large motion that may come nearer than ``reach``: lemma 7.
 
-    Seen from one of them, the other goes no farther than both go as seen from the root, and no
-    farther than the hinges between turn times the links between. So few pairs of a nearly straight
-    chain can meet, however far its ends go. Distances shrink by a pitch a link at most and both
-    bounds only grow, so that where a pair is too far for a bound with more links, all with fewer
-    are passed over.
+    Returns:
+        The pairs, and whether they are too many to be checked; then not all are there.
     """
-    count = ZERO
+    pairs, count = near
     m = bodies.shape[0]
     for i in range(m):
-        j = i + apart
+        j = i + min_checked_gap
         while j < m:
             dx = bodies[j, 0] - bodies[i, 0]
             dy = bodies[j, 1] - bodies[i, 1]
             dz = bodies[j, 2] - bodies[i, 2]
             spare = length(dx, dy, dz) - reach
-            own = bodies[i, DRIFT] + bodies[j, DRIFT]
-            between = half * abs(bodies[j, RATES] - bodies[i, RATES]) * (j - i)
+            own = bodies[i, DISPLACEMENT_BOUND] + bodies[j, DISPLACEMENT_BOUND]
+            between = half * abs(bodies[j, RATE_SUM] - bodies[i, RATE_SUM]) * (j - i)
             if spare < min(own, between):
                 pairs = append_pair(pairs, count, low + i, low + j)
                 count += 1
-                if count > MOST_NEAR * m:
-                    return pairs, count, True
+                if count > MAX_PAIRS_PER_MODULE * m:
+                    return PairList(pairs, count), True
+            # Modules j + 1 … j + leap are too far away for the bounds that hold at ``to``.
             leap = int(spare)
             while leap > 0:
                 to = min(j + leap, m - 1)
-                between = half * abs(bodies[to, RATES] - bodies[i, RATES]) * (to - i)
-                if spare - leap >= min(bodies[i, DRIFT] + drift, between):
+                between = half * abs(bodies[to, RATE_SUM] - bodies[i, RATE_SUM]) * (to - i)
+                own = bodies[i, DISPLACEMENT_BOUND] + max_displacement
+                if spare - leap >= min(own, between):
                     break
                 leap //= 2
             j += 1 + max(leap, 0)
-    return pairs, count, False
+    return PairList(pairs, count), False
 
 
 @njit(**INNER)
-def _near(
-    shape: Shape,
-    bodies: Array,
-    points: Array,
-    half: float,
-    low: int,
-    high: int,
-    reach: float,
-    rod: Array,
-    turned: Array,
-    pairs: Ints,
-) -> tuple[Ints, int, bool]:
-    """Pairs that move against each other and may come nearer than ``reach``, and whether it's wild.
+def _stretch_pairs(
+    shape: Shape, part: Stretch, work: Scratch, half: float, reach: float, near: PairList
+) -> tuple[PairList, bool]:
+    """Find the pairs of a stretch that may come nearer than ``reach``: lemma 7.
 
-    Wild: something moves so far that there would be too many; then not all pairs are there.
+    Returns:
+        The pairs, and whether the motion is too large to check them; then not all are there.
     """
-    count = ZERO
-    m = bodies.shape[0]
-    drift = 0.0
-    for k in range(m):
+    bodies, points, low = work.bodies, work.points, part.low
+    max_displacement = 0.0
+    for k in range(bodies.shape[0]):
         copy_vector(bodies[k, :3], points[k])
-        drift = max(drift, bodies[k, DRIFT])
-    if drift > WILD:
-        pairs, count, wild = _near_along(bodies, drift, half, low, reach, shape.apart, pairs)
-        if wild:
-            return pairs, 0, True
-    else:
-        near = near_pairs(points, reach + 2.0 * drift, shape.apart)
-        for p in range(near.shape[0]):
-            i, j = near[p, 0], near[p, 1]
-            dx = points[j, 0] - points[i, 0]
-            dy = points[j, 1] - points[i, 1]
-            dz = points[j, 2] - points[i, 2]
-            most = reach + bodies[i, DRIFT] + bodies[j, DRIFT]
-            if dx * dx + dy * dy + dz * dz < most * most:
-                pairs = append_pair(pairs, count, low + i, low + j)
-                count += 1
-    if shape.root >= 0:
-        return pairs, count, False
-    for k in range(1, m):
-        pairs, count = _near_core(
-            shape, bodies[k], low + k, low, reach + bodies[k, DRIFT], pairs, count
-        )
-    # The rod: along it as far as nothing of it can be near the box of all others.
+        max_displacement = max(max_displacement, bodies[k, DISPLACEMENT_BOUND])
+    if max_displacement > LARGE_MOTION:
+        return _pairs_along(bodies, max_displacement, half, low, reach, shape.min_checked_gap, near)
+    pairs, count = near
+    candidates = near_pairs(points, reach + 2.0 * max_displacement, shape.min_checked_gap)
+    for p in range(candidates.shape[0]):
+        i, j = candidates[p, 0], candidates[p, 1]
+        dx = points[j, 0] - points[i, 0]
+        dy = points[j, 1] - points[i, 1]
+        dz = points[j, 2] - points[i, 2]
+        nearing = reach + bodies[i, DISPLACEMENT_BOUND] + bodies[j, DISPLACEMENT_BOUND]
+        if dx * dx + dy * dy + dz * dz < nearing * nearing:
+            pairs = append_pair(pairs, count, low + i, low + j)
+            count += 1
+    return PairList(pairs, count), False
+
+
+@njit(**INNER)
+def _box_of_others(shape: Shape, part: Stretch, work: Scratch) -> Array:
+    """Return the corners (6,) of a box that all centres but those of the tail stay in."""
+    bodies, points, low = work.bodies, work.points, part.low
     box = np.empty(6)
     for r in range(3):
         box[r] = points[0, r]
         box[3 + r] = points[0, r]
-        for k in range(m):
-            box[r] = min(box[r], points[k, r] - bodies[k, DRIFT])
-            box[3 + r] = max(box[3 + r], points[k, r] + bodies[k, DRIFT])
+        for k in range(bodies.shape[0]):
+            box[r] = min(box[r], points[k, r] - bodies[k, DISPLACEMENT_BOUND])
+            box[3 + r] = max(box[3 + r], points[k, r] + bodies[k, DISPLACEMENT_BOUND])
         if low > 0:
             box[r] = min(box[r], shape.boxes[low - 1, r])
             box[3 + r] = max(box[3 + r], shape.boxes[low - 1, 3 + r])
-    last = bodies[m - 1]
-    sway = min(2.0, half * last[MOST_SPIN])
-    frame = last[ROTATION:VELOCITY].reshape((3, 3))
-    behind = shape.core.shape[0] - high
-    t = 1
-    while t < behind:
-        place = shape.places[t]
-        outside = 0.0
-        for r in range(3):
-            at = last[r]
-            for c in range(3):
-                at += frame[r, c] * place[c]
-            off = max(0.0, box[r] - at, at - box[3 + r])
-            outside += off * off
-        away = length(place[0], place[1], place[2])
-        gap = np.sqrt(outside) - reach - last[DRIFT] - away * sway
-        if gap > 0.0:
-            # Per link the distance and the way change by no more than 1 + sway together.
-            t += 1 + int(gap / (1.0 + sway))
-            continue
-        rod_body(last, place, shape.rotations[t], half, turned, rod)
-        had = count
-        most = reach + rod[DRIFT]
-        for k in range(m - 1):  # the last module of the stretch is rigid with the rod
-            if high + t - low - k < shape.apart:
-                continue
-            dx, dy, dz = rod[0] - points[k, 0], rod[1] - points[k, 1], rod[2] - points[k, 2]
-            if dx * dx + dy * dy + dz * dz < (most + bodies[k, DRIFT]) ** 2:
-                pairs = append_pair(pairs, count, low + k, high + t)
-                count += 1
-        pairs, count = _near_core(shape, rod, high + t, low, most, pairs, count)
-        if count > had and rod[DRIFT] > WILD:
-            return pairs, 0, True
-        t += 1
-    return pairs, count, False
+    return box
 
 
 @njit(**INNER)
-def _look(
-    shape: Shape,
-    bodies: Array,
-    half: float,
-    low: int,
-    high: int,
-    pairs: Ints,
-    start: int,
-    stop: int,
-    cap: float,
-    worth: float,
-    work: Array,
-    turned: Array,
-    left: Ints,
-    count: int,
-) -> tuple[float, int, int, float, Ints, int]:
-    """The least clearance of pairs at s = 0 and the least that those keep that keep ``worth``.
+def _distance_to_box(last: Array, position: Array, box: Array) -> float:
+    """Return the distance to a box of the point at ``position`` in the frame of a body."""
+    frame = last[ROTATION:VELOCITY].reshape((3, 3))
+    outside = 0.0
+    for r in range(3):
+        at = last[r]
+        for c in range(3):
+            at += frame[r, c] * position[c]
+        off = max(0.0, box[r] - at, at - box[3 + r])
+        outside += off * off
+    return np.sqrt(outside)
 
-    Appends the others to ``left``, which may be ``pairs`` itself.
+
+@njit(**INNER)
+def _append_tail_pairs(
+    shape: Shape, part: Stretch, work: Scratch, half: float, reach: float, near: PairList
+) -> tuple[PairList, bool]:
+    """Append the pairs of the tail that may come nearer than ``reach``: lemma 7.
 
     Returns:
-        Least clearance at s = 0 and its pair (``cap`` and (−1, −1) when none is below), the least
-        bound of those that pass, ``left`` and how many it holds.
+        The pairs, and whether a tail module of large motion has one; then not all are there.
     """
-    best = cap
-    bound = cap if half > 0.0 else -np.inf
+    bodies, points, low, high, tail = work.bodies, work.points, part.low, part.high, work.tail
+    m = bodies.shape[0]
+    box = _box_of_others(shape, part, work)
+    last = bodies[m - 1]
+    sway = min(2.0, half * last[ANGULAR_SPEED_BOUND])
+    t = 1
+    while t < shape.core.shape[0] - high:
+        position = shape.tail_positions[t]
+        away = length(position[0], position[1], position[2])
+        gap = _distance_to_box(last, position, box) - reach - last[DISPLACEMENT_BOUND]
+        gap -= away * sway
+        if gap > 0.0:
+            # Per link the distance and the displacement change by no more than 1 + sway together.
+            t += 1 + int(gap / (1.0 + sway))
+            continue
+        rod_body(last, position, shape.tail_rotations[t], half, work.rotation, tail)
+        had = near.filled
+        nearing = reach + tail[DISPLACEMENT_BOUND]
+        pairs, count = near
+        for k in range(m - 1):  # the last module of the stretch is rigid with the tail
+            if high + t - low - k < shape.min_checked_gap:
+                continue
+            dx, dy, dz = tail[0] - points[k, 0], tail[1] - points[k, 1], tail[2] - points[k, 2]
+            both = nearing + bodies[k, DISPLACEMENT_BOUND]
+            if dx * dx + dy * dy + dz * dz < both**2:
+                pairs = append_pair(pairs, count, low + k, high + t)
+                count += 1
+        near = PairList(pairs, count)
+        near = _append_core_pairs(shape, tail, high + t, low, nearing, near)
+        if near.filled > had and tail[DISPLACEMENT_BOUND] > LARGE_MOTION:
+            return near, True
+        t += 1
+    return near, False
+
+
+@njit(**INNER)
+def _broad_phase(
+    shape: Shape, part: Stretch, work: Scratch, half: float, reach: float, room: Ints
+) -> tuple[PairList, bool]:
+    """Find the pairs that move against each other and may come nearer than ``reach``: lemma 7.
+
+    Args:
+        shape, part, work: The chain, its motion, and its bodies in this interval.
+        half: h.
+        reach: Distance of centres in pitches.
+        room: (…, 2) array for the pairs.
+
+    Returns:
+        The pairs, and whether the motion is too large to check them; then not all are there.
+    """
+    near, too_large = _stretch_pairs(shape, part, work, half, reach, PairList(room, ZERO))
+    if too_large or shape.root >= 0:
+        return near, too_large
+    for k in range(1, work.bodies.shape[0]):
+        body = work.bodies[k]
+        nearing = reach + body[DISPLACEMENT_BOUND]
+        near = _append_core_pairs(shape, body, part.low + k, part.low, nearing, near)
+    return _append_tail_pairs(shape, part, work, half, reach, near)
+
+
+@njit(**INNER)
+def _check_pairs(
+    shape: Shape,
+    part: Stretch,
+    work: Scratch,
+    half: float,
+    pairs: Ints,
+    cutoff: float,
+    target: float,
+    unresolved: PairList,
+) -> Check:
+    """Check pairs at the middle of an interval and bound their clearance in it: lemma 8.
+
+    Args:
+        shape, part, work: The chain, its motion, and its bodies in this interval.
+        half: h; 0 to check only the middle.
+        pairs: (P, 2) modules, the earlier one first; may be part of ``unresolved``.
+        cutoff: Clearances of this and more are not told apart.
+        target: Lower bound that a pair must exceed to be proved.
+        unresolved: Where pairs that are not proved are appended.
+    """
+    best, bound = cutoff, cutoff if half > 0.0 else -np.inf
     first = second = -1
-    gap = np.empty(3)
-    axis = np.empty(3)
+    gap, axis = np.empty(3), np.empty(3)
     radius = shape.hull.radius * shape.size
-    for p in range(start, stop):
+    waiting, count = unresolved
+    low, high, bodies, relative = part.low, part.high, work.bodies, work.relative
+    positions, rotations, last = shape.tail_positions, shape.tail_rotations, bodies[high - low]
+    for p in range(pairs.shape[0]):
         i, j = pairs[p, 0], pairs[p, 1]
         a = shape.core[i] if i < low else bodies[i - low]
         if j <= high:
             b = bodies[j - low]
         else:
-            b = work[1]
-            at = j - high
-            rod_body(bodies[high - low], shape.places[at], shape.rotations[at], half, turned, b)
-        lose = 0.0
+            b = work.tail
+            rod_body(last, positions[j - high], rotations[j - high], half, work.rotation, b)
+        max_loss = 0.0
         if half > 0.0:
-            lose, distance = approach(a, b, half, radius, float(j - max(i, low)), work[0])
+            links = float(j - max(i, low))
+            max_loss, distance = relative_motion_bound(a, b, half, radius, links, relative)
         else:
             distance = length(b[0] - a[0], b[1] - a[1], b[2] - a[2])
-        apart = distance - 2.0 * radius
-        if apart >= best and apart - lose >= bound:
+        balls = distance - 2.0 * radius
+        if balls >= best and balls - max_loss >= bound:
             continue
         for r in range(3):
             gap[r] = b[r] - a[r]
@@ -366,21 +517,20 @@ def _look(
             b[ROTATION:VELOCITY].reshape((3, 3)),
             shape.hull,
             shape.size,
-            max(best, bound + lose),
+            max(best, bound + max_loss),
             axis,
         )
         if separation < best:
-            best = separation
-            first = i
-            second = j
-        if half > 0.0 and separation < bound + lose:
-            keeps = separation - loss_along(work[0], axis, half, radius)
-            if keeps <= worth:
-                left = append_pair(left, count, i, j)
+            best, first, second = separation, i, j
+        if half > 0.0 and separation < bound + max_loss:
+            # Lemma 6, along the axis of the separation.
+            lower = separation - directional_motion_bound(relative, axis, half, radius)
+            if lower <= target:
+                waiting = append_pair(waiting, count, i, j)
                 count += 1
             else:
-                bound = min(bound, keeps)
-    return best, first, second, bound, left, count
+                bound = min(bound, lower)
+    return Check(best, first, second, bound, PairList(waiting, count))
 
 
 @njit(**KERNEL)
@@ -390,16 +540,22 @@ def rigid_clearances(
     pairs: Ints,
     hull: Hull,
     size: float,
-    enough: float,
+    cutoff: float,
 ) -> tuple[Array, Ints]:
-    """The clearance of the modules up to each, and the pair that has it; (−1, −1) for ``enough``.
+    """Return the clearance of the modules 0 … j of a rigid chain for each j, and the pair.
+
+    Args:
+        positions, rotations: (n, 3) centres in pitches, (n, 3, 3) orientations.
+        pairs: (P, 2) modules that are checked, the earlier one first.
+        hull, size: Full-size hull of each module, and its scale.
+        cutoff: Pitches from which on clearances are not told apart.
 
     Returns:
-        (n,) and (n, 2).
+        (n,) and (n, 2); (−1, −1) where no pair is below ``cutoff``.
     """
     n = positions.shape[0]
-    least = np.full(n, enough)
-    who = np.full((n, 2), -1)
+    least = np.full(n, cutoff)
+    closest = np.full((n, 2), -1)
     for p in range(pairs.shape[0]):
         i, j = pairs[p, 0], pairs[p, 1]
         separation = pair_separation(
@@ -407,129 +563,92 @@ def rigid_clearances(
         )
         if separation < least[j]:
             least[j] = separation
-            who[j, 0] = i
-            who[j, 1] = j
+            closest[j, 0] = i
+            closest[j, 1] = j
     for j in range(1, n):
         if least[j - 1] <= least[j]:
             least[j] = least[j - 1]
-            who[j, 0] = who[j - 1, 0]
-            who[j, 1] = who[j - 1, 1]
-    return least, who
+            closest[j, 0] = closest[j - 1, 0]
+            closest[j, 1] = closest[j - 1, 1]
+    return least, closest
 
 
 @njit(**INNER)
-def _with_rigid_links(joint: Joint, rigid_links: int) -> Joint:
-    """The same joint in a chain, or a stretch of one, with so many links at its start."""
-    return Joint(rigid_links, joint.anchor, joint.axes, joint.turn, joint.offset)
+def _move(part: Stretch, middle: float, half: float, work: Scratch) -> None:
+    """Write the bodies of a stretch for the interval of width 2 ``half`` about ``middle``."""
+    angles = part.start + middle * part.rates
+    move_bodies(angles, part.rates, half, part.joint, part.root, work.bodies)
 
 
 @njit(**INNER)
-def _between(
-    shape: Shape,
-    origin: Array,
-    rates: Array,
-    rigid: int,
-    root: int,
-    low: int,
-    bodies: Array,
-    points: Array,
-    cap: float,
-    least: float,
-    share: float,
-) -> tuple[float, float, int, int, float, float, int]:
-    """Looks at all between two frames, of which the first is no closer than ``cap`` anywhere.
+def _check_interval(
+    shape: Shape, part: Stretch, work: Scratch, cutoff: float, least: float, ratio: float
+) -> SweepResult:
+    """Prove the clearance between two frames by bisection: lemma 9.
 
     Args:
-        shape: The chain.
-        origin, rates: Angles of the stretch's joints in the first frame, and how far they go.
-        rigid: Links at the stretch's start without a joint.
-        root: The body that is held still; its pose is given.
-        low: The stretch's first module.
-        bodies, points: (m, WIDTH), (m, 3) scratch for the modules of the stretch.
-        cap: Pairs that stay this far apart are not looked at.
-        least: The least clearance that was seen so far.
-        share: Which part of that the bound should reach.
+        shape, part, work: The chain, its motion, and scratch.
+        cutoff: Clearance of the first of the frames: what stays so far apart changes no figure.
+        least: Least clearance that was seen so far.
+        ratio: Part of it that the lower bound should reach.
 
     Returns:
-        Least clearance found, when that is, its pair (−1 when none is below ``cap``), the bound,
-        a moment around which there is none (−1 when there is one everywhere), and how many moments
-        were looked at.
+        The result; its moments are fractions of the interval. The modules are −1 when no clearance
+        is below ``cutoff``.
     """
-    high = low + bodies.shape[0] - 1
     reach = 2.0 * shape.hull.radius * shape.size
-    joint = _with_rigid_links(shape.joint, rigid)
-    work = np.empty((2, WIDTH))
-    turned = np.empty((3, 3))
-    pairs = np.empty((1024, 2), dtype=np.int64)
-    left = np.empty((64, 2), dtype=np.int64)
-    whiles = np.empty((2 * MOST_HALVINGS + 2, 2))
-    ranges = np.empty((2 * MOST_HALVINGS + 2, 3), dtype=np.int64)
-    found, where, first, second = cap, 0.5, -1, -1
-    bound = cap
-    unbounded = -1.0
-    moments = 0
-    held = ZERO
-    whiles[0, 0], whiles[0, 1] = 0.5, 0.5
-    ranges[0, 0], ranges[0, 1], ranges[0, 2] = -1, 0, 0
+    room = np.empty((1024, 2), dtype=np.int64)
+    unresolved = PairList(np.empty((64, 2), dtype=np.int64), ZERO)
+    interval_stack = np.empty((2 * MAX_BISECTIONS + 2, 2))
+    pair_range_stack = np.empty((2 * MAX_BISECTIONS + 2, 3), dtype=np.int64)
+    best, at, first, second = cutoff, 0.5, -1, -1
+    bound, unproved_at = cutoff, -1.0
+    midpoints = 0
+    interval_stack[0, MIDDLE], interval_stack[0, HALF_WIDTH] = 0.5, 0.5
+    pair_range_stack[0, FIRST_PAIR], pair_range_stack[0, END_PAIR] = -1, 0
+    pair_range_stack[0, BISECTIONS] = 0
     depth = 1
     while depth > 0:
         depth -= 1
-        middle, half = whiles[depth, 0], whiles[depth, 1]
-        begins, ends, halvings = ranges[depth, 0], ranges[depth, 1], ranges[depth, 2]
-        angles = origin + middle * rates
-        move_bodies(angles, rates, half, joint, root, bodies)
-        moments += 1
-        wild = False
-        who = left
-        if begins < 0:
-            pairs, ends, wild = _near(
-                shape, bodies, points, half, low, high, reach + cap, work[1], turned, pairs
-            )
-            begins = 0
-            who = pairs
-        if wild:
-            # Only whether it collides right now: then there is nothing to be proved.
-            move_bodies(angles, rates, 0.0, joint, root, bodies)
-            pairs, ends, _ = _near(
-                shape, bodies, points, 0.0, low, high, reach, work[1], turned, pairs
-            )
-            who = pairs
-            half = 0.0
-        worth = share * min(least, found) if halvings < TIGHT_HALVINGS else 0.0
-        value, i, j, keeps, left, now = _look(
-            shape,
-            bodies,
-            half,
-            low,
-            high,
-            who,
-            begins,
-            ends,
-            cap,
-            max(ROUNDING, worth),
-            work,
-            turned,
-            left,
-            held,
-        )
-        if value < found:
-            found, where, first, second = value, middle, i, j
-        if not wild:
-            bound = min(bound, keeps)
-            if now == held:
+        middle, half = interval_stack[depth, MIDDLE], interval_stack[depth, HALF_WIDTH]
+        begin, end = pair_range_stack[depth, FIRST_PAIR], pair_range_stack[depth, END_PAIR]
+        bisections = pair_range_stack[depth, BISECTIONS]
+        _move(part, middle, half, work)
+        midpoints += 1
+        too_large = False
+        pairs = unresolved.pairs[begin:end]
+        if begin < 0:
+            near, too_large = _broad_phase(shape, part, work, half, reach + cutoff, room)
+            if too_large:
+                # Only collisions at the middle can be found: a pair's motion is not bounded.
+                _move(part, middle, 0.0, work)
+                near, _ = _broad_phase(shape, part, work, 0.0, reach, near.pairs)
+            room = near.pairs
+            pairs = room[: near.filled]
+        target = ratio * min(least, best) if bisections < TIGHT_BISECTIONS else 0.0
+        target = max(ROUNDING_MARGIN, target)
+        width = 0.0 if too_large else half
+        check = _check_pairs(shape, part, work, width, pairs, cutoff, target, unresolved)
+        held, unresolved = unresolved.filled, check.unresolved
+        if check.clearance < best:
+            best, at, first, second = check.clearance, middle, check.first, check.second
+        if not too_large:
+            bound = min(bound, check.lower_bound)
+            if unresolved.filled == held:
                 continue
-        if value <= 0.0 or halvings == (MOST_TAMINGS if wild else MOST_HALVINGS):
+        limit = MAX_COARSE_BISECTIONS if too_large else MAX_BISECTIONS
+        if check.clearance <= 0.0 or bisections == limit:
             bound = min(bound, 0.0)
-            unbounded = middle
+            unproved_at = middle
             continue
-        quarter = 0.5 * whiles[depth, 1]
         for side in (1.0, -1.0):
-            whiles[depth, 0], whiles[depth, 1] = middle + side * quarter, quarter
-            ranges[depth, 0] = -1 if wild else held
-            ranges[depth, 1], ranges[depth, 2] = now, halvings + 1
+            interval_stack[depth, MIDDLE] = middle + side * (0.5 * half)
+            interval_stack[depth, HALF_WIDTH] = 0.5 * half
+            pair_range_stack[depth, FIRST_PAIR] = -1 if too_large else held
+            pair_range_stack[depth, END_PAIR] = unresolved.filled
+            pair_range_stack[depth, BISECTIONS] = bisections + 1
             depth += 1
-        held = now
-    return found, where, first, second, bound, unbounded, moments
+    return SweepResult(best, at, first, second, bound, unproved_at, midpoints)
 
 
 @njit(**KERNEL, nogil=True)
@@ -538,103 +657,58 @@ def sweep_frames(
     angles: Angles,
     start: int,
     stop: int,
-    enough: float,
-    known: Array,
+    cutoff: float,
+    rigid: Array,
     per_frame: Array,
-    share: float,
-) -> Found:
-    """Looks at the frames from ``start`` to ``stop`` and between each and the next, if there is.
+    ratio: float,
+) -> SweepResult:
+    """Prove the clearance of the frames ``start`` … ``stop`` − 1 and from each to the next.
 
     Args:
         shape: The chain.
         angles: All frames, and of the angles at least those of ``start`` to ``stop`` (included).
         start, stop: Frame numbers.
-        enough: Clearances of this and more are not told apart.
-        known: (F,) clearance of what is rigid in each frame.
+        cutoff: Pitches from which on clearances are not told apart.
+        rigid: (F,) clearance of what is rigid in each frame.
         per_frame: (F,) written: clearance of each frame.
-        share: Which part of the least clearance seen the bound should reach where it can.
+        ratio: Part of the least clearance seen that the lower bound should reach, where it can.
     """
-    frames = angles.first.shape[0]
     modules = shape.core.shape[0]
-    hinges = shape.joint.axes.shape[0]
     reach = 2.0 * shape.hull.radius * shape.size
-    found, where, one, other = enough, float(start), -1, -1
-    bound = enough
-    unbounded = -1.0
-    in_betweens = 0
-    pairs = np.empty((4096, 2), dtype=np.int64)
-    none = np.empty((1, 2), dtype=np.int64)
-    work = np.empty((2, WIDTH))
-    turned = np.empty((3, 3))
-    room = np.empty((modules, WIDTH))
-    place = np.empty((modules, 3))
+    best, at, first, second = cutoff, float(start), -1, -1
+    bound, unproved_at = cutoff, -1.0
+    midpoints = 0
+    room = np.empty((4096, 2), dtype=np.int64)
+    none = PairList(np.empty((1, 2), dtype=np.int64), ZERO)
+    bodies, points = np.empty((modules, BODY_COLUMNS)), np.empty((modules, 3))
+    relative, tail, rotation = np.empty(RELATIVE_COLUMNS), np.empty(BODY_COLUMNS), np.empty((3, 3))
     for k in range(start, stop):
-        for to in range(k, min(k + 2, frames)):
-            low, high = _stretch(
-                shape,
-                min(angles.first[k], angles.first[to]),
-                max(
-                    angles.first[k] + angles.offsets[k + 1] - angles.offsets[k],
-                    angles.first[to] + angles.offsets[to + 1] - angles.offsets[to],
-                ),
-                modules,
-            )
-            # The first links of a chain have no joint.
-            rigid = max(0, shape.joint.rigid_links - low)
-            root = max(0, shape.root)
-            bodies, points = room[: high - low + 1], place[: high - low + 1]
-            copy_vector(shape.core[low + root], bodies[root])
-            begin = max(0, low - shape.joint.rigid_links) * hinges
-            origin = np.empty(max(0, high - low - rigid) * hinges)
-            rates = np.empty_like(origin)
-            _fill(shape, angles, k, begin, origin)
-            _fill(shape, angles, to, begin, rates)
-            rates -= origin
+        for to in range(k, min(k + 2, angles.first.shape[0])):
+            part = _stretch(shape, angles, k, to)
+            m = part.high - part.low + 1
+            work = Scratch(bodies[:m], points[:m], relative, tail, rotation)
+            copy_vector(shape.core[part.low + part.root], bodies[part.root])
             if to == k:
-                joint = _with_rigid_links(shape.joint, rigid)
-                move_bodies(origin, rates, 0.0, joint, root, bodies)
-                cap = min(enough, known[k])
-                pairs, many, _ = _near(
-                    shape, bodies, points, 0.0, low, high, reach + cap, work[1], turned, pairs
-                )
-                value, i, j, _, _, _ = _look(
-                    shape,
-                    bodies,
-                    0.0,
-                    low,
-                    high,
-                    pairs,
-                    ZERO,
-                    many,
-                    cap,
-                    0.0,
-                    work,
-                    turned,
-                    none,
-                    ZERO,
-                )
-                per_frame[k] = value
-                at = float(k)
-            else:
-                # Pairs farther apart than the closest of a frame change neither figure.
-                value, middle, i, j, keeps, loose, moments = _between(
-                    shape,
-                    origin,
-                    rates,
-                    rigid,
-                    root,
-                    low,
-                    bodies,
-                    points,
-                    per_frame[k],
-                    min(found, per_frame[k]),
-                    share,
-                )
-                at = k + middle
-                bound = min(bound, keeps)
-                in_betweens += moments
-                if loose >= 0.0:
-                    unbounded = k + loose
-            if value < found:
-                found, where, one, other = value, at, i, j
-    return Found(found, where, one, other, min(bound, found), unbounded, in_betweens)
+                _move(part, 0.0, 0.0, work)
+                cap = min(cutoff, rigid[k])
+                near, _ = _broad_phase(shape, part, work, 0.0, reach + cap, room)
+                room = near.pairs
+                pairs = room[: near.filled]
+                check = _check_pairs(shape, part, work, 0.0, pairs, cap, 0.0, none)
+                per_frame[k] = check.clearance
+                if check.clearance < best:
+                    best, at = check.clearance, float(k)
+                    first, second = check.first, check.second
+                continue
+            # Pairs farther apart than the closest of a frame change neither figure.
+            between = _check_interval(
+                shape, part, work, per_frame[k], min(best, per_frame[k]), ratio
+            )
+            bound = min(bound, between.lower_bound)
+            midpoints += between.midpoints
+            if between.unproved_at >= 0.0:
+                unproved_at = k + between.unproved_at
+            if between.clearance < best:
+                best, at = between.clearance, k + between.frame
+                first, second = between.first, between.second
+    return SweepResult(best, at, first, second, min(bound, best), unproved_at, midpoints)

@@ -10,16 +10,19 @@ from numpy.typing import NDArray
 
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.kernels.approach import WIDTH as APPROACH
-from planner.kernels.approach import approach, loss_along
+from planner.kernels.approach import (
+    RELATIVE_COLUMNS,
+    directional_motion_bound,
+    relative_motion_bound,
+)
 from planner.kernels.bodies import (
     ACCELERATION,
-    DRIFT,
+    ANGULAR_ACCELERATION,
+    ANGULAR_VELOCITY,
+    BODY_COLUMNS,
+    DISPLACEMENT_BOUND,
     ROTATION,
-    SPIN,
-    TURNING,
     VELOCITY,
-    WIDTH,
     move_bodies,
     rod_body,
 )
@@ -30,7 +33,7 @@ MODULES = st.sampled_from([CUBE, TETRAHEDRON])
 
 def bodies_of(module: Module, angles: Array, rates: Array, half: float, root: int) -> Array:
     count = len(angles) // module.hinges_per_joint + 1 + module.rigid_links
-    bodies = np.zeros((count, WIDTH))
+    bodies = np.zeros((count, BODY_COLUMNS))
     bodies[root, ROTATION:VELOCITY] = np.eye(3).ravel()
     move_bodies(angles, rates, half, module.joint, root, bodies)
     return bodies
@@ -67,10 +70,14 @@ def test_derivatives_are_differences(module: Module, count: int, seed: int, at: 
     )
     # Ṙ Rᵀ is the spin's matrix; R̈ Rᵀ that of its change, plus the spin's squared.
     spin = (turned[2] - turned[0]) / (2 * tiny) @ turned[1].swapaxes(1, 2)
-    found = np.cross(bodies[:, None, SPIN : SPIN + 3], np.eye(3)).swapaxes(1, 2)
+    found = np.cross(bodies[:, None, ANGULAR_VELOCITY : ANGULAR_VELOCITY + 3], np.eye(3)).swapaxes(
+        1, 2
+    )
     np.testing.assert_allclose(found, spin, atol=1e-6 * scale)
     change = (turned[2] - 2 * turned[1] + turned[0]) / tiny**2 @ turned[1].swapaxes(1, 2)
-    changed = np.cross(bodies[:, None, TURNING : TURNING + 3], np.eye(3)).swapaxes(1, 2)
+    changed = np.cross(
+        bodies[:, None, ANGULAR_ACCELERATION : ANGULAR_ACCELERATION + 3], np.eye(3)
+    ).swapaxes(1, 2)
     np.testing.assert_allclose(changed + found @ found, change, atol=1e-5 * scale)
 
 
@@ -91,14 +98,16 @@ def test_nothing_goes_farther_than_said(
     moments = np.linspace(-half, half, 21)[:, None]
     poses = forward_kinematics(module, angles + moments * rates, root=root)
     ways = np.linalg.norm(poses.positions - bodies[:, :3], axis=-1).max(axis=0)
-    assert (ways <= bodies[:, DRIFT] + 1e-9).all()
+    assert (ways <= bodies[:, DISPLACEMENT_BOUND] + 1e-9).all()
     radius = 0.95 * module.radius
     corners = 0.95 * module.vertices
     rng = np.random.default_rng(seed)
-    found = np.empty(APPROACH)
+    found = np.empty(RELATIVE_COLUMNS)
     for i in range(count):
         for j in range(i + 1, count):
-            lose, distance = approach(bodies[i], bodies[j], half, radius, float(j - i), found)
+            lose, distance = relative_motion_bound(
+                bodies[i], bodies[j], half, radius, float(j - i), found
+            )
             assert distance == pytest.approx(np.linalg.norm(bodies[j, :3] - bodies[i, :3]))
             gap = poses.positions[:, j] - poses.positions[:, i]
             seen = np.einsum(
@@ -111,7 +120,10 @@ def test_nothing_goes_farther_than_said(
             assert np.linalg.norm(way, axis=-1).max() <= lose + 1e-9
             axis = rng.normal(size=3)
             axis /= np.linalg.norm(axis)
-            assert np.abs(way @ axis).max() <= loss_along(found, axis, half, radius) + 1e-9
+            assert (
+                np.abs(way @ axis).max()
+                <= directional_motion_bound(found, axis, half, radius) + 1e-9
+            )
 
 
 @pytest.mark.parametrize("module", [CUBE, TETRAHEDRON], ids=lambda m: m.name)
@@ -124,11 +136,11 @@ def test_a_rod_is_the_same_as_its_modules_one_by_one(module: Module) -> None:
     straight = forward_kinematics(module, np.zeros_like(angles))
     moments = np.linspace(-half, half, 21)[:, None]
     poses = forward_kinematics(module, angles + moments * rates)
-    found = np.empty(WIDTH)
+    found = np.empty(BODY_COLUMNS)
     for t in range(1, 7):
         rod_body(
             bodies[5], straight.positions[t], straight.rotations[t], half, np.empty((3, 3)), found
         )
         np.testing.assert_allclose(found[:24], bodies[5 + t, :24], atol=1e-12)
         ways = np.linalg.norm(poses.positions[:, 5 + t] - found[:3], axis=-1)
-        assert ways.max() <= found[DRIFT] + 1e-9
+        assert ways.max() <= found[DISPLACEMENT_BOUND] + 1e-9

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.clearance import closest
-from planner.clearance.sweep import ENOUGH, FAR, sweep
+from planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
 from tests.planner.chains import coil, line
 
 Array = NDArray[np.float64]
@@ -20,13 +20,15 @@ Array = NDArray[np.float64]
 
 def clearance_of(chain: Chain, angles: Array, size: float) -> float:
     poses = forward_kinematics(chain.module, angles, root=chain.root)
-    place = closest(chain.module, poses.positions, poses.rotations, size=size, enough=FAR)
+    place = closest(
+        chain.module, poses.positions, poses.rotations, size=size, enough=EXTENDED_CLEARANCE_CAP
+    )
     return place.clearance
 
 
 def densely(chain: Chain, frames: Array, size: float, samples: int) -> float:
     """The least clearance at evenly spaced moments of a motion, by nothing but looking."""
-    found = FAR
+    found = EXTENDED_CLEARANCE_CAP
     for a, b in zip(frames[:-1], frames[1:], strict=True):
         for s in np.linspace(0.0, 1.0, samples):
             found = min(found, clearance_of(chain, (1.0 - s) * a + s * b, size))
@@ -155,4 +157,4 @@ def test_a_cancelled_sweep_covers_nothing_more() -> None:
     chain = coil(12)
     found = sweep(chain, chain.folded_rad[None], size=1.5, cancelled=lambda: True)
     assert found.in_betweens == 0
-    assert found.clearance == ENOUGH
+    assert found.clearance == CLEARANCE_CAP

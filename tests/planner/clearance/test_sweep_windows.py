@@ -15,7 +15,7 @@ from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
 from planner.clearance.largest_size import largest_size
-from planner.clearance.sweep import ENOUGH, sweep
+from planner.clearance.sweep import CLEARANCE_CAP, sweep
 from planner.errors import InputError
 from planner.kernels.clearance import pair_separation
 from planner.motion.windows import Windows
@@ -29,7 +29,7 @@ def brute(chain: Chain, angles: Array, size: float) -> float:
     """The clearance of one configuration: every pair, nothing left out."""
     module = chain.module
     poses = forward_kinematics(module, angles)
-    found = ENOUGH
+    found = CLEARANCE_CAP
     for i in range(len(chain)):
         for j in range(i + module.apart, len(chain)):
             gap = poses.positions[j] - poses.positions[i]
@@ -81,12 +81,12 @@ def test_wild_windows_are_swept_as_their_frames_are(seed: int, step: float, tetr
         brute(chain, (1 - s) * angles[0] + s * angles[1], size) for s in np.linspace(0, 1, 13)
     )
     for found in (sweep(chain, windows, size=size), sweep(chain, angles, size=size)):
-        np.testing.assert_allclose(np.minimum(found.per_frame, ENOUGH), alone, atol=1e-9)
+        np.testing.assert_allclose(np.minimum(found.per_frame, CLEARANCE_CAP), alone, atol=1e-9)
         if between < -1e-6:
             assert found.clearance < 0.0 or found.bound <= 0.0
         if found.clearance >= 0.0:
             assert found.bound <= between + 1e-9
-        if found.modules is not None and found.clearance < ENOUGH:
+        if found.modules is not None and found.clearance < CLEARANCE_CAP:
             at = (1.0 - found.frame) * angles[0] + found.frame * angles[1]
             assert brute(chain, at, size) == pytest.approx(found.clearance, abs=1e-9)
 
@@ -164,7 +164,7 @@ def test_a_cancelled_sweep_of_windows_covers_nothing_more() -> None:
     chain = snake((3, 3, 3))
     found = sweep(chain, peel(chain, width=9, step=3.0), size=1.2, cancelled=lambda: True)
     assert found.in_betweens == 0
-    assert found.clearance == ENOUGH
+    assert found.clearance == CLEARANCE_CAP
 
 
 def test_windows_of_another_chain_are_refused() -> None:
