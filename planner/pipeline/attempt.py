@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal
 
+from planner.chain.chain import Chain
 from planner.explosion.diagnosis import Diagnosis, Kind
 from planner.motion.record import RecordStatus
+from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.pipeline.preference import PlanFigures
 
 Reason = Kind | Literal["refused"]
@@ -35,6 +37,37 @@ class Try:
     other_end: bool = False
     gentle: bool = False
     smooths: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """Chains through the same shape.
+
+    Attributes:
+        chains: The likeliest first.
+        two_ended: Whether they may as well begin at their other end.
+    """
+
+    chains: tuple[Chain, ...]
+    two_ended: bool
+
+    def chain_of(self, todo: Try) -> Chain:
+        """Return the chain of a try."""
+        chain = self.chains[todo.candidate]
+        return chain.from_other_end() if todo.other_end else chain
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return them as plain JSON values."""
+        chains = [chain_attributes(chain) for chain in self.chains]
+        return {"chains": chains, "two_ended": self.two_ended}
+
+    @classmethod
+    def from_values(cls, values: Any) -> Candidates:
+        """Return the candidates that a file holds."""
+        if isinstance(values, list):  # of a fold that was read before there were other ends
+            values = {"chains": values, "two_ended": False}
+        chains = tuple(chain_from_attributes(attributes) for attributes in values["chains"])
+        return cls(chains, values["two_ended"])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,20 +12,15 @@ stage that is run again drops what it had added and comes to the same.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path as FilePath
-from typing import Any, Final, Literal
+from dataclasses import replace
+from typing import Final, Literal
 
 from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import diagnose
-from planner.files import write_json
 from planner.motion.record import Record
-from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.pipeline.attempt import Attempt, Try
-from planner.pipeline.attempt_folders import ATTEMPTS, CANDIDATES
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import PlanFigures
 from planner.playback.playback import Playback
@@ -47,52 +42,6 @@ ASSUMED: Final = PlanFigures(
 VERIFIED: Final = "verified"
 
 
-@dataclass(frozen=True, slots=True)
-class Candidates:
-    """Chains through the same shape.
-
-    Attributes:
-        chains: The likeliest first.
-        two_ended: Whether they may as well begin at their other end.
-    """
-
-    chains: tuple[Chain, ...]
-    two_ended: bool
-
-    @classmethod
-    def load(cls, directory: FilePath) -> Candidates:
-        """Those of the fold in a directory."""
-        values: Any = json.loads((directory / CANDIDATES).read_bytes())
-        if isinstance(values, list):  # of a fold that was read before there were other ends
-            values = {"chains": values, "two_ended": False}
-        chains = tuple(chain_from_attributes(attributes) for attributes in values["chains"])
-        return cls(chains, values["two_ended"])
-
-    def save(self, directory: FilePath) -> None:
-        """Keeps them in a fold's directory."""
-        chains = [chain_attributes(chain) for chain in self.chains]
-        values = {"chains": chains, "two_ended": self.two_ended}
-        write_json(directory / CANDIDATES, values)
-
-    def chain_of(self, todo: Try) -> Chain:
-        """The chain of a try."""
-        chain = self.chains[todo.candidate]
-        return chain.from_other_end() if todo.other_end else chain
-
-
-def load(directory: FilePath) -> list[Attempt]:
-    """The attempts so far."""
-    path = directory / ATTEMPTS
-    if not path.exists():
-        return []
-    return [Attempt.from_dict(values) for values in json.loads(path.read_bytes())]
-
-
-def save(directory: FilePath, attempts: Sequence[Attempt]) -> None:
-    """Keeps them."""
-    write_json(directory / ATTEMPTS, [attempt.as_dict() for attempt in attempts])
-
-
 def made(todo: Try, chain: Chain, record: Record, parameters: Parameters) -> Attempt:
     """One that came to an end of its own."""
     return Attempt(
@@ -106,24 +55,23 @@ def made(todo: Try, chain: Chain, record: Record, parameters: Parameters) -> Att
     )
 
 
-def before_explosion(directory: FilePath, choice: Portfolio) -> list[Attempt]:
+def before_explosion(attempts: Sequence[Attempt], choice: Portfolio) -> list[Attempt]:
     """Attempts that another explosion follows; none when everything begins anew."""
-    kept = load(directory)
+    kept = list(attempts)
     while kept and kept[-1].verdict is None:
         kept.pop()
     goes_on = bool(kept) and following(kept, choice) == "explode"
     return kept if goes_on else []
 
 
-def before_playback(directory: FilePath, choice: Portfolio) -> list[Attempt]:
+def before_playback(attempts: Sequence[Attempt], choice: Portfolio) -> list[Attempt]:
     """Attempts with the one that is to be played back last."""
-    attempts = load(directory)
     if attempts and attempts[-1].verdict is not None:
         again = replace(attempts[-1], verdict=None, figures=None, between=False)
         if following(attempts, choice) == "play_back":
             return [*attempts, replace(again, finer=FINER)]
         return [*attempts[:-1], again]
-    return attempts
+    return list(attempts)
 
 
 def judged(

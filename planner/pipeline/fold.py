@@ -7,9 +7,9 @@ from pathlib import Path as FilePath
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.files import directory_or_aside
-from planner.pipeline.fold_directory import read_plan, write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
 from planner.progress import Report, naming, silent
@@ -54,6 +54,7 @@ def fold(
             module_size=module_size,
             settings=settings,
         )
-        write_request(folder, request, data)
+        workspace = Workspace(folder)
+        workspace.write_request(request, data)
         run_stages(folder, progress=naming(folder, progress), workers=workers)
-        return read_plan(folder)
+        return workspace.read_plan()

@@ -25,14 +25,12 @@ from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.pipeline.attempt import MOST, Attempt, Try
-from planner.pipeline.attempt_folders import TIMELINE
 from planner.pipeline.attempts import made
+from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIES
 from planner.pipeline.portfolio import Portfolio
 from planner.progress import Cancelled, Progress, Report
 from planner.simulation.parameters import Parameters
 
-ASIDE: Final = ".foldback-tries"
-"""Folder in a fold's directory, with a folder for each try of another process."""
 STALLING: Final = 2
 """Pulses in a row without progress, from which on the next tries are begun."""
 POLL_S: Final = 0.05
@@ -43,7 +41,7 @@ Tried = tuple[Record, Attempt]
 
 
 def make_try(
-    directory: FilePath,
+    timeline: FilePath,
     parameters: Parameters,
     chain: Chain,
     todo: Try,
@@ -51,7 +49,7 @@ def make_try(
     cancelled: Cancelled,
 ) -> Tried:
     """One explosion on a timeline of its own: its record, and what is told of it."""
-    writer = TimelineWriter.create(directory / TIMELINE, chain, windowed=windowed(todo.strategy))
+    writer = TimelineWriter.create(timeline, chain, windowed=windowed(todo.strategy))
     record = let_go(
         chain,
         todo.strategy,
@@ -84,7 +82,7 @@ class Tries:
         self._ahead: Callable[[], list[Try]] = list
         self._here: Try | None = None
         self._eager = False
-        rmtree(self._directory / ASIDE, ignore_errors=True)
+        rmtree(self._directory / TRIES, ignore_errors=True)
 
     def __enter__(self) -> Tries:
         return self
@@ -97,7 +95,7 @@ class Tries:
         for beside in self._beside.values():
             beside.end()
         self._beside = {}
-        rmtree(self._directory / ASIDE, ignore_errors=True)
+        rmtree(self._directory / TRIES, ignore_errors=True)
 
     def rest(self) -> None:
         """Ends what runs; what is made already is kept."""
@@ -122,10 +120,10 @@ class Tries:
 
         return told if self._workers > 1 else progress
 
-    def take(self, place: FilePath, progress: Report, cancelled: Cancelled) -> Tried | None:
+    def take(self, timeline: FilePath, progress: Report, cancelled: Cancelled) -> Tried | None:
         """What is to be made now, if it was begun beside: waits for it.
 
-        Its timeline moves to ``place``, the attempt's folder. None when it was not begun, or its
+        Its timeline moves to ``timeline``. None when it was not begun, or its
         process failed: whoever makes it here comes to the same, or sees why it cannot be made.
         """
         if self._here not in self._beside:
@@ -142,8 +140,8 @@ class Tries:
         del self._beside[self._here]
         made = beside.made()
         if made is not None:
-            rmtree(place / TIMELINE, ignore_errors=True)
-            (beside.place / TIMELINE).rename(place / TIMELINE)
+            rmtree(timeline, ignore_errors=True)
+            (beside.place / TIMELINE).rename(timeline)
         beside.end()
         return made
 
@@ -183,7 +181,7 @@ class _Beside:
     """
 
     def __init__(self, directory: FilePath, todo: Try) -> None:
-        self.place = directory / ASIDE / "-".join(map(str, astuple(todo)))
+        self.place = directory / TRIES / "-".join(map(str, astuple(todo)))
         rmtree(self.place, ignore_errors=True)
         self.place.mkdir(parents=True)
         modules = [str(FilePath(__file__).parents[2]), *filter(None, [os.getenv("PYTHONPATH")])]
@@ -222,7 +220,7 @@ class _Beside:
     def made(self) -> Tried | None:
         """What it came to; None when it failed."""
         attempt = self.attempt()
-        return None if attempt is None else (Record.load(self.place / "record.npz"), attempt)
+        return None if attempt is None else (Record.load(self.place / RECORD), attempt)
 
     def stop(self) -> None:
         """Has it write down what it has, and waits for that."""
@@ -249,5 +247,5 @@ def _read(path: FilePath) -> dict[str, Any] | None:
 def write_made(place: FilePath, made: Tried) -> None:
     """Writes what a try came to; the attempt last, so that all is there when it is."""
     record, attempt = made
-    record.save(place / "record.npz")
+    record.save(place / RECORD)
     write_json(place / "attempt.json", attempt.as_dict())

@@ -16,9 +16,9 @@ from pathlib import Path as FilePath
 
 from planner.files import write_json
 from planner.pipeline.attempt import Try
-from planner.pipeline.attempts import Candidates
-from planner.pipeline.fold_directory import read_request
+from planner.pipeline.fold_layout import TIMELINE
 from planner.pipeline.parallel import GRACE_S, make_try, write_made
+from planner.pipeline.workspace import Workspace
 from planner.progress import Progress
 
 
@@ -27,11 +27,11 @@ def main() -> None:
     unwanted = threading.Event()
     threading.Thread(target=_listen, args=(unwanted,), daemon=True).start()
     place = FilePath.cwd()
-    fold = place.parent.parent
+    fold = Workspace(place.parent.parent)
     todo = Try(**json.loads(sys.argv[1]))
-    request = read_request(fold)
-    chain = Candidates.load(fold).chain_of(todo)
-    write_made(place, make_try(place, request.parameters(), chain, todo, _tell, unwanted.is_set))
+    parameters, chain = fold.read_request().parameters(), fold.read_candidates().chain_of(todo)
+    made = make_try(place / TIMELINE, parameters, chain, todo, _tell, unwanted.is_set)
+    write_made(place, made)
 
 
 def _tell(progress: Progress) -> None:

@@ -7,14 +7,12 @@ from pathlib import Path as FilePath
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.files import directory_or_aside, write_json
-from planner.motion.timeline import chain_attributes
-from planner.pipeline.fold_directory import read_plan, write_request
+from planner.files import directory_or_aside
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
-from planner.playback.unfolding import START_CHAIN, START_PLAN
 from planner.progress import Report, naming, silent
 
 
@@ -59,18 +57,8 @@ def refold(
             module_size=module_size,
             settings=settings,
         )
-        write_start(folder, start)
-        write_request(folder, replace(request, refold=True), data)
+        workspace = Workspace(folder)
+        workspace.write_start(start)
+        workspace.write_request(replace(request, refold=True), data)
         run_stages(folder, progress=naming(folder, progress))
-        return read_plan(folder)
-
-
-def write_start(directory: FilePath, start: Plan) -> None:
-    """Puts the plan that a refold begins with into its directory."""
-    write_start_chain(directory, start.chain)
-    start.save_npz(directory / START_PLAN)
-
-
-def write_start_chain(directory: FilePath, chain: Chain) -> None:
-    """Puts only its chain there, which is all that reading the other shape needs."""
-    write_json(directory / START_CHAIN, chain_attributes(chain))
+        return workspace.read_plan()

@@ -5,13 +5,10 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 
 from planner.files import directory_or_aside
-from planner.pipeline.fold_directory import read_plan, write_request
-from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
-from planner.plan.formats import write_chain
+from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.progress import Report, naming, silent
-from planner.robot import RECORDED_PLAN
 
 
 def smooth_plan(
@@ -39,14 +36,7 @@ def smooth_plan(
             range.
     """
     with directory_or_aside(directory) as folder:
-        write_smooth(folder, plan, seed=seed, module_size=module_size)
+        workspace = Workspace(folder)
+        workspace.write_smoothing(plan, seed=seed, module_size=module_size)
         run_stages(folder, progress=naming(folder, progress))
-        return read_plan(folder)
-
-
-def write_smooth(directory: FilePath, plan: Plan, *, seed: int, module_size: float | None) -> None:
-    """Puts a plan, and the request to smooth it, into a directory."""
-    size = plan.certificate.module_size if module_size is None else module_size
-    request = Request(filename=f"{plan.chain.name}.json", seed=seed, module_size=size, smooth=True)
-    plan.save_npz(directory / RECORDED_PLAN)
-    write_request(directory, request, write_chain(plan.chain))
+        return workspace.read_plan()

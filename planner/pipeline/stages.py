@@ -7,7 +7,6 @@ and the library run them one after the other.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -20,51 +19,37 @@ import numpy as np
 from planner.certificate.certificate import Certificate, certify
 from planner.certificate.measure import write_figures
 from planner.certificate.table import table_certificate
-from planner.certificate.table_forces import FILE as FORCES
 from planner.chain.chain import Chain
 from planner.explosion.strategies import on_lattice, strategies_for
 from planner.exports import mjcf
-from planner.files import write_json, write_whole
+from planner.files import write_whole
 from planner.motion.frames import PHASES
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.motion.windows import Windows
 from planner.pipeline import attempts, manifest
-from planner.pipeline.attempt_folders import (
-    CERTIFICATE,
-    CLEARANCES,
-    TIMELINE,
-    clear,
-    folder,
-    keep_best,
-    numbers,
-    publish,
-    result,
-)
-from planner.pipeline.attempts import Candidates
+from planner.pipeline.attempt import Candidates
 from planner.pipeline.explode_stage import choice_of, explode_stage
-from planner.pipeline.fold_directory import (
-    is_smoothing,
-    read_attempt,
-    read_certificate,
-    read_chain,
-    read_playback,
-    read_record,
-    read_recorded,
-    read_request,
-    read_start,
-    read_unfolding,
-    write_chain_folded,
+from planner.pipeline.fold_layout import (
+    CLEARANCES,
+    DESCRIBED,
+    EXPORTED,
+    FIGURES,
+    MODEL,
+    PLAN,
+    PLAN_TEXT,
+    TIMELINE,
+    result,
 )
 from planner.pipeline.parallel import Tries
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import SHORT_SEED
+from planner.pipeline.workspace import Workspace, is_smoothing
 from planner.playback.playback import Playback, play_back
 from planner.playback.table_playback import play_on_table
 from planner.playback.unfolding import check_fits
 from planner.progress import Cancelled, Progress, Report, never, silent
-from planner.robot import RECORDED_PLAN
 from planner.robot.smoothed import before_and_after, check_smoothable
 from planner.simulation.parameters import BASELINE, ExplosionParameters, TableParameters
 
@@ -104,23 +89,24 @@ def run_stage(
     (directory / manifest.FILE).unlink(missing_ok=True)  # of what is written now
     if stage == "export" and tries is not None:
         tries.rest()  # what is written now is the end
+    workspace = Workspace(directory)
     if stage in JUDGING:
-        progress = _counting(directory, progress)
+        progress = _counting(workspace, progress)
     if stage == "explode":
-        result = explode_stage(directory, progress, cancelled, tries or Tries(directory))
+        result = explode_stage(workspace, progress, cancelled, tries or Tries(directory))
     else:
-        result = _STAGES[stage](directory, progress, cancelled)
+        result = _STAGES[stage](workspace, progress, cancelled)
     progress(Progress(stage=stage, fraction=1.0, message="done"))
     return result
 
 
-def _counting(directory: FilePath, progress: Report) -> Report:
+def _counting(workspace: Workspace, progress: Report) -> Report:
     """Return a report that tells which of about how many plans the fold's last attempt is."""
-    request = read_request(directory)
-    tried = attempts.load(directory)
+    request = workspace.read_request()
+    tried = workspace.read_history()
     if request.prefer == COMPUTING or not tried:
         return progress
-    return attempts.with_count(progress, tried, choice_of(request, Candidates.load(directory)))
+    return attempts.with_count(progress, tried, choice_of(request, workspace.read_candidates()))
 
 
 def next_stage(stage: str, result: dict[str, Any]) -> str | None:
@@ -159,24 +145,24 @@ def run_stages(
     return result
 
 
-def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+def _read(workspace: Workspace, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     del progress, cancelled
-    request = read_request(directory)
+    request = workspace.read_request()
     request.check()
     if request.smooth:
-        plan = read_recorded(directory)
+        plan = workspace.read_recorded()
         check_smoothable(plan)
         only = Candidates((plan.chain,), two_ended=False)
-        return _noted(directory, only, kind="plan", method=None, notes=[], knot=None)
-    (directory / RECORDED_PLAN).unlink(missing_ok=True)  # of an earlier fold with a wish
+        return _noted(workspace, only, kind="plan", method=None, notes=[], knot=None)
+    workspace.drop_recorded()  # of an earlier fold with a preference
     prepared = prepare(
-        (directory / "input").read_bytes(),
+        workspace.read_input(),
         request.filename,
         request.path_options(),
         seed=request.seed % SHORT_SEED,
     )
     chain, chains = prepared.chain, prepared.chains
-    start = read_start(directory, request)
+    start = workspace.read_start(request)
     if start is not None:
         check_fits(start, chain.module.name, len(chain))
         # It is the same chain, whatever size the other shape was drawn in.
@@ -187,7 +173,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
     told = prepared.kind == "chain" or request.start is not None or request.refold
     told = told or request.world == "table"  # whose path begins on it
     return _noted(
-        directory,
+        workspace,
         Candidates(chains, two_ended=not told and on_lattice(chain)),
         kind=prepared.kind,
         method=prepared.method,
@@ -196,12 +182,11 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
     )
 
 
-def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str, Any]:
+def _noted(workspace: Workspace, candidates: Candidates, **how: Any) -> dict[str, Any]:
     """Keeps the chains that may be folded; what is said of how they were found."""
     chain = candidates.chains[0]
-    clear(directory)
-    candidates.save(directory)
-    write_chain_folded(directory, chain)
+    workspace.clear()
+    workspace.write_candidates(candidates)
     return {
         **how,
         "candidates": len(candidates.chains),
@@ -214,10 +199,10 @@ def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str,
     }
 
 
-def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
-    request, chain, record = read_request(directory), read_chain(directory), read_record(directory)
-    place = folder(directory)
-    (place / "playback.npz").unlink(missing_ok=True)
+def _play_back(workspace: Workspace, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    request, chain = workspace.read_request(), workspace.read_chain()
+    record, place = workspace.read_record(), workspace.attempt
+    place.drop_playback()
     smoothed = is_smoothing(record)
     parameters = request.parameters(smoothed=smoothed)
     if record is not None and record.status != "straight":
@@ -229,14 +214,15 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
             "rms_position_error": None,
             "max_angle_error_rad": None,
         }
-    unfolding = read_unfolding(directory, request)
+    unfolding = workspace.read_unfolding(request)
     start_s, frames = 0.0, 0
     whole = unfolding is not None or smoothed
     if record is not None and not whole:
         start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
-    tried = attempts.before_playback(directory, choice_of(request, Candidates.load(directory)))
-    attempts.save(directory, tried)
-    timeline = place / TIMELINE
+    choice = choice_of(request, workspace.read_candidates())
+    tried = attempts.before_playback(workspace.read_history(), choice)
+    workspace.write_history(tried)
+    timeline = place.timeline
     if whole:  # a refold's timeline goes from one shape to the other; a smoothed one only folds
         TimelineWriter.create(timeline, chain)
     if record is not None and record.table is not None:
@@ -255,12 +241,12 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
             unfolding=unfolding,
             seed=request.seed,
         )
-    playback.save(place / "playback.npz")
+    place.write_playback(playback)
     return playback.summary()
 
 
 def _play_on_table(
-    place: FilePath,
+    place: Workspace,
     chain: Chain,
     record: Record,
     table: TableParameters,
@@ -271,7 +257,6 @@ def _play_on_table(
     assert isinstance(record.frames, Windows)
     assert record.table is not None
     # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.
-    timeline = place / TIMELINE
     exploded = record.frames.dense(chain)
     progress(
         Progress(stage="play_back", fraction=0.0, message="computing the balance of each frame")
@@ -285,7 +270,7 @@ def _play_on_table(
         height=chain.table_height,
     )
     asked = record.table.bound if standing.torque is None else standing.torque
-    with TimelineWriter.create(timeline, chain) as writer:
+    with TimelineWriter.create(place.timeline, chain) as writer:
         writer.append(exploded)
         playback = play_on_table(
             chain,
@@ -298,45 +283,43 @@ def _play_on_table(
             cancelled=cancelled,
         ).as_playback(chain.pitch_m)
         writer.append(playback.frames)
-    playback.save(place / "playback.npz")
+    place.write_playback(playback)
     return playback.summary()
 
 
-def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
-    request, playback = read_request(directory), read_playback(directory)
-    record = read_record(directory)
+def _certify(workspace: Workspace, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    request, playback = workspace.read_request(), workspace.read_playback()
+    record, place = workspace.read_record(), workspace.attempt
     parameters = request.parameters(smoothed=is_smoothing(record))
-    known_at, forces_at = (folder(directory) / name for name in (CLEARANCES, FORCES))
-    for path in (known_at, forces_at):
+    for path in (place.clearances, place.forces):
         path.unlink(missing_ok=True)
     peeled = playback is not None and isinstance(playback.frames, Windows)
     certificate = certify(
-        read_chain(directory),
+        workspace.read_chain(),
         record,
         playback,
         parameters,
-        start=read_start(directory, request),
+        start=workspace.read_start(request),
         progress=progress,
         cancelled=cancelled,
-        sink=partial(np.save, known_at) if peeled else None,
-        forces=lambda found: found.save(forces_at),
+        sink=partial(np.save, place.clearances) if peeled else None,
+        forces=lambda found: found.save(place.forces),
     )
     again = None
-    tried = attempts.load(directory)
+    tried = workspace.read_history()
     if tried:
-        known = numbers(directory)
-        tried = attempts.judged(tried, certificate, known[-1] if known else None, playback)
-        attempts.save(directory, tried)
+        tried = attempts.judged(tried, certificate, workspace.number, playback)
+        workspace.write_history(tried)
         # What was published, or is a baseline, is shown as it is, with what is wrong with it.
         ours = isinstance(parameters.explosion, ExplosionParameters)
         if ours and parameters.strategy != BASELINE and not cancelled():
-            again = attempts.following(tried, choice_of(request, Candidates.load(directory)))
+            again = attempts.following(tried, choice_of(request, workspace.read_candidates()))
         if again == "explode" and _overlaps_unfolding(certificate, playback):
             again = None  # which is the same whatever the other shape's path
-    write_json(folder(directory) / CERTIFICATE, certificate.as_dict())
+    place.write_certificate(certificate)
     if again is None and not cancelled():
-        keep_best(directory, request.prefer)
-        certificate = read_certificate(directory)
+        workspace.keep_best(request.prefer)
+        certificate = workspace.read_certificate() or certificate
     return {**certificate.as_dict(), "again": again}
 
 
@@ -354,31 +337,35 @@ def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> 
     )
 
 
-def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+def _export(workspace: Workspace, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     del progress, cancelled
-    request, tried = read_request(directory), attempts.load(directory)
-    best = keep_best(directory, request.prefer)
+    directory, request, tried = (
+        workspace.directory,
+        workspace.read_request(),
+        workspace.read_history(),
+    )
+    best = workspace.keep_best(request.prefer)
     if best is not None and request.prefer != COMPUTING:
         tried = attempts.marked(tried, best)
-        attempts.save(directory, tried)
-    publish(directory, request.prefer)
+        workspace.write_history(tried)
+    workspace.publish(request.prefer)
     plan = replace(
-        read_attempt(directory, request),
+        workspace.read_attempt(request),
         attempts=tuple(attempt.as_dict() for attempt in tried),
-        start=read_start(directory, request),
+        start=workspace.read_start(request),
     )
-    if is_smoothing(read_record(directory)):
-        plan = replace(plan, smoothing=before_and_after(read_recorded(directory), plan))
-    before = [name for name in manifest.FILES if name not in manifest.EXPORTED]
+    if is_smoothing(workspace.read_record()):
+        plan = replace(plan, smoothing=before_and_after(workspace.read_recorded(), plan))
+    before = [name for name in DESCRIBED if name not in EXPORTED]
     with ThreadPoolExecutor(2) as beside:
         figures = beside.submit(work_out_figures, directory)
         digests = beside.submit(manifest.digests_of, directory, before)
-        write_whole(directory / "model.xml", mjcf.write(plan))
-        plan.save_npz(directory / "plan.npz")
-        texts = plan.save_json(directory / "plan.json")
+        write_whole(directory / MODEL, mjcf.write(plan))
+        plan.save_npz(directory / PLAN)
+        texts = plan.save_json(directory / PLAN_TEXT)
         figures.result()
     # Of a thousand numbers that were just written as text, it is not asked for once more.
-    written = {"plan.json": manifest.digests_of_texts(texts)}
+    written = {PLAN_TEXT: manifest.digests_of_texts(texts)}
     manifest.write_manifest(directory, digests.result() | written)
     return plan.summary()
 
@@ -392,22 +379,21 @@ def work_out_figures(directory: FilePath) -> FilePath:
     Raises:
         TimelineError: When the fold has no timeline.
     """
-    certificate = result(directory, CERTIFICATE)
-    known = json.loads(certificate.read_bytes()) if certificate.exists() else None
-    path = directory / "figures.zarr"
+    workspace = Workspace(directory)
+    path = directory / FIGURES
     clearances = result(directory, CLEARANCES)
     write_figures(
         result(directory, TIMELINE),
         path,
-        read_request(directory).parameters(),
-        certificate=known and Certificate.from_dict(known),
+        workspace.read_request().parameters(),
+        certificate=workspace.read_certificate(),
         clearances=np.load(clearances) if clearances.exists() else None,
     )
     clearances.unlink(missing_ok=True)
     return path
 
 
-_Stage = Callable[[FilePath, Report, Cancelled], dict[str, Any]]
+_Stage = Callable[[Workspace, Report, Cancelled], dict[str, Any]]
 _STAGES: Final[dict[str, _Stage]] = {
     "read": _read,
     "play_back": _play_back,

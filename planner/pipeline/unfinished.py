@@ -8,16 +8,9 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from planner.explosion.diagnosis import stopped
-from planner.pipeline.attempt_folders import (
-    CERTIFICATE,
-    TIMELINE,
-    judgement,
-    last_frame,
-    publish,
-    result,
-)
-from planner.pipeline.fold_directory import read_record, read_request
+from planner.pipeline.fold_layout import CERTIFICATE, TIMELINE, judgement, last_frame, result
 from planner.pipeline.preference import COMPUTING
+from planner.pipeline.workspace import Workspace
 
 
 def settle(directory: FilePath) -> dict[str, Any]:
@@ -30,12 +23,12 @@ def settle(directory: FilePath) -> dict[str, Any]:
         ``stuck``, as of ``Plan.summary``; of a plan that its certificate refuses ``explosion`` and
         ``certificate``. Empty when nothing was recorded.
     """
-    asked = (directory / "request.json").exists()
-    publish(directory, read_request(directory).prefer if asked else COMPUTING)
+    workspace = Workspace(directory)
+    workspace.publish(workspace.read_request().prefer if workspace.has_request else COMPUTING)
     certificate = directory / CERTIFICATE
     verified, clearance = judgement(certificate)
     if isfinite(clearance) and not verified:
-        record = read_record(directory)
+        record = workspace.read_record()
         return {
             "explosion": record and record.summary(),
             "certificate": json.loads(certificate.read_bytes()),

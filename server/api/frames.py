@@ -17,7 +17,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from planner.errors import DamagedError, TimelineError
-from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.fold_layout import TIMELINE, result
 from planner.simulation.parameters import FLOATING
 from planner.verification.integrity import check
 from server.api.finding import find_now, viewing_of

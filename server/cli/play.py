@@ -23,7 +23,7 @@ from planner.errors import InputError, TimelineError
 from planner.explosion.diagnosis import stuck_of
 from planner.files import json_of
 from planner.motion.timeline import Timeline
-from planner.pipeline.attempt_folders import CERTIFICATE, TIMELINE, result
+from planner.pipeline.fold_layout import CERTIFICATE, TIMELINE, result
 from planner.pipeline.request import Request
 from planner.pipeline.stages import work_out_figures
 from planner.pipeline.unfinished import stopped_where

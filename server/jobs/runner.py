@@ -15,7 +15,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from planner.errors import InputError, TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.attempt_folders import TIMELINE, any_verified, result
+from planner.pipeline.fold_layout import TIMELINE, any_verified, result
 from planner.playback.unfolding import START_CHAIN
 from planner.progress import COMPILING
 from server.files.cancelled import sweep_cancelled_of

@@ -17,7 +17,7 @@ from planner.errors import UNREADABLE
 from planner.exports import exports_of
 from planner.files import json_of
 from planner.motion.record import TableRecord
-from planner.pipeline.attempt_folders import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
+from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import LARGEST_SEED, Request
 from planner.pipeline.settings import TABLE_SETTINGS

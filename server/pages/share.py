@@ -15,7 +15,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from planner.errors import DamagedError, TimelineError
-from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.fold_layout import TIMELINE, result
 from planner.simulation.parameters import FLOATING
 from planner.verification.integrity import check
 from server.api.finding import find_fold, viewing_of

@@ -31,7 +31,7 @@ from planner.motion.angle_steps import plan_angles, plan_window_angles
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
 from planner.motion.windows import Windows
-from planner.pipeline.attempt_folders import CERTIFICATE, TIMELINE, result
+from planner.pipeline.fold_layout import CERTIFICATE, TIMELINE, result
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 

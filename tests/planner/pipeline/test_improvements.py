@@ -11,12 +11,12 @@ import pytest
 from planner.errors import InputError
 from planner.pipeline import attempts
 from planner.pipeline.attempt import MOST, Attempt, Try
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
@@ -158,7 +158,7 @@ def test_the_quickest_is_taken_whatever_the_number_of_workers(tmp_path: FilePath
     for name, prefer, workers in (("plain", "computing", 1), ("1", "time", 1), ("2", "time", 2)):
         place = tmp_path / name
         place.mkdir()
-        write_request(place, Request(prefer=prefer), write_chain(chain))
+        Workspace(place).write_request(Request(prefer=prefer), write_chain(chain))
         run_stages(place, workers=workers)
         plans.append(Plan.load(place / "plan.npz"))
     plain, one, two = plans

@@ -21,11 +21,12 @@ from planner.explosion.diagnosis import Diagnosis, Kind
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline.attempt import MOST, Attempt, Try
-from planner.pipeline.fold_directory import write_request
-from planner.pipeline.parallel import ASIDE, STALLING, Tries, make_try
+from planner.pipeline.fold_layout import TIMELINE, TRIES
+from planner.pipeline.parallel import STALLING, Tries, make_try
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
 from planner.progress import Progress, never, silent
@@ -47,7 +48,7 @@ PUSHED = Progress(stage="explode", fraction=0.5, pushes=STALLING)
 
 def read(directory: FilePath, data: bytes, **values: Any) -> FilePath:
     directory.mkdir()
-    write_request(directory, Request(**values), data)
+    Workspace(directory).write_request(Request(**values), data)
     run_stage("read", directory)
     return directory
 
@@ -112,18 +113,18 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
     alone.mkdir()
     second = CHOICE.after([STUCK])
     assert second == Try(0, 3, "peel")
-    record, attempt = make_try(alone, parameters, chain, second, silent, never)
+    record, attempt = make_try(alone / TIMELINE, parameters, chain, second, silent, never)
     told: list[Progress] = []
     with Tries(fold, 2) as tries:
         tries.come_to(CHOICE, [], FIRST)
-        assert tries.take(fold, told.append, never) is None
+        assert tries.take(fold / TIMELINE, told.append, never) is None
         watched = tries.watched(told.append)
         watched(Progress(stage="explode", fraction=0.5, pushes=STALLING - 1))
         assert not beside()
         watched(PUSHED)
         assert len(beside()) == 1
         tries.come_to(CHOICE, [STUCK], second)
-        made = tries.take(fold, told.append, never)
+        made = tries.take(fold / TIMELINE, told.append, never)
         assert made is not None
         assert len(beside()) <= 1  # the one after it has been begun meanwhile
         same_motion(made[0].frames, record.frames)
@@ -133,7 +134,7 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
         same_motion(mine, theirs)
     assert told[1] == PUSHED
     assert not beside()
-    assert not (fold / ASIDE).exists()
+    assert not (fold / TRIES).exists()
 
 
 def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> None:
@@ -153,7 +154,7 @@ def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> No
         tries.watched(silent)(PUSHED)
         assert len(beside()) == 2
         tries.come_to(CHOICE, [STUCK], Try(0, 3, "peel"))
-        made = tries.take(fold, silent, soon)
+        made = tries.take(fold / TIMELINE, silent, soon)
         assert made is None or made[0].status == "cancelled"
         assert max(seen) == 3
         tries.rest()
@@ -169,7 +170,7 @@ def test_a_process_that_fails_is_as_if_it_had_not_been(tmp_path: FilePath) -> No
         (child,) = beside()
         child.kill()
         tries.come_to(CHOICE, [STUCK], second)
-        assert tries.take(fold, silent, never) is None
+        assert tries.take(fold / TIMELINE, silent, never) is None
 
 
 def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(
@@ -187,7 +188,7 @@ def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(
         told(PUSHED)
         told(PUSHED)
         assert not beside()
-    assert not (fold / ASIDE).exists()
+    assert not (fold / TRIES).exists()
 
 
 def test_no_more_are_begun_than_a_fold_may_have(
@@ -231,7 +232,7 @@ FOLDS: dict[str, Callable[[FilePath], FilePath]] = {
 
 def asked(directory: FilePath, data: bytes, **values: Any) -> FilePath:
     directory.mkdir()
-    write_request(directory, Request(**values), data)
+    Workspace(directory).write_request(Request(**values), data)
     return directory
 
 
@@ -281,7 +282,7 @@ def test_a_fold_that_is_cancelled_leaves_no_process(tmp_path: FilePath) -> None:
     assert "cancelled" in summary["reason"]
     assert not beside()
     assert not any(child.is_running() for child in begun)
-    assert not (place / ASIDE).exists()
+    assert not (place / TRIES).exists()
 
 
 SCRIPT = """
@@ -313,7 +314,7 @@ def test_when_the_folds_process_ends_so_do_the_others(how: int, tmp_path: FilePa
         stderr=subprocess.DEVNULL,
     )
     children: list[psutil.Process] = []
-    while not any((fold / ASIDE).glob("*/timeline.zarr")):  # they are at work
+    while not any((fold / TRIES).glob("*/timeline.zarr")):  # they are at work
         assert parent.poll() is None
         children = psutil.Process(parent.pid).children()
         time.sleep(0.05)
@@ -325,4 +326,4 @@ def test_when_the_folds_process_ends_so_do_the_others(how: int, tmp_path: FilePa
         child.kill()
     assert not alive
     if how == signal.SIGINT:
-        assert not (fold / ASIDE).exists()
+        assert not (fold / TRIES).exists()

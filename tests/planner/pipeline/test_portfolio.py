@@ -20,10 +20,10 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline import attempts
 from planner.pipeline.attempt import MOST, Attempt, Reason, Try
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.simulation.parameters import ExplosionParameters, Parameters, PeelingParameters
@@ -241,7 +241,7 @@ def test_all_that_was_tried_is_in_the_plan(
     cells += [(2 - x if y % 2 == 0 else x, 2 - y, 1) for y in range(3) for x in range(3)]
     path = write_path(Path.from_cells(cells, name="slab"))
     (tmp_path / "auto").mkdir()
-    write_request(tmp_path / "auto", Request(), path)
+    Workspace(tmp_path / "auto").write_request(Request(), path)
     summary = run_stages(tmp_path / "auto")
     assert summary["status"] == "verified"
     plan = Plan.load(tmp_path / "auto" / "plan.npz")
@@ -252,7 +252,7 @@ def test_all_that_was_tried_is_in_the_plan(
     assert plan.attempts[0]["diagnosis"]["kind"] in ("contacts", "joints", "limit")
     assert plan.attempts[-1]["diagnosis"] is None
     (tmp_path / "one").mkdir()
-    write_request(tmp_path / "one", Request(strategy="simultaneous"), path)
+    Workspace(tmp_path / "one").write_request(Request(strategy="simultaneous"), path)
     failed = run_stages(tmp_path / "one")
     assert failed["status"] == "failed" and "it sticks" in failed["reason"]
     tried = Plan.load(tmp_path / "one" / "plan.npz").attempts

@@ -10,21 +10,13 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.files import write_json
 from planner.motion.frames import Frames
-from planner.motion.timeline import (
-    Timeline,
-    TimelineWriter,
-    chain_attributes,
-    chain_from_attributes,
-)
-from planner.pipeline import attempts
+from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
 from planner.pipeline.attempt import Attempt, Try
-from planner.pipeline.attempt_folders import begin
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage
 from planner.pipeline.unfinished import settle, stopped_where
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from tests.planner.peels import snake
 
@@ -49,11 +41,11 @@ def recorded(path: FilePath, chain: Chain, share: float, phase: str = "explosion
 
 def attempted(directory: FilePath, chain: Chain, share: float) -> None:
     """One more attempt, which was ended when so much of its bends was left."""
-    known = attempts.load(directory)
-    attempts.save(directory, [*known, Attempt(todo=Try(len(known), 0, "peel"), status="begun")])
-    place = begin(directory, len(known))
-    write_json(place / "chain.json", chain_attributes(chain))
-    recorded(place / "timeline.zarr", chain, share)
+    workspace = Workspace(directory)
+    known = workspace.read_history()
+    begun = Attempt(todo=Try(len(known), 0, "peel"), status="begun")
+    workspace.write_history([*known, begun])
+    recorded(workspace.begin(len(known), chain).timeline, chain, share)
 
 
 def test_it_tells_which_modules_are_still_bent(tmp_path: FilePath) -> None:
@@ -118,7 +110,7 @@ def test_without_a_frame_there_is_nothing_to_tell(tmp_path: FilePath) -> None:
 
 def test_what_was_tried_is_known_while_the_next_is_under_way(tmp_path: FilePath) -> None:
     cells = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1)]
-    write_request(tmp_path, Request(), write_path(Path.from_cells(cells, name="hook")))
+    Workspace(tmp_path).write_request(Request(), write_path(Path.from_cells(cells, name="hook")))
     run_stage("read", tmp_path)
     seen: list[object] = []
 
@@ -129,8 +121,8 @@ def test_what_was_tried_is_known_while_the_next_is_under_way(tmp_path: FilePath)
     run_stage("explode", tmp_path, cancelled=look)
     begun = Attempt(todo=Try(0, 0, "simultaneous"), status="begun")
     assert seen[0] == [begun.as_dict()]
-    (after,) = attempts.load(tmp_path)
+    (after,) = Workspace(tmp_path).read_history()
     assert after.status == "straight"
     # Cut off there, it begins anew.
-    attempts.save(tmp_path, [begun])
+    Workspace(tmp_path).write_history([begun])
     assert run_stage("explode", tmp_path)["attempts"] == 1

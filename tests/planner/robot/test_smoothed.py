@@ -21,8 +21,9 @@ from planner.motion.timeline import Timeline
 from planner.pipeline import stages
 from planner.pipeline.refold import refold
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import smooth_plan, write_smooth
+from planner.pipeline.smooth import smooth_plan
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.robot import RECORDED, SMOOTHED, SOFTENED
@@ -190,7 +191,7 @@ def test_an_interrupted_smoothing_comes_to_the_same(
 
 
 def test_a_cancelled_smoothing_is_no_plan(mallet: Folded, tmp_path: FilePath) -> None:
-    write_smooth(tmp_path, mallet.plan, seed=0, module_size=None)
+    Workspace(tmp_path).write_smoothing(mallet.plan, seed=0, module_size=None)
     summary = run_stages(tmp_path, cancelled=lambda: True)
     assert summary["status"] == "failed"
     assert summary["smoothing"]["after"] is None

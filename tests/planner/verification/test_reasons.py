@@ -17,9 +17,9 @@ from planner.explosion.simultaneous import explode
 from planner.kernels.backbite import grow
 from planner.motion.record import Record
 from planner.pathfinding.lattice import neighbours
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.simulation.parameters import ExplosionParameters, Parameters, PeelingParameters
@@ -215,7 +215,7 @@ def test_a_fold_that_gives_up_is_verified_with_its_reason(
         return hasty
 
     monkeypatch.setattr(Request, "parameters", parameters)
-    write_request(tmp_path, Request(strategy="simultaneous"), write_path(COIL))
+    Workspace(tmp_path).write_request(Request(strategy="simultaneous"), write_path(COIL))
     summary = run_stages(tmp_path)
     assert summary["status"] == "failed"
     assert summary["stuck"]["evidence"]["spent"] == "steps"

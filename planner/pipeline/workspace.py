@@ -1,0 +1,367 @@
+"""Workspace: a fold's directory as typed values, and the moves that keep it whole at any time.
+
+Each file is written aside and renamed, so that a file that is there is whole. Results of an attempt
+are in a folder of their own until the fold is over: ``planner.pipeline.fold_layout``. Of attempts
+that are over the one that came farthest stays, of verified plans the one that serves the fold's
+preference best.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path as FilePath
+from shutil import rmtree
+from typing import Any, Final
+
+import numpy as np
+
+from planner.certificate.certificate import Certificate
+from planner.certificate.table_forces import FILE as FORCES
+from planner.chain.chain import Chain
+from planner.files import write_json, write_whole
+from planner.motion.frames import PHASES, Frames
+from planner.motion.record import Record
+from planner.motion.timeline import TimelineWriter, chain_attributes, chain_from_attributes
+from planner.motion.windows import Windows
+from planner.pipeline import fold_layout as layout
+from planner.pipeline.attempt import Attempt, Candidates
+from planner.pipeline.fold_layout import judgement, last_frame
+from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
+from planner.pipeline.request import Request
+from planner.plan.formats import write_chain
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback
+from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
+from planner.robot import RECORDED_PLAN, WAYS
+
+MAX_PLANS_BYTES: Final = 64 * 2**20
+"""Maximum size of a fold's ``PLANS``; plans beyond it are removed and cannot be played. Chosen."""
+_EXPLOSION: Final = PHASES.index("explosion")
+_UNWANTED: Final = "unwanted-"
+"""A folder is renamed so before its files are removed: half of one would pass for an attempt."""
+
+
+@dataclass(frozen=True, slots=True)
+class Workspace:
+    """Files of one fold.
+
+    Attributes:
+        directory: Directory of the fold, or folder of one of its attempts.
+    """
+
+    directory: FilePath
+
+    # What is asked for.
+
+    def write_request(self, request: Request, data: bytes) -> None:
+        """Write a request and its input."""
+        values = {name: getattr(request, name) for name in Request.__dataclass_fields__}
+        write_whole(self.directory / layout.INPUT, data)
+        write_json(self.directory / layout.REQUEST, values)
+
+    def read_request(self) -> Request:
+        """Return the request."""
+        values = self._json(layout.REQUEST)
+        if values.get("start") is not None:
+            x, y, z = values["start"]
+            values["start"] = (int(x), int(y), int(z))
+        return Request(**values)
+
+    @property
+    def has_request(self) -> bool:
+        """True if there is a request."""
+        return (self.directory / layout.REQUEST).exists()
+
+    def read_input(self) -> bytes:
+        """Return the bytes of the shape."""
+        return (self.directory / layout.INPUT).read_bytes()
+
+    def write_start(self, start: Plan) -> None:
+        """Write the plan that a refold begins with."""
+        self.write_start_chain(start.chain)
+        start.save_npz(self.directory / START_PLAN)
+
+    def write_start_chain(self, chain: Chain) -> None:
+        """Write only the chain that a refold begins with, which is enough to read the shape."""
+        write_json(self.directory / START_CHAIN, chain_attributes(chain))
+
+    def read_start(self, request: Request) -> Chain | None:
+        """Return the chain as it is folded at the beginning of a refold; None for other folds."""
+        return chain_from_attributes(self._json(START_CHAIN)) if request.refold else None
+
+    def read_unfolding(self, request: Request) -> Unfolding | None:
+        """Return the way of a refold to straight; None for other folds."""
+        return Plan.load(self.directory / START_PLAN).unfolding() if request.refold else None
+
+    def write_recorded(self, plan: Plan) -> None:
+        """Write the plan that is smoothed."""
+        plan.save_npz(self.directory / RECORDED_PLAN)
+
+    def write_smoothing(self, plan: Plan, *, seed: int, module_size: float | None) -> None:
+        """Write a plan, and the request to smooth it."""
+        size = plan.certificate.module_size if module_size is None else module_size
+        name = f"{plan.chain.name}.json"
+        request = Request(filename=name, seed=seed, module_size=size, smooth=True)
+        self.write_recorded(plan)
+        self.write_request(request, write_chain(plan.chain))
+
+    def read_recorded(self) -> Plan:
+        """Return the plan that is smoothed: the fold's input, or that of one of its attempts."""
+        return Plan.load(self._result(RECORDED_PLAN))
+
+    def drop_recorded(self) -> None:
+        """Remove the plan that an earlier fold with a preference has smoothed."""
+        (self.directory / RECORDED_PLAN).unlink(missing_ok=True)
+
+    # What may be tried, and what was.
+
+    def write_candidates(self, candidates: Candidates) -> None:
+        """Write the chains that may be folded; the first is the fold's."""
+        write_json(self.directory / layout.CANDIDATES, candidates.as_dict())
+        self._write_chain(candidates.chains[0])
+
+    def read_candidates(self) -> Candidates:
+        """Return the chains that may be folded."""
+        return Candidates.from_values(self._json(layout.CANDIDATES))
+
+    def write_history(self, history: Sequence[Attempt]) -> None:
+        """Write the attempts so far."""
+        write_json(self.directory / layout.ATTEMPTS, [attempt.as_dict() for attempt in history])
+
+    def read_history(self) -> list[Attempt]:
+        """Return the attempts so far."""
+        if not (self.directory / layout.ATTEMPTS).exists():
+            return []
+        return [Attempt.from_dict(values) for values in self._json(layout.ATTEMPTS)]
+
+    # Results: of the latest attempt, or of the fold when it is over.
+
+    @property
+    def attempt(self) -> Workspace:
+        """Folder of the latest attempt; the fold's directory when there is none."""
+        return Workspace(layout.folder(self.directory))
+
+    def attempt_of(self, number: int) -> Workspace:
+        """Return the folder of an attempt."""
+        return Workspace(layout.place_of(self.directory, number))
+
+    @property
+    def number(self) -> int | None:
+        """Number of the latest attempt that has a folder; None when there is none."""
+        known = layout.numbers(self.directory)
+        return known[-1] if known else None
+
+    @property
+    def timeline(self) -> FilePath:
+        """Path of the timeline in this very directory."""
+        return self.directory / layout.TIMELINE
+
+    def read_chain(self) -> Chain:
+        """Return the chain that is folded."""
+        return chain_from_attributes(json.loads(self._result(layout.CHAIN).read_bytes()))
+
+    def write_record(self, record: Record) -> None:
+        """Write the record of an explosion."""
+        record.save(self.directory / layout.RECORD)
+
+    def read_record(self) -> Record | None:
+        """Return the record; None where nothing has exploded."""
+        path = self._result(layout.RECORD)
+        return Record.load(path) if path.exists() else None
+
+    def write_playback(self, playback: Playback) -> None:
+        """Write a playback."""
+        playback.save(self.directory / layout.PLAYBACK)
+
+    def drop_playback(self) -> None:
+        """Remove the playback, which is about to be made anew."""
+        (self.directory / layout.PLAYBACK).unlink(missing_ok=True)
+
+    def read_playback(self) -> Playback | None:
+        """Return the playback; None where there is none."""
+        path = self._result(layout.PLAYBACK)
+        return Playback.load(path) if path.exists() else None
+
+    def write_certificate(self, certificate: Certificate) -> None:
+        """Write a certificate."""
+        write_json(self.directory / layout.CERTIFICATE, certificate.as_dict())
+
+    def read_certificate(self) -> Certificate | None:
+        """Return the certificate; None where there is none."""
+        path = self._result(layout.CERTIFICATE)
+        if not path.exists():
+            return None
+        return Certificate.from_dict(json.loads(path.read_bytes()))
+
+    @property
+    def clearances(self) -> FilePath:
+        """Path of the clearances of a certificate in this very directory."""
+        return self.directory / layout.CLEARANCES
+
+    @property
+    def forces(self) -> FilePath:
+        """Path of the forces on a table in this very directory."""
+        return self.directory / FORCES
+
+    def read_attempt(self, request: Request) -> Plan:
+        """Return the plan of an attempt that is judged."""
+        record, certificate = self.read_record(), self.read_certificate()
+        assert certificate is not None
+        return Plan.assembled(
+            self.read_chain(),
+            request.parameters(smoothed=is_smoothing(record)),
+            request.seed,
+            record,
+            self.read_playback(),
+            certificate,
+        )
+
+    def read_plan(self) -> Plan:
+        """Return the plan of a fold that is over, with the joint errors that its file omits."""
+        plan, playback = Plan.load(self.directory / layout.PLAN), self.read_playback()
+        if playback is None:
+            return plan
+        motion, simulated = plan.motion, playback.frames
+        if isinstance(motion, Windows) and isinstance(simulated, Windows):
+            motion = replace(motion, errors_rad=simulated.errors_rad)
+        elif isinstance(motion, Frames) and isinstance(simulated, Frames):
+            motion = replace(motion, joint_error_rad=simulated.joint_error_rad)
+        return replace(plan, motion=motion)
+
+    # Moves.
+
+    def begin(self, number: int, chain: Chain) -> Workspace:
+        """Make the folder of an attempt, with its chain and an empty timeline.
+
+        Folders that an earlier run made from there on are removed.
+        """
+        self._remove([known for known in layout.numbers(self.directory) if known >= number])
+        place = self.attempt_of(number)
+        place.directory.mkdir(parents=True)
+        place._write_chain(chain)
+        TimelineWriter.create(place.timeline, chain)
+        return place
+
+    def clear(self) -> None:
+        """Remove all that earlier attempts have made: a fold begins anew."""
+        rmtree(self.directory / layout.FOLDER, ignore_errors=True)
+        rmtree(self.directory / layout.PLANS, ignore_errors=True)
+        (self.directory / layout.ATTEMPTS).unlink(missing_ok=True)
+        for name in layout.RESULTS[1:]:  # the chain is the first candidate's
+            path = self.directory / name
+            if path.is_dir():
+                rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
+
+    def drop_pictures(self) -> None:
+        """Remove what shows an earlier fold in this directory."""
+        (self.directory / layout.PICTURE).unlink(missing_ok=True)
+        rmtree(self.directory / layout.FIGURES, ignore_errors=True)
+
+    def keep_best_explosion(self) -> None:
+        """Keep the explosion that came farthest, of those that no certificate has judged."""
+        self._keep_best(
+            [
+                number
+                for number in layout.numbers(self.directory)
+                if not (self.attempt_of(number).directory / layout.CERTIFICATE).exists()
+            ]
+        )
+
+    def keep_best(self, prefer: Preference = COMPUTING) -> int | None:
+        """Keep the best attempt: a verified plan, the clearest one, or the straightest explosion.
+
+        Args:
+            prefer: Decides which of several verified plans is the best; the earliest of equal ones.
+
+        Returns:
+            Its number; None when there is none.
+        """
+        self._keep_best(layout.numbers(self.directory), prefer)
+        return next(iter(layout.numbers(self.directory)), None)
+
+    def publish(self, prefer: Preference = COMPUTING) -> None:
+        """Move the best attempt's files to the fold's directory; one that was cut off goes on."""
+        self.keep_best(prefer)
+        place = layout.folder(self.directory)
+        if place == self.directory:
+            return
+        for name in (*layout.RESULTS, RECORDED_PLAN):
+            there = place / name
+            if there.is_dir():
+                rmtree(self.directory / name, ignore_errors=True)
+            if there.exists():
+                there.replace(self.directory / name)
+        rmtree(self.directory / layout.FOLDER)
+
+    def _keep_best(self, among: Sequence[int], prefer: Preference = COMPUTING) -> None:
+        if len(among) > 1:
+            best = max(among, key=lambda number: self._progress(number, prefer))
+            unwanted = [number for number in among if number != best]
+            if prefer != COMPUTING:
+                unwanted = [number for number in unwanted if not self._moved_to_plans(number)]
+            self._remove(unwanted)
+
+    def _moved_to_plans(self, number: int) -> bool:
+        """Move a verified plan to ``PLANS`` if there is room; return True if it was moved."""
+        place = layout.place_of(self.directory, number)
+        if not judgement(place / layout.CERTIFICATE)[0]:
+            return False
+        for path in place.iterdir():
+            if path.name not in layout.PLAYABLE:
+                path.unlink()
+        plans = self.directory / layout.PLANS
+        files = [path for root in (plans, place) for path in root.rglob("*") if path.is_file()]
+        if sum(path.stat().st_size for path in files) > MAX_PLANS_BYTES:
+            return False
+        plans.mkdir(exist_ok=True)
+        place.rename(plans / str(number))
+        return True
+
+    def _progress(self, number: int, prefer: Preference) -> tuple[bool, float, bool, float, int]:
+        """How far an attempt came: verified, how good then, straight, bends removed, and when.
+
+        Of equal plans that are verified the earlier one is better: it was there for less computing.
+        Of equal failures it is the later one, which was tried for what the earlier one lacked.
+        """
+        place = layout.place_of(self.directory, number)
+        if (verified := judgement(place / layout.CERTIFICATE))[0] and prefer != COMPUTING:
+            figures = PlanFigures.of(json.loads((place / layout.CERTIFICATE).read_bytes()))
+            return True, figures.score(prefer), True, 0.0, -number
+        attempts: list[dict[str, Any]] = self._json(layout.ATTEMPTS)
+        straight = number < len(attempts) and attempts[number]["status"] == "straight"
+        last = last_frame(place / layout.TIMELINE)
+        bent = float("inf") if last is None else share_bent(*last)
+        return (*verified, straight, -bent, number)
+
+    def _remove(self, unwanted: Sequence[int]) -> None:
+        folders = self.directory / layout.FOLDER
+        for number in unwanted:
+            (folders / str(number)).rename(folders / f"{_UNWANTED}{number}")
+        for path in folders.glob(f"{_UNWANTED}*"):
+            rmtree(path)
+
+    def _write_chain(self, chain: Chain) -> None:
+        write_json(self.directory / layout.CHAIN, chain_attributes(chain))
+
+    def _result(self, name: str) -> FilePath:
+        return layout.result(self.directory, name)
+
+    def _json(self, name: str) -> Any:
+        return json.loads((self.directory / name).read_bytes())
+
+
+def is_smoothing(record: Record | None) -> bool:
+    """Return True for the record of a smoothed motion, in place of an explosion."""
+    return record is not None and record.strategy in WAYS
+
+
+def share_bent(chain: Chain, last: Frames) -> float:
+    """Return the fraction of the folded chain's bends that an explosion has left; 0 after it."""
+    if last.phase[-1] != _EXPLOSION:
+        return 0.0
+    left = np.abs(last.joint_angles_rad[-1]).sum()
+    return float(left / max(np.abs(chain.folded_rad).sum(), 1e-9))
