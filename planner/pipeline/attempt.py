@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, Literal
 
+from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
-from planner.explosion.diagnosis import Diagnosis, Kind
-from planner.motion.record import RecordStatus
+from planner.explosion.diagnosis import Diagnosis, Kind, diagnose
+from planner.motion.frames import PHASES
+from planner.motion.record import Record, RecordStatus
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.pipeline.preference import PlanFigures
+from planner.playback.playback import Playback
+from planner.simulation.parameters import Parameters
 
 Reason = Kind | Literal["refused"]
 MOST: Final = 6
@@ -87,10 +91,13 @@ class Attempt:
         between: Whether its frames are clear and only the way from one of the playback to the next
             is not.
         chosen: Whether its plan is the fold's.
+        played: Whether it was played back. Not stored: with a verdict it was.
+        unfolding_overlaps: Whether a refold's closest place comes before it is straight. Not
+            stored.
     """
 
     todo: Try
-    status: RecordStatus | Literal["begun"]
+    status: RecordStatus | Literal["begun", "none"]
     reason: str = ""
     steps: int = 0
     frames: int = 0
@@ -101,6 +108,60 @@ class Attempt:
     figures: PlanFigures | None = None
     between: bool = False
     chosen: bool = False
+    played: bool = False
+    unfolding_overlaps: bool = False
+
+    @classmethod
+    def of_record(
+        cls, todo: Try, chain: Chain, record: Record | None, parameters: Parameters
+    ) -> Attempt:
+        """Return the attempt of an explosion that is over; ``none`` when there is nothing of it."""
+        if record is None:
+            return cls(todo=todo, status="none")
+        return cls(
+            todo=todo,
+            status=record.status,
+            reason=record.reason,
+            steps=record.steps,
+            frames=len(record.frames),
+            seconds=record.seconds,
+            diagnosis=diagnose(chain, record, parameters),
+        )
+
+    def unjudged(self, finer: int | None = None) -> Attempt:
+        """Return it without a verdict, to be played back with ``finer`` times the frames."""
+        finer = self.finer if finer is None else finer
+        return replace(self, finer=finer, verdict=None, figures=None, between=False, played=False)
+
+    def judged(self, certificate: Certificate, playback: Playback | None) -> Attempt:
+        """Return it with the verdict on its playback.
+
+        Args:
+            certificate: The verdict, and where the plan is narrowest.
+            playback: What it has looked at.
+        """
+        clearance, played = certificate.min_clearance, certificate.min_clearance_playback
+        place = certificate.min_clearance_playback_at
+        exploding_s = self.seconds if self.finer == 1 else 0.0
+        playing_s = 0.0 if playback is None else playback.seconds
+        return replace(
+            self,
+            played=True,
+            verdict=certificate.verdict,
+            figures=PlanFigures.of(certificate.as_dict(), before_s=exploding_s + playing_s),
+            between=clearance is not None
+            and clearance >= 0.0
+            and played is not None
+            and played < 0.0
+            and place is not None
+            and not float(place.frame).is_integer(),
+            unfolding_overlaps=_overlaps_unfolding(certificate, playback),
+        )
+
+    @property
+    def failed(self) -> bool:
+        """Whether its explosion did not end straight."""
+        return self.status not in ("straight", "none")
 
     @property
     def verified(self) -> bool:
@@ -142,4 +203,25 @@ class Attempt:
         figures = values.get("figures")
         known["figures"] = figures and PlanFigures(**figures)
         todo = {name: values[name] for name in Try.__dataclass_fields__ if name in values}
-        return cls(**known, todo=Try(**todo))
+        return cls(**known, todo=Try(**todo), played="verdict" in values)
+
+
+def latest_playback(history: Sequence[Attempt], number: int) -> int:
+    """Return the index of the latest playback of an explosion, given by its own index."""
+    while number + 1 < len(history) and history[number + 1].finer > 1:
+        number += 1
+    return number
+
+
+def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> bool:
+    """Whether a refold's closest place comes before it is straight."""
+    if playback is None:
+        return False
+    straight = int((playback.frames.phase == PHASES.index("unfolding")).sum())
+    return any(
+        clearance is not None and clearance < 0.0 and place is not None and place.frame < straight
+        for clearance, place in (
+            (certificate.min_clearance, certificate.min_clearance_at),
+            (certificate.min_clearance_playback, certificate.min_clearance_playback_at),
+        )
+    )

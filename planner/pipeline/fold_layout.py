@@ -13,13 +13,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import Final
 
+from planner.certificate.figures import CertificateFigures
 from planner.certificate.table_forces import FILE as FORCES
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
 from planner.motion.frames import Frames
 from planner.motion.timeline import Timeline
+from planner.pipeline.preference import judgement
 from planner.playback.unfolding import START_CHAIN, START_PLAN
 from planner.robot import RECORDED_PLAN
 
@@ -39,6 +41,7 @@ PLAN_TEXT: Final = "plan.json"
 MODEL: Final = "model.xml"
 FIGURES: Final = "figures.zarr"
 PICTURE: Final = "picture.png"
+MANIFEST: Final = "manifest.json"
 FOLDER: Final = "attempts"
 PLANS: Final = "plans"
 TRIES: Final = ".foldback-tries"
@@ -95,19 +98,14 @@ def last_frame(timeline: FilePath) -> tuple[Chain, Frames] | None:
         return None
 
 
-def judgement(certificate: FilePath) -> tuple[bool, float]:
-    """Return True for a verified plan, and its least clearance; −∞ where that is not known."""
-    if not certificate.exists():
-        return False, float("-inf")
-    values: dict[str, Any] = json.loads(certificate.read_bytes())
-    plan, playback = (values.get(name) for name in ("min_clearance", "min_clearance_playback"))
-    known = [float(value) for value in (plan, playback) if value is not None]
-    verified = str(values["verdict"]).startswith("verified")
-    return verified, float("-inf") if plan is None else min(known)
+def certificate_values(path: FilePath) -> CertificateFigures | None:
+    """Return the figures of a certificate's file; None when there is none."""
+    return json.loads(path.read_bytes()) if path.exists() else None
 
 
 def any_verified(directory: FilePath) -> bool:
     """Return True if an attempt of a fold that is not over has a verified plan."""
     return any(
-        judgement(place_of(directory, number) / CERTIFICATE)[0] for number in numbers(directory)
+        judgement(certificate_values(place_of(directory, number) / CERTIFICATE))[0]
+        for number in numbers(directory)
     )

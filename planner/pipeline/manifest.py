@@ -19,8 +19,8 @@ from planner.checked_zarr import DIGEST, read_group, unsealed
 from planner.errors import UNREADABLE, DamagedError
 from planner.files import write_json, zarr_group
 from planner.pipeline.fold_layout import DESCRIBED
+from planner.pipeline.fold_layout import MANIFEST as FILE
 
-FILE: Final = "manifest.json"
 FORMAT: Final = "foldback-manifest/1"
 WHOLE: Final = "content"
 """Field of a file that has no parts."""

@@ -19,17 +19,12 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final
 
-from planner.chain.chain import Chain
-from planner.explosion.strategies import let_go, windowed
 from planner.files import write_json
 from planner.motion.record import Record
-from planner.motion.timeline import TimelineWriter
 from planner.pipeline.attempt import MOST, Attempt, Try
-from planner.pipeline.attempts import made
 from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIES
 from planner.pipeline.portfolio import Portfolio
 from planner.progress import Cancelled, Progress, Report
-from planner.simulation.parameters import Parameters
 
 STALLING: Final = 2
 """Pulses in a row without progress, from which on the next tries are begun."""
@@ -37,52 +32,25 @@ POLL_S: Final = 0.05
 """Seconds between two looks at the other processes."""
 GRACE_S: Final = 1.0
 """Seconds that a process has to write down what it came to when it is told to stop."""
-Tried = tuple[Record, Attempt]
-
-
-def make_try(
-    timeline: FilePath,
-    parameters: Parameters,
-    chain: Chain,
-    todo: Try,
-    progress: Report,
-    cancelled: Cancelled,
-) -> Tried:
-    """One explosion on a timeline of its own: its record, and what is told of it."""
-    writer = TimelineWriter.create(timeline, chain, windowed=windowed(todo.strategy))
-    record = let_go(
-        chain,
-        todo.strategy,
-        parameters,
-        seed=todo.seed,
-        gentle=todo.gentle,
-        sink=writer.append,
-        progress=progress,
-        cancelled=cancelled,
-    )
-    writer.flush()
-    if record.status != "straight":
-        writer.close("failed")
-    return record, made(todo, chain, record, parameters)
 
 
 class Tries:
     """Holds the processes that make what may come next.
 
     Args:
-        directory: Of the fold; its input must have been read.
+        directory: Of the fold; its input must have been read. None without processes.
         workers: Explosions that are made at once at most; with one there are no processes. More
             than a fold may have would bring nothing.
     """
 
-    def __init__(self, directory: FilePath, workers: int = 1) -> None:
-        self._directory = directory.resolve()
-        self._workers = min(workers, MOST)
+    def __init__(self, directory: FilePath | None, workers: int = 1) -> None:
+        self._exchange = None if directory is None else directory.resolve() / TRIES
+        self._workers = 1 if directory is None else min(workers, MOST)
         self._beside: dict[Try, _Beside] = {}
         self._ahead: Callable[[], list[Try]] = list
         self._here: Try | None = None
         self._eager = False
-        rmtree(self._directory / TRIES, ignore_errors=True)
+        self._clear()
 
     def __enter__(self) -> Tries:
         return self
@@ -95,7 +63,11 @@ class Tries:
         for beside in self._beside.values():
             beside.end()
         self._beside = {}
-        rmtree(self._directory / TRIES, ignore_errors=True)
+        self._clear()
+
+    def _clear(self) -> None:
+        if self._exchange is not None:
+            rmtree(self._exchange, ignore_errors=True)
 
     def rest(self) -> None:
         """Ends what runs; what is made already is kept."""
@@ -120,10 +92,12 @@ class Tries:
 
         return told if self._workers > 1 else progress
 
-    def take(self, timeline: FilePath, progress: Report, cancelled: Cancelled) -> Tried | None:
+    def take(
+        self, timeline: FilePath | None, progress: Report, cancelled: Cancelled
+    ) -> Record | None:
         """What is to be made now, if it was begun beside: waits for it.
 
-        Its timeline moves to ``timeline``. None when it was not begun, or its
+        Its timeline moves to ``timeline`` unless that is None. None when it was not begun, or its
         process failed: whoever makes it here comes to the same, or sees why it cannot be made.
         """
         if self._here not in self._beside:
@@ -138,12 +112,12 @@ class Tries:
             self._begin()
             time.sleep(POLL_S)
         del self._beside[self._here]
-        made = beside.made()
-        if made is not None:
+        record = beside.record()
+        if record is not None and timeline is not None:
             rmtree(timeline, ignore_errors=True)
             (beside.place / TIMELINE).rename(timeline)
         beside.end()
-        return made
+        return record
 
     def _known(self) -> dict[Try, Attempt]:
         """What came of those that are made."""
@@ -163,12 +137,12 @@ class Tries:
         """Begins what may come next, as many as there is room for."""
         room = self._workers - (self._here not in self._beside)
         room -= sum(beside.running for beside in self._beside.values())
-        if room <= 0:
+        if room <= 0 or self._exchange is None:
             return
         fresh = [todo for todo in self._ahead() if todo not in self._beside]
         for todo in fresh[:room]:
             try:
-                self._beside[todo] = _Beside(self._directory, todo)
+                self._beside[todo] = _Beside(self._exchange, todo)
             except OSError:  # no process or no room to be had: what is made here goes on alone
                 self._workers = 1
                 return
@@ -180,8 +154,8 @@ class _Beside:
     When its standard input ends, nobody wants it any more, or this process is gone.
     """
 
-    def __init__(self, directory: FilePath, todo: Try) -> None:
-        self.place = directory / TRIES / "-".join(map(str, astuple(todo)))
+    def __init__(self, exchange: FilePath, todo: Try) -> None:
+        self.place = exchange / "-".join(map(str, astuple(todo)))
         rmtree(self.place, ignore_errors=True)
         self.place.mkdir(parents=True)
         modules = [str(FilePath(__file__).parents[2]), *filter(None, [os.getenv("PYTHONPATH")])]
@@ -217,10 +191,9 @@ class _Beside:
         told = None if self.running else _read(self.place / "attempt.json")
         return None if told is None else Attempt.from_dict(told)
 
-    def made(self) -> Tried | None:
+    def record(self) -> Record | None:
         """What it came to; None when it failed."""
-        attempt = self.attempt()
-        return None if attempt is None else (Record.load(self.place / RECORD), attempt)
+        return None if self.attempt() is None else Record.load(self.place / RECORD)
 
     def stop(self) -> None:
         """Has it write down what it has, and waits for that."""
@@ -244,8 +217,7 @@ def _read(path: FilePath) -> dict[str, Any] | None:
     return json.loads(path.read_bytes()) if path.exists() else None
 
 
-def write_made(place: FilePath, made: Tried) -> None:
+def write_made(place: FilePath, record: Record, attempt: Attempt) -> None:
     """Writes what a try came to; the attempt last, so that all is there when it is."""
-    record, attempt = made
     record.save(place / RECORD)
     write_json(place / "attempt.json", attempt.as_dict())

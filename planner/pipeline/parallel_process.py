@@ -15,9 +15,11 @@ from dataclasses import asdict
 from pathlib import Path as FilePath
 
 from planner.files import write_json
-from planner.pipeline.attempt import Try
+from planner.pipeline.attempt import Attempt, Try
 from planner.pipeline.fold_layout import TIMELINE
-from planner.pipeline.parallel import GRACE_S, make_try, write_made
+from planner.pipeline.job import Watch
+from planner.pipeline.parallel import GRACE_S, write_made
+from planner.pipeline.steps import explode
 from planner.pipeline.workspace import Workspace
 from planner.progress import Progress
 
@@ -30,8 +32,9 @@ def main() -> None:
     fold = Workspace(place.parent.parent)
     todo = Try(**json.loads(sys.argv[1]))
     parameters, chain = fold.read_request().parameters(), fold.read_candidates().chain_of(todo)
-    made = make_try(place / TIMELINE, parameters, chain, todo, _tell, unwanted.is_set)
-    write_made(place, made)
+    watch = Watch(progress=_tell, cancelled=unwanted.is_set, timeline=place / TIMELINE)
+    record = explode(chain, todo, parameters, watch)
+    write_made(place, record, Attempt.of_record(todo, chain, record, parameters))
 
 
 def _tell(progress: Progress) -> None:

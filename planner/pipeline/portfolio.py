@@ -11,9 +11,13 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from planner.explosion.diagnosis import Diagnosis
-from planner.pipeline.attempt import MOST, Attempt, Reason, Try
+from planner.explosion.strategies import others_for, strategies_for
+from planner.pipeline.attempt import MOST, Attempt, Candidates, Reason, Try
 from planner.pipeline.improvements import Improvements
-from planner.pipeline.request import LARGEST_SEED
+from planner.pipeline.preference import COMPUTING
+from planner.pipeline.request import LARGEST_SEED, Request
+from planner.robot import MOST_ANGLES, WAYS
+from planner.simulation.parameters import BASELINE, ExplosionParameters
 
 MOST_SEEDS: Final = 3
 """Seeds that one fold tries."""
@@ -29,6 +33,8 @@ CHANGES: Final[dict[Reason, tuple[Change, ...]]] = {
     "stopped": ("strategy", "path"),
 }
 """What is changed for each reason, in this order: end of the path, forces, strategy, path, seed."""
+DENSER: Final = 4
+"""Factor of the frames that a plan may get when it is smoothed, peeled ones most. Measured."""
 LIKELY: Final[dict[str, Reason]] = {"peel": "buried"}
 """The usual reason why a strategy sticks; of those not named it is ``joints``."""
 
@@ -49,6 +55,7 @@ class Portfolio:
         forces: Whether the forces may be others than asked for.
         seeds: How many of them may be tried.
         improvements: What may be tried after a verified plan; None when that is the end.
+        retries_refused: Whether anything follows a plan that its certificate refuses.
     """
 
     strategies: tuple[tuple[str, ...], ...]
@@ -57,6 +64,37 @@ class Portfolio:
     forces: bool = False
     seeds: int = MOST_SEEDS
     improvements: Improvements | None = None
+    retries_refused: bool = True
+
+    @classmethod
+    def of(cls, request: Request, candidates: Candidates) -> Portfolio:
+        """Return what may be tried of a fold."""
+        if request.smooth:
+            return cls(strategies=(WAYS,), seed=request.seed, seeds=1)
+        parameters, chains = request.parameters(), candidates.chains
+        ours = isinstance(parameters.explosion, ExplosionParameters)
+        improvements = None
+        if request.prefer != COMPUTING:
+            hinges = len(chains[0].folded_rad)
+            improvements = Improvements(
+                prefer=request.prefer,
+                strategies=tuple(
+                    others_for(chain, parameters, refolds=request.refold) for chain in chains
+                ),
+                modules=len(chains[0]),
+                most_frames=0 if request.refold else MOST_ANGLES // (DENSER * max(hinges, 1)),
+            )
+        return cls(
+            strategies=tuple(
+                strategies_for(chain, parameters, refolds=request.refold) for chain in chains
+            ),
+            seed=request.seed,
+            two_ended=candidates.two_ended,
+            forces=ours,
+            seeds=MOST_SEEDS if ours else 1,  # as published there is nothing that a seed changes
+            improvements=improvements,
+            retries_refused=ours and parameters.strategy != BASELINE,
+        )
 
     def after(self, tried: Sequence[Attempt]) -> Try | None:
         """What is tried after so many attempts; None when enough was tried.

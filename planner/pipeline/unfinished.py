@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from math import isfinite
 from pathlib import Path as FilePath
 from typing import Any
 
 from planner.explosion.diagnosis import stopped
-from planner.pipeline.fold_layout import CERTIFICATE, TIMELINE, judgement, last_frame, result
-from planner.pipeline.preference import COMPUTING
+from planner.pipeline.fold_layout import (
+    CERTIFICATE,
+    TIMELINE,
+    certificate_values,
+    last_frame,
+    result,
+)
+from planner.pipeline.preference import COMPUTING, judgement
 from planner.pipeline.workspace import Workspace
 
 
@@ -25,13 +30,13 @@ def settle(directory: FilePath) -> dict[str, Any]:
     """
     workspace = Workspace(directory)
     workspace.publish(workspace.read_request().prefer if workspace.has_request else COMPUTING)
-    certificate = directory / CERTIFICATE
+    certificate = certificate_values(directory / CERTIFICATE)
     verified, clearance = judgement(certificate)
     if isfinite(clearance) and not verified:
         record = workspace.read_record()
         return {
             "explosion": record and record.summary(),
-            "certificate": json.loads(certificate.read_bytes()),
+            "certificate": certificate,
         }
     return stopped_where(directory)
 

@@ -27,9 +27,8 @@ from planner.kernels.trails import one_circuit
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.compiling import Compiling, beside, end_with_parent, motions_beside
 from planner.pipeline.compiling_lock import FIRST, REST, CompilingLock
-from planner.pipeline.fold import fold
+from planner.pipeline.fold import fold, smooth_plan
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import smooth_plan
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
 from planner.pipeline.workspace import Workspace

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from math import inf
 from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final
@@ -18,27 +19,29 @@ from typing import Any, Final
 import numpy as np
 
 from planner.certificate.certificate import Certificate
+from planner.certificate.measure import write_figures
 from planner.certificate.table_forces import FILE as FORCES
 from planner.chain.chain import Chain
+from planner.exports import mjcf
 from planner.files import write_json, write_whole
-from planner.motion.frames import PHASES, Frames
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter, chain_attributes, chain_from_attributes
-from planner.motion.windows import Windows
 from planner.pipeline import fold_layout as layout
 from planner.pipeline.attempt import Attempt, Candidates
-from planner.pipeline.fold_layout import judgement, last_frame
-from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
+from planner.pipeline.fold_layout import last_frame
+from planner.pipeline.job import Job, Result, Search, share_bent
+from planner.pipeline.portfolio import Portfolio
+from planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
 from planner.pipeline.request import Request
+from planner.pipeline.steps import with_joint_errors
 from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
-from planner.robot import RECORDED_PLAN, WAYS
+from planner.robot import RECORDED_PLAN
 
 MAX_PLANS_BYTES: Final = 64 * 2**20
 """Maximum size of a fold's ``PLANS``; plans beyond it are removed and cannot be played. Chosen."""
-_EXPLOSION: Final = PHASES.index("explosion")
 _UNWANTED: Final = "unwanted-"
 """A folder is renamed so before its files are removed: half of one would pass for an attempt."""
 
@@ -101,10 +104,8 @@ class Workspace:
 
     def write_smoothing(self, plan: Plan, *, seed: int, module_size: float | None) -> None:
         """Write a plan, and the request to smooth it."""
-        size = plan.certificate.module_size if module_size is None else module_size
-        name = f"{plan.chain.name}.json"
-        request = Request(filename=name, seed=seed, module_size=size, smooth=True)
         self.write_recorded(plan)
+        request = Request.smoothing(plan, seed=seed, module_size=module_size)
         self.write_request(request, write_chain(plan.chain))
 
     def read_recorded(self) -> Plan:
@@ -114,6 +115,12 @@ class Workspace:
     def drop_recorded(self) -> None:
         """Remove the plan that an earlier fold with a preference has smoothed."""
         (self.directory / RECORDED_PLAN).unlink(missing_ok=True)
+
+    def read_job(self) -> Job:
+        """Return what is known of the fold before it is computed."""
+        request, candidates = self.read_request(), self.read_candidates()
+        policy, start = Portfolio.of(request, candidates), self.read_start(request)
+        return Job(request=request, candidates=candidates, policy=policy, start=start)
 
     # What may be tried, and what was.
 
@@ -128,13 +135,14 @@ class Workspace:
 
     def write_history(self, history: Sequence[Attempt]) -> None:
         """Write the attempts so far."""
-        write_json(self.directory / layout.ATTEMPTS, [attempt.as_dict() for attempt in history])
+        values = [attempt.as_dict() for attempt in history if attempt.status != "none"]
+        write_json(self.directory / layout.ATTEMPTS, values)
 
-    def read_history(self) -> list[Attempt]:
+    def read_history(self) -> tuple[Attempt, ...]:
         """Return the attempts so far."""
         if not (self.directory / layout.ATTEMPTS).exists():
-            return []
-        return [Attempt.from_dict(values) for values in self._json(layout.ATTEMPTS)]
+            return ()
+        return tuple(Attempt.from_dict(values) for values in self._json(layout.ATTEMPTS))
 
     # Results: of the latest attempt, or of the fold when it is over.
 
@@ -162,9 +170,12 @@ class Workspace:
         """Return the chain that is folded."""
         return chain_from_attributes(json.loads(self._result(layout.CHAIN).read_bytes()))
 
-    def write_record(self, record: Record) -> None:
-        """Write the record of an explosion."""
-        record.save(self.directory / layout.RECORD)
+    def write_explosion(self, result: Result) -> None:
+        """Write the record of an explosion or smoothing, and the plan that was smoothed."""
+        if result.recorded is not None:
+            self.write_recorded(result.recorded)
+        if result.record is not None:
+            result.record.save(self.directory / layout.RECORD)
 
     def read_record(self) -> Record | None:
         """Return the record; None where nothing has exploded."""
@@ -184,9 +195,19 @@ class Workspace:
         path = self._result(layout.PLAYBACK)
         return Playback.load(path) if path.exists() else None
 
-    def write_certificate(self, certificate: Certificate) -> None:
-        """Write a certificate."""
-        write_json(self.directory / layout.CERTIFICATE, certificate.as_dict())
+    def write_judgement(self, result: Result) -> None:
+        """Write a certificate, after the curves that belong to it."""
+        if result.clearances is not None:
+            np.save(self.directory / layout.CLEARANCES, result.clearances)
+        if result.forces is not None:
+            result.forces.save(self.directory / FORCES)
+        assert result.certificate is not None
+        write_json(self.directory / layout.CERTIFICATE, result.certificate.as_dict())
+
+    def drop_curves(self) -> None:
+        """Remove the curves of a certificate, which is about to be made anew."""
+        for name in (layout.CLEARANCES, FORCES):
+            (self.directory / name).unlink(missing_ok=True)
 
     def read_certificate(self) -> Certificate | None:
         """Return the certificate; None where there is none."""
@@ -195,40 +216,56 @@ class Workspace:
             return None
         return Certificate.from_dict(json.loads(path.read_bytes()))
 
-    @property
-    def clearances(self) -> FilePath:
-        """Path of the clearances of a certificate in this very directory."""
-        return self.directory / layout.CLEARANCES
-
-    @property
-    def forces(self) -> FilePath:
-        """Path of the forces on a table in this very directory."""
-        return self.directory / FORCES
-
-    def read_attempt(self, request: Request) -> Plan:
-        """Return the plan of an attempt that is judged."""
-        record, certificate = self.read_record(), self.read_certificate()
-        assert certificate is not None
-        return Plan.assembled(
-            self.read_chain(),
-            request.parameters(smoothed=is_smoothing(record)),
-            request.seed,
-            record,
-            self.read_playback(),
-            certificate,
+    def read_result(self) -> Result:
+        """Return what has been computed of the latest attempt, or of the fold when it is over."""
+        return Result(
+            chain=self.read_chain(),
+            record=self.read_record(),
+            playback=self.read_playback(),
+            certificate=self.read_certificate(),
         )
+
+    def read_search(self, job: Job) -> Search:
+        """Return the attempts so far, with the results of the latest."""
+        history = self.read_history()
+        if not history:  # nothing explodes
+            first = job.policy.after(())
+            assert first is not None
+            history = (Attempt(todo=first, status="none"),)
+        last = max(k for k, attempt in enumerate(history) if attempt.finer == 1)
+        number = last if self.number is None else self.number
+        return Search(history=history, results={number: self.read_result()})
 
     def read_plan(self) -> Plan:
         """Return the plan of a fold that is over, with the joint errors that its file omits."""
-        plan, playback = Plan.load(self.directory / layout.PLAN), self.read_playback()
-        if playback is None:
-            return plan
-        motion, simulated = plan.motion, playback.frames
-        if isinstance(motion, Windows) and isinstance(simulated, Windows):
-            motion = replace(motion, errors_rad=simulated.errors_rad)
-        elif isinstance(motion, Frames) and isinstance(simulated, Frames):
-            motion = replace(motion, joint_error_rad=simulated.joint_error_rad)
-        return replace(plan, motion=motion)
+        return with_joint_errors(Plan.load(self.directory / layout.PLAN), self.read_playback())
+
+    def write_plan(self, plan: Plan) -> dict[str, str]:
+        """Write the plan of a fold and its model; return the text of each value of the plan."""
+        write_whole(self.directory / layout.MODEL, mjcf.write(plan))
+        plan.save_npz(self.directory / layout.PLAN)
+        return plan.save_json(self.directory / layout.PLAN_TEXT)
+
+    def write_figures(self) -> FilePath:
+        """Write the figures of the timeline, as far as it goes; return their path.
+
+        Raises:
+            TimelineError: When the fold has no timeline.
+        """
+        path, clearances = self.directory / layout.FIGURES, self._result(layout.CLEARANCES)
+        write_figures(
+            self._result(layout.TIMELINE),
+            path,
+            self.read_request().parameters(),
+            certificate=self.read_certificate(),
+            clearances=np.load(clearances) if clearances.exists() else None,
+        )
+        clearances.unlink(missing_ok=True)
+        return path
+
+    def drop_manifest(self) -> None:
+        """Remove the digests of files that are about to change."""
+        (self.directory / layout.MANIFEST).unlink(missing_ok=True)
 
     # Moves.
 
@@ -299,7 +336,7 @@ class Workspace:
 
     def _keep_best(self, among: Sequence[int], prefer: Preference = COMPUTING) -> None:
         if len(among) > 1:
-            best = max(among, key=lambda number: self._progress(number, prefer))
+            best = max(among, key=lambda number: self._rank(number, prefer))
             unwanted = [number for number in among if number != best]
             if prefer != COMPUTING:
                 unwanted = [number for number in unwanted if not self._moved_to_plans(number)]
@@ -308,7 +345,7 @@ class Workspace:
     def _moved_to_plans(self, number: int) -> bool:
         """Move a verified plan to ``PLANS`` if there is room; return True if it was moved."""
         place = layout.place_of(self.directory, number)
-        if not judgement(place / layout.CERTIFICATE)[0]:
+        if not judgement(layout.certificate_values(place / layout.CERTIFICATE))[0]:
             return False
         for path in place.iterdir():
             if path.name not in layout.PLAYABLE:
@@ -321,21 +358,18 @@ class Workspace:
         place.rename(plans / str(number))
         return True
 
-    def _progress(self, number: int, prefer: Preference) -> tuple[bool, float, bool, float, int]:
-        """How far an attempt came: verified, how good then, straight, bends removed, and when.
-
-        Of equal plans that are verified the earlier one is better: it was there for less computing.
-        Of equal failures it is the later one, which was tried for what the earlier one lacked.
-        """
+    def _rank(self, number: int, prefer: Preference) -> Rank:
+        """Return how far an attempt came, from its files: it may have been cut off."""
         place = layout.place_of(self.directory, number)
-        if (verified := judgement(place / layout.CERTIFICATE))[0] and prefer != COMPUTING:
-            figures = PlanFigures.of(json.loads((place / layout.CERTIFICATE).read_bytes()))
-            return True, figures.score(prefer), True, 0.0, -number
         attempts: list[dict[str, Any]] = self._json(layout.ATTEMPTS)
-        straight = number < len(attempts) and attempts[number]["status"] == "straight"
         last = last_frame(place / layout.TIMELINE)
-        bent = float("inf") if last is None else share_bent(*last)
-        return (*verified, straight, -bent, number)
+        return rank(
+            layout.certificate_values(place / layout.CERTIFICATE),
+            straight=number < len(attempts) and attempts[number]["status"] == "straight",
+            bent=inf if last is None else share_bent(*last),
+            number=number,
+            prefer=prefer,
+        )
 
     def _remove(self, unwanted: Sequence[int]) -> None:
         folders = self.directory / layout.FOLDER
@@ -352,16 +386,3 @@ class Workspace:
 
     def _json(self, name: str) -> Any:
         return json.loads((self.directory / name).read_bytes())
-
-
-def is_smoothing(record: Record | None) -> bool:
-    """Return True for the record of a smoothed motion, in place of an explosion."""
-    return record is not None and record.strategy in WAYS
-
-
-def share_bent(chain: Chain, last: Frames) -> float:
-    """Return the fraction of the folded chain's bends that an explosion has left; 0 after it."""
-    if last.phase[-1] != _EXPLOSION:
-        return 0.0
-    left = np.abs(last.joint_angles_rad[-1]).sum()
-    return float(left / max(np.abs(chain.folded_rad).sum(), 1e-9))

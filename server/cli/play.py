@@ -25,8 +25,8 @@ from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import CERTIFICATE, TIMELINE, result
 from planner.pipeline.request import Request
-from planner.pipeline.stages import work_out_figures
 from planner.pipeline.unfinished import stopped_where
+from planner.pipeline.workspace import Workspace
 from planner.simulation.parameters import FLOATING
 from server.api import frames as timelines
 from server.api.frame_waits import FrameWaits
@@ -175,7 +175,7 @@ def play(
     if not (directory / "figures.zarr").exists():
         # Folds that were cancelled have none, and those of earlier versions.
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError, TimelineError):
-            work_out_figures(directory)
+            Workspace(directory).write_figures()
 
     class Server(uvicorn.Server):
         """Says where it is once it listens."""

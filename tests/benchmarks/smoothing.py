@@ -15,8 +15,8 @@ import numpy as np
 from rich.console import Console
 
 from examples.run_gallery import SHAPES
+from planner.pipeline.fold import smooth_plan
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import smooth_plan
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan

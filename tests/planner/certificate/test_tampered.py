@@ -16,10 +16,9 @@ from planner.chain.module import Module
 from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
 from planner.pathfinding.assembly import layered_snake
+from planner.pipeline.fold import refold, smooth_plan
 from planner.pipeline.manifest import Digests, digests_of
-from planner.pipeline.refold import refold
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import smooth_plan
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path

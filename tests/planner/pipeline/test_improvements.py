@@ -9,12 +9,12 @@ from pathlib import Path as FilePath
 import pytest
 
 from planner.errors import InputError
-from planner.pipeline import attempts
 from planner.pipeline.attempt import MOST, Attempt, Try
 from planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
 from planner.pipeline.request import Request
+from planner.pipeline.search import Explode, next_step
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain
@@ -33,13 +33,14 @@ def verified(todo: Try, **figures: float | None) -> Attempt:
     return Attempt(
         todo=todo,
         status="straight",
+        played=True,
         verdict="verified (simulated)",
         figures=replace(FIGURES, **figures),
     )
 
 
 def refused(todo: Try) -> Attempt:
-    return Attempt(todo=todo, status="straight", verdict="failed: it", figures=FIGURES)
+    return Attempt(todo=todo, status="straight", played=True, verdict="failed: it", figures=FIGURES)
 
 
 def choice(prefer: Preference, paths: int = 1, **more: int) -> Portfolio:
@@ -56,10 +57,8 @@ def tried_of(
 ) -> Sequence[Attempt]:
     """All that is tried when each try comes to something."""
     tried: list[Attempt] = []
-    while not tried or attempts.following(tried, portfolio) == "explode":
-        todo = portfolio.after(tried)
-        assert todo is not None
-        tried.append(come_to(todo))
+    while isinstance(step := next_step(tried, portfolio), Explode):
+        tried.append(come_to(step.todo))
     return tried
 
 

@@ -22,10 +22,12 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline.attempt import MOST, Attempt, Try
 from planner.pipeline.fold_layout import TIMELINE, TRIES
-from planner.pipeline.parallel import STALLING, Tries, make_try
+from planner.pipeline.job import Watch
+from planner.pipeline.parallel import STALLING, Tries
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
+from planner.pipeline.steps import explode
 from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
@@ -113,7 +115,7 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
     alone.mkdir()
     second = CHOICE.after([STUCK])
     assert second == Try(0, 3, "peel")
-    record, attempt = make_try(alone / TIMELINE, parameters, chain, second, silent, never)
+    record = explode(chain, second, parameters, Watch(timeline=alone / TIMELINE))
     told: list[Progress] = []
     with Tries(fold, 2) as tries:
         tries.come_to(CHOICE, [], FIRST)
@@ -127,9 +129,9 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
         made = tries.take(fold / TIMELINE, told.append, never)
         assert made is not None
         assert len(beside()) <= 1  # the one after it has been begun meanwhile
-        same_motion(made[0].frames, record.frames)
-        assert replace(made[1], seconds=0.0) == replace(attempt, seconds=0.0)
-        assert (made[0].status, made[0].steps) == (record.status, record.steps)
+        same_motion(made.frames, record.frames)
+        one, other = (Attempt.of_record(second, chain, r, parameters) for r in (made, record))
+        assert replace(one, seconds=0.0) == replace(other, seconds=0.0)
         mine, theirs = (Timeline.open(place / "timeline.zarr").motion() for place in (fold, alone))
         same_motion(mine, theirs)
     assert told[1] == PUSHED
@@ -155,7 +157,7 @@ def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> No
         assert len(beside()) == 2
         tries.come_to(CHOICE, [STUCK], Try(0, 3, "peel"))
         made = tries.take(fold / TIMELINE, silent, soon)
-        assert made is None or made[0].status == "cancelled"
+        assert made is None or made.status == "cancelled"
         assert max(seen) == 3
         tries.rest()
         assert not beside()

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import pytest
 
 from planner.pipeline.attempt import Attempt
-from planner.pipeline.attempts import FINER, count_plans, with_count
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import PREFERENCES, Preference
+from planner.pipeline.search import FINER, count_plans, with_count
 from planner.progress import Progress
 from tests.planner.pipeline.test_improvements import choice, refused, tried_of, verified
 

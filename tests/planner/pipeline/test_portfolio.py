@@ -18,10 +18,10 @@ from planner.explosion.simultaneous import explode
 from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
-from planner.pipeline import attempts
 from planner.pipeline.attempt import MOST, Attempt, Reason, Try
 from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.request import Request
+from planner.pipeline.search import Explode, next_step
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
@@ -50,7 +50,11 @@ def way(choice: Portfolio, kind: Reason) -> list[Try]:
         Attempt(todo=Try(1, 2, "peel", other_end=True), status="begun"),
         Attempt(todo=Try(0, 7, "blocks", gentle=True), status="straight", steps=5, finer=4),
         Attempt(
-            todo=Try(0, 0, "simultaneous"), status="straight", verdict="failed: …", between=True
+            todo=Try(0, 0, "simultaneous"),
+            status="straight",
+            played=True,
+            verdict="failed: …",
+            between=True,
         ),
         Attempt(
             todo=Try(0, 0, "simultaneous"),
@@ -135,10 +139,8 @@ def test_what_no_seed_changes_is_not_repeated_with_others() -> None:
 def test_another_strategy_is_tried_before_a_fold_is_given_up() -> None:
     choice = Portfolio(strategies=(BOTH,), seed=0, forces=True)
     tried: list[Attempt] = []
-    while not tried or attempts.following(tried, choice) is not None:
-        todo = choice.after(tried)
-        assert todo is not None
-        tried.append(Attempt(todo=todo, status="straight", verdict="failed: …"))
+    while isinstance(step := next_step(tried, choice), Explode):
+        tried.append(Attempt(todo=step.todo, status="straight", played=True, verdict="failed: …"))
     assert [attempt.todo.strategy for attempt in tried] == ["simultaneous"] * 3 + ["peel"]
 
 

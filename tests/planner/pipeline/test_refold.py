@@ -21,9 +21,8 @@ from planner.exports import export_named
 from planner.motion.frames import PHASES, Frames
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold import fold
+from planner.pipeline.fold import fold, refold
 from planner.pipeline.manifest import write_manifest
-from planner.pipeline.refold import refold
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, run_stage
 from planner.pipeline.workspace import Workspace
@@ -357,7 +356,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch, frame: float) -> None:
             min_clearance_at=replace(found.min_clearance_at, frame=frame),
         )
 
-    monkeypatch.setattr("planner.pipeline.stages.certify", refusing)
+    monkeypatch.setattr("planner.pipeline.steps.certify", refusing)
 
 
 @pytest.mark.slow

@@ -6,8 +6,7 @@ import pytest
 
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.pipeline.fold import fold
-from planner.pipeline.refold import refold
+from planner.pipeline.fold import fold, refold
 from planner.pipeline.request import Request
 from planner.pipeline.settings import (
     SETTINGS,

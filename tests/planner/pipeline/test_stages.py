@@ -329,7 +329,7 @@ def refuse_first(monkeypatch: pytest.MonkeyPatch, times: int, *, frame: float) -
             min_clearance_playback_at=Place(frame=frame, modules=(1, 9)),
         )
 
-    monkeypatch.setattr("planner.pipeline.stages.certify", refused)
+    monkeypatch.setattr("planner.pipeline.steps.certify", refused)
 
 
 def test_an_overlap_between_frames_is_looked_at_with_more_of_them(

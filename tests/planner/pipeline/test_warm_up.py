@@ -31,7 +31,7 @@ from planner.pipeline.workspace import Workspace
 from planner.chain.path import Path
 from planner.plan.plan import Plan
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import smooth_plan
+from planner.pipeline.fold import smooth_plan
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 """

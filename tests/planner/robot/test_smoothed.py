@@ -19,9 +19,8 @@ from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline import stages
-from planner.pipeline.refold import refold
+from planner.pipeline.fold import refold, smooth_plan
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import smooth_plan
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -129,7 +128,7 @@ def test_what_the_certificate_refuses_is_smoothed_less(
         angles[len(angles) // 2] = plan.chain.module.angle_limit_rad
         return replace(record, frames=replace(record.frames, joint_angles_rad=angles))
 
-    monkeypatch.setattr("planner.pipeline.explode_stage.smoothed_record", spoiled)
+    monkeypatch.setattr("planner.pipeline.steps.smoothed_record", spoiled)
     plan = smooth_plan(wrench, directory=tmp_path)
     assert tried == [SMOOTHED, SOFTENED, RECORDED]
     assert plan.verified
@@ -158,7 +157,7 @@ def test_overlaps_between_frames_leave_the_last_way_to_be_tried(
             min_clearance_playback_at=place,
         )
 
-    monkeypatch.setattr("planner.pipeline.stages.certify", judge)
+    monkeypatch.setattr("planner.pipeline.steps.certify", judge)
     plan = smooth_plan(folded("wrench-24").plan, directory=tmp_path)
     assert plan.verified
     assert [(a["strategy"], a.get("finer", 1)) for a in plan.attempts] == [
