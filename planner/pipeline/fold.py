@@ -64,13 +64,7 @@ def fold(
     request = Request(
         filename=shape.name, preset=preset, seed=seed, module_size=module_size, settings=settings
     )
-    data = _data(shape)
-    if directory is None and progress is silent:
-        return _fold_in_memory(request, data, workers=workers)
-    with directory_or_aside(directory) as place:
-        workspace = Workspace(place)
-        workspace.write_request(request, data)
-        return _fold_in(workspace, progress, workers)
+    return _plan_of(request, _data(shape), directory, progress, workers=workers)
 
 
 def refold(
@@ -107,14 +101,7 @@ def refold(
         settings=settings,
         refold=True,
     )
-    data = _data(shape)
-    if directory is None and progress is silent:
-        return _fold_in_memory(request, data, start=start)
-    with directory_or_aside(directory) as place:
-        workspace = Workspace(place)
-        workspace.write_start(start)
-        workspace.write_request(request, data)
-        return _fold_in(workspace, progress)
+    return _plan_of(request, _data(shape), directory, progress, start=start)
 
 
 def smooth_plan(
@@ -139,33 +126,41 @@ def smooth_plan(
         InputError: As ``planner.robot.smoothed.check_smoothable``, or for a seed or size out of
             range.
     """
-    if directory is None and progress is silent:
-        request = Request.smoothing(plan, seed=seed, module_size=module_size)
-        return _fold_in_memory(request, b"", recorded=plan)
-    with directory_or_aside(directory) as place:
-        workspace = Workspace(place)
-        workspace.write_smoothing(plan, seed=seed, module_size=module_size)
-        return _fold_in(workspace, progress)
+    request = Request.smoothing(plan, seed=seed, module_size=module_size)
+    return _plan_of(request, write_chain(plan.chain), directory, progress, recorded=plan)
 
 
 def _data(shape: Path | Chain) -> bytes:
     return write_path(shape) if isinstance(shape, Path) else write_chain(shape)
 
 
-def _fold_in(workspace: Workspace, progress: Report, workers: int = 1) -> Plan:
-    """Run all stages in a directory; return the plan."""
-    directory = workspace.directory
-    run_stages(directory, progress=naming(directory, progress), workers=workers)
-    return workspace.read_plan()
-
-
-def _fold_in_memory(
+def _plan_of(
     request: Request,
     data: bytes,
+    directory: str | FilePath | None,
+    progress: Report,
     *,
     start: Plan | None = None,
     recorded: Plan | None = None,
     workers: int = 1,
+) -> Plan:
+    """Return the plan of a request, made in memory or by the stages in a directory."""
+    if directory is None and progress is silent:
+        return _plan_in_memory(request, data, start=start, recorded=recorded, workers=workers)
+    with directory_or_aside(directory) as place:
+        workspace = Workspace(place)
+        workspace.write_request(request, data, start=start, recorded=recorded)
+        run_stages(place, progress=naming(place, progress), workers=workers)
+        return workspace.read_plan()
+
+
+def _plan_in_memory(
+    request: Request,
+    data: bytes,
+    *,
+    start: Plan | None,
+    recorded: Plan | None,
+    workers: int,
 ) -> Plan:
     """Search until a plan is verified or nothing is left to try; return the best attempt's plan.
 

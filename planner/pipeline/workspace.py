@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final
@@ -22,6 +22,7 @@ from planner.certificate.certificate import Certificate
 from planner.certificate.measure import write_figures
 from planner.certificate.table_forces import FILE as FORCES
 from planner.chain.chain import Chain
+from planner.explosion.diagnosis import stopped
 from planner.exports import mjcf
 from planner.files import write_json, write_whole
 from planner.motion.record import Record
@@ -34,7 +35,6 @@ from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
 from planner.pipeline.request import Request
 from planner.pipeline.steps import with_joint_errors
-from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
@@ -58,8 +58,26 @@ class Workspace:
 
     # What is asked for.
 
-    def write_request(self, request: Request, data: bytes) -> None:
-        """Write a request and its input."""
+    def write_request(
+        self,
+        request: Request,
+        data: bytes,
+        *,
+        start: Plan | None = None,
+        recorded: Plan | None = None,
+    ) -> None:
+        """Write a request and its input.
+
+        Args:
+            request: The request.
+            data: Bytes of the shape.
+            start: Plan that a refold begins with; None for other folds.
+            recorded: Plan that is smoothed; None for other folds.
+        """
+        if start is not None:
+            self.write_start(start)
+        if recorded is not None:
+            recorded.save_npz(self.directory / RECORDED_PLAN)
         values = {name: getattr(request, name) for name in Request.__dataclass_fields__}
         write_whole(self.directory / layout.INPUT, data)
         write_json(self.directory / layout.REQUEST, values)
@@ -71,11 +89,6 @@ class Workspace:
             x, y, z = values["start"]
             values["start"] = (int(x), int(y), int(z))
         return Request(**values)
-
-    @property
-    def has_request(self) -> bool:
-        """True if there is a request."""
-        return (self.directory / layout.REQUEST).exists()
 
     def read_input(self) -> bytes:
         """Return the bytes of the shape."""
@@ -98,23 +111,13 @@ class Workspace:
         """Return the way of a refold to straight; None for other folds."""
         return Plan.load(self.directory / START_PLAN).unfolding() if request.refold else None
 
-    def write_recorded(self, plan: Plan) -> None:
-        """Write the plan that is smoothed."""
-        plan.save_npz(self.directory / RECORDED_PLAN)
-
-    def write_smoothing(self, plan: Plan, *, seed: int, module_size: float | None) -> None:
-        """Write a plan, and the request to smooth it."""
-        self.write_recorded(plan)
-        request = Request.smoothing(plan, seed=seed, module_size=module_size)
-        self.write_request(request, write_chain(plan.chain))
-
     def read_recorded(self) -> Plan:
         """Return the plan that is smoothed: the fold's input, or that of one of its attempts."""
         return Plan.load(self._result(RECORDED_PLAN))
 
     def drop_recorded(self) -> None:
         """Remove the plan that an earlier fold with a preference has smoothed."""
-        (self.directory / RECORDED_PLAN).unlink(missing_ok=True)
+        self._drop(RECORDED_PLAN)
 
     def read_job(self) -> Job:
         """Return what is known of the fold before it is computed."""
@@ -173,7 +176,7 @@ class Workspace:
     def write_explosion(self, result: Result) -> None:
         """Write the record of an explosion or smoothing, and the plan that was smoothed."""
         if result.recorded is not None:
-            self.write_recorded(result.recorded)
+            result.recorded.save_npz(self.directory / RECORDED_PLAN)
         if result.record is not None:
             result.record.save(self.directory / layout.RECORD)
 
@@ -188,7 +191,7 @@ class Workspace:
 
     def drop_playback(self) -> None:
         """Remove the playback, which is about to be made anew."""
-        (self.directory / layout.PLAYBACK).unlink(missing_ok=True)
+        self._drop(layout.PLAYBACK)
 
     def read_playback(self) -> Playback | None:
         """Return the playback; None where there is none."""
@@ -206,8 +209,7 @@ class Workspace:
 
     def drop_curves(self) -> None:
         """Remove the curves of a certificate, which is about to be made anew."""
-        for name in (layout.CLEARANCES, FORCES):
-            (self.directory / name).unlink(missing_ok=True)
+        self._drop(layout.CLEARANCES, FORCES)
 
     def read_certificate(self) -> Certificate | None:
         """Return the certificate; None where there is none."""
@@ -265,7 +267,30 @@ class Workspace:
 
     def drop_manifest(self) -> None:
         """Remove the digests of files that are about to change."""
-        (self.directory / layout.MANIFEST).unlink(missing_ok=True)
+        self._drop(layout.MANIFEST)
+
+    def settle(self) -> dict[str, Any]:
+        """Keep the attempt of an unfinished fold that came farthest, and return where it was.
+
+        Nothing computes the fold any more.
+
+        Returns:
+            ``stuck``, as of ``Plan.summary``; of a plan that its certificate refuses ``explosion``
+            and ``certificate``. Empty when nothing was recorded.
+        """
+        asked = (self.directory / layout.REQUEST).exists()
+        self.publish(self.read_request().prefer if asked else COMPUTING)
+        certificate = layout.certificate_values(self.directory / layout.CERTIFICATE)
+        verified, clearance = judgement(certificate)
+        if isfinite(clearance) and not verified:
+            record = self.read_record()
+            return {"explosion": record and record.summary(), "certificate": certificate}
+        return self.stopped_where()
+
+    def stopped_where(self) -> dict[str, Any]:
+        """Return where a fold ends that came to no plan, as ``settle`` does; changes nothing."""
+        last = last_frame(self._result(layout.TIMELINE))
+        return {} if last is None else {"stuck": stopped(*last).as_dict()}
 
     # Moves.
 
@@ -283,20 +308,12 @@ class Workspace:
 
     def clear(self) -> None:
         """Remove all that earlier attempts have made: a fold begins anew."""
-        rmtree(self.directory / layout.FOLDER, ignore_errors=True)
-        rmtree(self.directory / layout.PLANS, ignore_errors=True)
-        (self.directory / layout.ATTEMPTS).unlink(missing_ok=True)
-        for name in layout.RESULTS[1:]:  # the chain is the first candidate's
-            path = self.directory / name
-            if path.is_dir():
-                rmtree(path)
-            else:
-                path.unlink(missing_ok=True)
+        # The chain is the first candidate's.
+        self._drop(layout.FOLDER, layout.PLANS, layout.ATTEMPTS, *layout.RESULTS[1:])
 
     def drop_pictures(self) -> None:
         """Remove what shows an earlier fold in this directory."""
-        (self.directory / layout.PICTURE).unlink(missing_ok=True)
-        rmtree(self.directory / layout.FIGURES, ignore_errors=True)
+        self._drop(layout.PICTURE, layout.FIGURES)
 
     def keep_best_explosion(self) -> None:
         """Keep the explosion that came farthest, of those that no certificate has judged."""
@@ -380,6 +397,14 @@ class Workspace:
 
     def _write_chain(self, chain: Chain) -> None:
         write_json(self.directory / layout.CHAIN, chain_attributes(chain))
+
+    def _drop(self, *names: str) -> None:
+        for name in names:
+            path = self.directory / name
+            if path.is_dir():
+                rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
 
     def _result(self, name: str) -> FilePath:
         return layout.result(self.directory, name)

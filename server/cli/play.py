@@ -25,7 +25,6 @@ from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import CERTIFICATE, TIMELINE, result
 from planner.pipeline.request import Request
-from planner.pipeline.unfinished import stopped_where
 from planner.pipeline.workspace import Workspace
 from planner.simulation.parameters import FLOATING
 from server.api import frames as timelines
@@ -100,7 +99,7 @@ def row_of(directory: Path) -> ShownFold:
     if plan:
         told["stuck"] = stuck_of(plan.get("explosion"), plan.get("attempts") or ())
     elif not certificate:
-        told |= stopped_where(directory)
+        told |= Workspace(directory).stopped_where()
     if plan.get("start"):
         told["refold"] = {"start": plan["start"]["name"]}
     return ShownFold(

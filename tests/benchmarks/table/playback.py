@@ -16,7 +16,8 @@ import numpy as np
 
 from planner.certificate.table_figures import FRICTIONLESS
 from planner.pipeline.request import Request
-from planner.pipeline.stages import LEAST_TORQUE_WP, STRONGER_MOTORS, run_stages
+from planner.pipeline.stages import run_stages
+from planner.pipeline.steps import LEAST_TORQUE_WP, STRONGER_MOTORS
 from planner.pipeline.workspace import Workspace
 from planner.verification.table_replay import TableReplay, table_replay
 from planner.verification.verify import verify

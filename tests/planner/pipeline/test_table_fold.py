@@ -17,7 +17,8 @@ from planner.errors import InputError
 from planner.motion.frames import Frames
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import Request
-from planner.pipeline.stages import LEAST_TORQUE_WP, STRONGER_MOTORS, run_stages
+from planner.pipeline.stages import run_stages
+from planner.pipeline.steps import LEAST_TORQUE_WP, STRONGER_MOTORS
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.simulation.parameters import Parameters

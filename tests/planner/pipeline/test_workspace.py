@@ -31,7 +31,6 @@ from planner.pipeline.fold_layout import (
 )
 from planner.pipeline.request import Request
 from planner.pipeline.stages import next_stage, run_stage, run_stages
-from planner.pipeline.unfinished import settle
 from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
@@ -166,7 +165,7 @@ def test_a_cancel_while_others_are_tried_leaves_the_refused_one(
     frames = len(Timeline.open(result(directory, "timeline.zarr")))
     run_stage("explode", directory, cancelled=lambda: True)
     assert len(Timeline.open(result(directory, "timeline.zarr"))) < frames
-    told = settle(directory)
+    told = Workspace(directory).settle()
     assert told["certificate"]["min_clearance"] == -0.001
     assert told["explosion"]["status"] == "straight"
     assert len(Timeline.open(directory / "timeline.zarr")) == frames

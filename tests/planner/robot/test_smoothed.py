@@ -23,6 +23,7 @@ from planner.pipeline.fold import refold, smooth_plan
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
+from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.robot import RECORDED, SMOOTHED, SOFTENED
@@ -190,7 +191,9 @@ def test_an_interrupted_smoothing_comes_to_the_same(
 
 
 def test_a_cancelled_smoothing_is_no_plan(mallet: Folded, tmp_path: FilePath) -> None:
-    Workspace(tmp_path).write_smoothing(mallet.plan, seed=0, module_size=None)
+    request = Request.smoothing(mallet.plan, seed=0, module_size=None)
+    data = write_chain(mallet.plan.chain)
+    Workspace(tmp_path).write_request(request, data, recorded=mallet.plan)
     summary = run_stages(tmp_path, cancelled=lambda: True)
     assert summary["status"] == "failed"
     assert summary["smoothing"]["after"] is None
