@@ -160,17 +160,17 @@ class Attempt:
 
     @property
     def failed(self) -> bool:
-        """Whether its explosion did not end straight."""
+        """True if its explosion did not end straight."""
         return self.status not in ("straight", "none")
 
     @property
     def verified(self) -> bool:
-        """Whether its plan may be trusted."""
+        """True if its plan may be trusted."""
         return self.verdict is not None and self.verdict.startswith("verified")
 
     @property
     def why(self) -> Reason:
-        """Why it was not the last one."""
+        """Reason why it was not the last one."""
         if self.status == "straight":
             return "refused"
         return "limit" if self.diagnosis is None else self.diagnosis.kind
@@ -214,7 +214,7 @@ def latest_playback(history: Sequence[Attempt], number: int) -> int:
 
 
 def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> bool:
-    """Whether a refold's closest place comes before it is straight."""
+    """Return True if a refold's closest place comes before it is straight."""
     if playback is None:
         return False
     straight = int((playback.frames.phase == PHASES.index("unfolding")).sum())
