@@ -17,21 +17,21 @@ from planner.playback.playback import Playback
 from planner.simulation.parameters import Parameters
 
 Reason = Kind | Literal["refused"]
-MOST: Final = 6
-"""Explosions of one fold, at most."""
+MAX_EXPLOSIONS: Final = 6
+"""Maximum number of explosions of one fold. Larger values find more plans, fail later. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
-class Try:
+class Trial:
     """One explosion that may be made.
 
     Attributes:
-        candidate: Which of the paths.
-        seed: What randomness starts from.
-        strategy: How the chain is let go.
-        other_end: Whether the path is taken from its other end.
-        gentle: Whether it is let go with half the force.
-        smooths: The attempt, by its place among all, whose verified plan is smoothed in place of
+        candidate: Index of the path.
+        seed: Seed of all randomness.
+        strategy: Strategy of the explosion.
+        other_end: True if the path is taken from its other end.
+        gentle: True for half the force.
+        smooths: Index of the attempt whose verified plan is smoothed in place of
             an explosion; the strategy then is one of ``planner.robot.WAYS``. None for an explosion.
     """
 
@@ -55,10 +55,10 @@ class Candidates:
     chains: tuple[Chain, ...]
     two_ended: bool
 
-    def chain_of(self, todo: Try) -> Chain:
+    def chain_of(self, trial: Trial) -> Chain:
         """Return the chain of a try."""
-        chain = self.chains[todo.candidate]
-        return chain.from_other_end() if todo.other_end else chain
+        chain = self.chains[trial.candidate]
+        return chain.from_other_end() if trial.other_end else chain
 
     def as_dict(self) -> dict[str, Any]:
         """Return them as plain JSON values."""
@@ -79,7 +79,7 @@ class Attempt:
     """What came of an explosion, and of its playback.
 
     Attributes:
-        todo: Which explosion it is.
+        trial: Which explosion it is.
         status: Of its record; ``begun`` while there is none.
         reason: Of its record: why it is not straight.
         steps, frames, seconds: Of its record.
@@ -96,7 +96,7 @@ class Attempt:
             stored.
     """
 
-    todo: Try
+    trial: Trial
     status: RecordStatus | Literal["begun", "none"]
     reason: str = ""
     steps: int = 0
@@ -113,13 +113,13 @@ class Attempt:
 
     @classmethod
     def of_record(
-        cls, todo: Try, chain: Chain, record: Record | None, parameters: Parameters
+        cls, trial: Trial, chain: Chain, record: Record | None, parameters: Parameters
     ) -> Attempt:
         """Return the attempt of an explosion that is over; ``none`` when there is nothing of it."""
         if record is None:
-            return cls(todo=todo, status="none")
+            return cls(trial=trial, status="none")
         return cls(
-            todo=todo,
+            trial=trial,
             status=record.status,
             reason=record.reason,
             steps=record.steps,
@@ -177,8 +177,8 @@ class Attempt:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, as ``attempts.json`` and plans have them."""
-        values: dict[str, Any] = {**asdict(self.todo), "status": self.status}
-        if self.todo.smooths is None:
+        values: dict[str, Any] = {**asdict(self.trial), "status": self.status}
+        if self.trial.smooths is None:
             del values["smooths"]
         if self.status == "begun":
             return values
@@ -202,8 +202,8 @@ class Attempt:
         known["diagnosis"] = found and Diagnosis.from_dict(found)
         figures = values.get("figures")
         known["figures"] = figures and PlanFigures(**figures)
-        todo = {name: values[name] for name in Try.__dataclass_fields__ if name in values}
-        return cls(**known, todo=Try(**todo), played="verdict" in values)
+        trial = {name: values[name] for name in Trial.__dataclass_fields__ if name in values}
+        return cls(**known, trial=Trial(**trial), played="verdict" in values)
 
 
 def latest_playback(history: Sequence[Attempt], number: int) -> int:

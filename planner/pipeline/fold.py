@@ -17,9 +17,9 @@ from planner.files import directory_or_aside
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.job import Job, Search, Watch
 from planner.pipeline.parallel import Tries
-from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import next_step, with_choice
 from planner.pipeline.stages import run_stages
 from planner.pipeline.steps import advance, finish, read_plan, read_shape, with_joint_errors
@@ -177,7 +177,7 @@ def _plan_in_memory(
     job = Job(
         request=request,
         candidates=reading.candidates,
-        policy=Portfolio.of(request, reading.candidates),
+        policy=RetryPolicy.of(request, reading.candidates),
         start=begins,
         unfolding=None if start is None else start.unfolding(),
         recorded=recorded,

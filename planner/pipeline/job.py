@@ -21,9 +21,9 @@ from planner.chain.chain import Chain
 from planner.motion.frames import PHASES, Frames
 from planner.motion.record import Record
 from planner.pipeline.attempt import Attempt, Candidates, latest_playback
-from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import COMPUTING, Preference, Rank, rank
 from planner.pipeline.request import Request
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.unfolding import Unfolding
@@ -64,7 +64,7 @@ class Job:
 
     request: Request
     candidates: Candidates
-    policy: Portfolio
+    policy: RetryPolicy
     start: Chain | None = None
     unfolding: Unfolding | None = None
     recorded: Plan | None = None

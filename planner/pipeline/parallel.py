@@ -1,6 +1,6 @@
 """Tries: explosions of a fold, the next ones made beside the one at hand.
 
-What is tried, and in which order, is as if there were one process: ``Portfolio.after`` decides it.
+The attempts and their order are those of one process: ``RetryPolicy.next_attempt`` decides them.
 What may come next is begun early, each in a process of its own; what the order comes to is taken,
 and the rest is dropped. So a plan is the same whatever the number of workers.
 """
@@ -21,9 +21,9 @@ from typing import Any, Final
 
 from planner.files import write_json
 from planner.motion.record import Record
-from planner.pipeline.attempt import MOST, Attempt, Try
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIES
-from planner.pipeline.portfolio import Portfolio
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.progress import Cancelled, Progress, Report
 
 STALLING: Final = 2
@@ -45,10 +45,10 @@ class Tries:
 
     def __init__(self, directory: FilePath | None, workers: int = 1) -> None:
         self._exchange = None if directory is None else directory.resolve() / TRIES
-        self._workers = 1 if directory is None else min(workers, MOST)
-        self._beside: dict[Try, _Beside] = {}
-        self._ahead: Callable[[], list[Try]] = list
-        self._here: Try | None = None
+        self._workers = 1 if directory is None else min(workers, MAX_EXPLOSIONS)
+        self._beside: dict[Trial, _Beside] = {}
+        self._ahead: Callable[[], list[Trial]] = list
+        self._here: Trial | None = None
         self._eager = False
         self._clear()
 
@@ -73,11 +73,11 @@ class Tries:
         """Ends what runs; what is made already is kept."""
         self._keep([])
 
-    def come_to(self, choice: Portfolio, tried: Sequence[Attempt], here: Try) -> None:
+    def come_to(self, choice: RetryPolicy, tried: Sequence[Attempt], here: Trial) -> None:
         """Says what is to be made now. After a failure the next ones are begun at once."""
         before = tuple(tried)
         self._here, self._eager = here, bool(tried)
-        self._ahead = lambda: choice.ahead(before, here, self._known())
+        self._ahead = lambda: choice.lookahead(before, here, self._known())
         self._keep(self._ahead())
         if self._eager:
             self._begin()
@@ -119,19 +119,19 @@ class Tries:
         beside.end()
         return record
 
-    def _known(self) -> dict[Try, Attempt]:
+    def _known(self) -> dict[Trial, Attempt]:
         """What came of those that are made."""
-        found = {todo: beside.attempt() for todo, beside in self._beside.items()}
-        return {todo: attempt for todo, attempt in found.items() if attempt is not None}
+        found = {trial: beside.attempt() for trial, beside in self._beside.items()}
+        return {trial: attempt for trial, attempt in found.items() if attempt is not None}
 
-    def _keep(self, wanted: Sequence[Try]) -> None:
+    def _keep(self, wanted: Sequence[Trial]) -> None:
         """Ends what runs and is not wanted, or is one too many, the least likely first."""
         room = self._workers - (self._here not in self._beside)
-        running = [todo for todo, beside in self._beside.items() if beside.running]
-        kept = [todo for todo in (self._here, *wanted) if todo in running][:room]
-        for todo in running:
-            if todo not in kept:
-                self._beside.pop(todo).end()
+        running = [trial for trial, beside in self._beside.items() if beside.running]
+        kept = [trial for trial in (self._here, *wanted) if trial in running][:room]
+        for trial in running:
+            if trial not in kept:
+                self._beside.pop(trial).end()
 
     def _begin(self) -> None:
         """Begins what may come next, as many as there is room for."""
@@ -139,10 +139,10 @@ class Tries:
         room -= sum(beside.running for beside in self._beside.values())
         if room <= 0 or self._exchange is None:
             return
-        fresh = [todo for todo in self._ahead() if todo not in self._beside]
-        for todo in fresh[:room]:
+        fresh = [trial for trial in self._ahead() if trial not in self._beside]
+        for trial in fresh[:room]:
             try:
-                self._beside[todo] = _Beside(self._exchange, todo)
+                self._beside[trial] = _Beside(self._exchange, trial)
             except OSError:  # no process or no room to be had: what is made here goes on alone
                 self._workers = 1
                 return
@@ -154,8 +154,8 @@ class _Beside:
     When its standard input ends, nobody wants it any more, or this process is gone.
     """
 
-    def __init__(self, exchange: FilePath, todo: Try) -> None:
-        self.place = exchange / "-".join(map(str, astuple(todo)))
+    def __init__(self, exchange: FilePath, trial: Trial) -> None:
+        self.place = exchange / "-".join(map(str, astuple(trial)))
         rmtree(self.place, ignore_errors=True)
         self.place.mkdir(parents=True)
         modules = [str(FilePath(__file__).parents[2]), *filter(None, [os.getenv("PYTHONPATH")])]
@@ -165,7 +165,7 @@ class _Beside:
                 "-P",
                 "-m",
                 "planner.pipeline.parallel_process",
-                json.dumps(asdict(todo)),
+                json.dumps(asdict(trial)),
             ],
             cwd=self.place,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(modules)},

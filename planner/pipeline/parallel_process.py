@@ -1,4 +1,4 @@
-"""Try process: makes one try beside the fold's own process, in the folder that it is started in.
+"""Process of a trial: makes one beside the fold's own process, in the folder that it is started in.
 
 ``planner.pipeline.parallel.Tries`` starts it. It ends when its standard input does: nobody wants it
 any more, or the fold's process is gone.
@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path as FilePath
 
 from planner.files import write_json
-from planner.pipeline.attempt import Attempt, Try
+from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold_layout import TIMELINE
 from planner.pipeline.job import Watch
 from planner.pipeline.parallel import GRACE_S, write_made
@@ -30,11 +30,11 @@ def main() -> None:
     threading.Thread(target=_listen, args=(unwanted,), daemon=True).start()
     place = FilePath.cwd()
     fold = Workspace(place.parent.parent)
-    todo = Try(**json.loads(sys.argv[1]))
-    parameters, chain = fold.read_request().parameters(), fold.read_candidates().chain_of(todo)
+    trial = Trial(**json.loads(sys.argv[1]))
+    parameters, chain = fold.read_request().parameters(), fold.read_candidates().chain_of(trial)
     watch = Watch(progress=_tell, cancelled=unwanted.is_set, timeline=place / TIMELINE)
-    record = explode(chain, todo, parameters, watch)
-    write_made(place, record, Attempt.of_record(todo, chain, record, parameters))
+    record = explode(chain, trial, parameters, watch)
+    write_made(place, record, Attempt.of_record(trial, chain, record, parameters))
 
 
 def _tell(progress: Progress) -> None:

@@ -5,8 +5,8 @@ service may stop after any step, and a stage that is run again comes to the same
 
 An overlap between two frames of the playback may be one of the frames alone, which are joined by
 straight lines: the same playback is then recorded with more of them. Everything else is tried with
-another path, seed or strategy: ``planner.pipeline.portfolio``. With a preference it goes on after a
-verified plan, too: ``planner.pipeline.improvements``.
+another path, seed or strategy: ``planner.pipeline.retry_policy``. With a preference it goes on
+after a verified plan, too: ``planner.pipeline.improvements``.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from planner.pipeline.attempt import Attempt, Try, latest_playback
-from planner.pipeline.portfolio import Portfolio
+from planner.pipeline.attempt import Attempt, Trial, latest_playback
 from planner.pipeline.preference import PlanFigures
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.progress import Report
 
 MAX_JUDGED: Final = 6
@@ -40,10 +40,10 @@ class Explode:
     """Explode a chain, or smooth a plan.
 
     Attributes:
-        todo: The try.
+        trial: The try.
     """
 
-    todo: Try
+    trial: Trial
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Certify:
 Step = Explode | PlayBack | Certify
 
 
-def next_step(history: Sequence[Attempt], policy: Portfolio) -> Step | None:
+def next_step(history: Sequence[Attempt], policy: RetryPolicy) -> Step | None:
     """Return the next computation of a fold; None when the search is over.
 
     Explosions follow each other until one ends straight. When none does, the one that came farthest
@@ -91,7 +91,7 @@ def next_step(history: Sequence[Attempt], policy: Portfolio) -> Step | None:
     return _after_verdict(history, policy) if policy.retries_refused else None
 
 
-def _after_verdict(history: Sequence[Attempt], policy: Portfolio) -> Step | None:
+def _after_verdict(history: Sequence[Attempt], policy: RetryPolicy) -> Step | None:
     last = history[-1]
     judged = [attempt for attempt in history if attempt.verdict is not None]
     verified = any(attempt.verified for attempt in history)
@@ -105,12 +105,12 @@ def _after_verdict(history: Sequence[Attempt], policy: Portfolio) -> Step | None
     return None if last.unfolding_overlaps else _explode(history, policy)
 
 
-def _explode(history: Sequence[Attempt], policy: Portfolio) -> Explode | None:
-    todo = policy.after(history)
-    return None if todo is None else Explode(todo)
+def _explode(history: Sequence[Attempt], policy: RetryPolicy) -> Explode | None:
+    trial = policy.next_attempt(history)
+    return None if trial is None else Explode(trial)
 
 
-def before_explosion(history: Sequence[Attempt], policy: Portfolio) -> tuple[Attempt, ...]:
+def before_explosion(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[Attempt, ...]:
     """Return the attempts that another explosion follows; none when everything begins anew."""
     kept = list(history)
     while kept and kept[-1].verdict is None:
@@ -118,7 +118,7 @@ def before_explosion(history: Sequence[Attempt], policy: Portfolio) -> tuple[Att
     return tuple(kept) if kept and isinstance(next_step(kept, policy), Explode) else ()
 
 
-def before_playback(history: Sequence[Attempt], policy: Portfolio) -> tuple[Attempt, ...]:
+def before_playback(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[Attempt, ...]:
     """Return the attempts with the one that is to be played back last.
 
     It is added when the same record is played back with more frames. A playback that is run again
@@ -143,7 +143,7 @@ def with_choice(history: Sequence[Attempt], number: int) -> tuple[Attempt, ...]:
     return tuple(replace(attempt, chosen=k == chosen) for k, attempt in enumerate(history))
 
 
-def count_plans(history: Sequence[Attempt], policy: Portfolio) -> tuple[int, int]:
+def count_plans(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[int, int]:
     """Return the number of the last attempt's plan, from 1, and about how many there will be.
 
     Args:
@@ -159,11 +159,11 @@ def count_plans(history: Sequence[Attempt], policy: Portfolio) -> tuple[int, int
     )
     ahead = [*history[:-1], assumed]
     while isinstance(step := next_step(ahead, policy), Explode):
-        ahead.append(replace(assumed, todo=step.todo, finer=1, between=False))
+        ahead.append(replace(assumed, trial=step.trial, finer=1, between=False))
     return number, _plans(ahead)
 
 
-def with_count(report: Report, history: Sequence[Attempt], policy: Portfolio) -> Report:
+def with_count(report: Report, history: Sequence[Attempt], policy: RetryPolicy) -> Report:
     """Return a report that adds the plan's number and the total; the same without a preference."""
     number, total = count_plans(history, policy)
     if not total:

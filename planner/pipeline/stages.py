@@ -18,8 +18,8 @@ from planner.pipeline.attempt import Attempt
 from planner.pipeline.fold_layout import DESCRIBED, EXPORTED, PLAN_TEXT
 from planner.pipeline.job import Search, Watch, is_smoothing
 from planner.pipeline.parallel import Tries
-from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import COMPUTING
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import (
     Certify,
     Explode,
@@ -85,7 +85,7 @@ def _counting(workspace: Workspace, progress: Report) -> Report:
     request = workspace.read_request()
     if request.prefer == COMPUTING:
         return progress
-    policy = Portfolio.of(request, workspace.read_candidates())
+    policy = RetryPolicy.of(request, workspace.read_candidates())
     return with_count(progress, workspace.read_history(), policy)
 
 
@@ -150,10 +150,10 @@ def _explode(workspace: Workspace, watch: Watch, tries: Tries) -> Exploded:
     workspace.drop_pictures()
     while isinstance(step := next_step(search.history, job.policy), Explode):
         number = len(search.history)
-        begun = (*search.history, Attempt(todo=step.todo, status="begun"))
-        place = workspace.begin(number, job.candidates.chain_of(step.todo))
+        begun = (*search.history, Attempt(trial=step.trial, status="begun"))
+        place = workspace.begin(number, job.candidates.chain_of(step.trial))
         workspace.write_history(begun)
-        if (smooths := step.todo.smooths) is not None:
+        if (smooths := step.trial.smooths) is not None:
             known = workspace.attempt_of(smooths).read_result()
             search = replace(search, results={**search.results, smooths: known})
         report = with_count(watch.progress, begun, job.policy)

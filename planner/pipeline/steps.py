@@ -22,7 +22,7 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.motion.windows import Windows
-from planner.pipeline.attempt import Attempt, Candidates, Try
+from planner.pipeline.attempt import Attempt, Candidates, Trial
 from planner.pipeline.job import Job, Result, Search, Watch, is_smoothing
 from planner.pipeline.parallel import Tries
 from planner.pipeline.prepare import prepare
@@ -88,17 +88,17 @@ def read_shape(request: Request, data: bytes, *, start: Chain | None = None) -> 
     )
 
 
-def explode(chain: Chain, todo: Try, parameters: Parameters, watch: Watch) -> Record:
+def explode(chain: Chain, trial: Trial, parameters: Parameters, watch: Watch) -> Record:
     """Return the record of one explosion, straight or not."""
     writer = None
     if watch.timeline is not None:
-        writer = TimelineWriter.create(watch.timeline, chain, windowed=windowed(todo.strategy))
+        writer = TimelineWriter.create(watch.timeline, chain, windowed=windowed(trial.strategy))
     record = let_go(
         chain,
-        todo.strategy,
+        trial.strategy,
         parameters,
-        seed=todo.seed,
-        gentle=todo.gentle,
+        seed=trial.seed,
+        gentle=trial.gentle,
         sink=None if writer is None else writer.append,
         progress=watch.progress,
         cancelled=watch.cancelled,
@@ -110,7 +110,7 @@ def explode(chain: Chain, todo: Try, parameters: Parameters, watch: Watch) -> Re
     return record
 
 
-def smooth(recorded: Plan, todo: Try, parameters: Parameters, watch: Watch) -> Record:
+def smooth(recorded: Plan, trial: Trial, parameters: Parameters, watch: Watch) -> Record:
     """Return the record of a smoothed plan; no frame of it is shown before it is played back."""
 
     def report(part: float) -> None:
@@ -119,9 +119,9 @@ def smooth(recorded: Plan, todo: Try, parameters: Parameters, watch: Watch) -> R
     report(0.0)
     return smoothed_record(
         recorded,
-        todo.strategy,
+        trial.strategy,
         size=parameters.module_size,
-        seed=todo.seed,
+        seed=trial.seed,
         told=report,
         cancelled=watch.cancelled,
     )
@@ -244,7 +244,7 @@ def judge(result: Result, parameters: Parameters, watch: Watch, *, start: Chain 
 def advance(job: Job, search: Search, step: Step, watch: Watch, tries: Tries) -> Search:
     """Return the search after one more step; earlier results stay as they are."""
     if isinstance(step, Explode):
-        return _explode(job, search, step.todo, watch, tries)
+        return _explode(job, search, step.trial, watch, tries)
     if isinstance(step, PlayBack):
         search = replace(search, history=before_playback(search.history, job.policy))
         result = search.current
@@ -266,23 +266,27 @@ def advance(job: Job, search: Search, step: Step, watch: Watch, tries: Tries) ->
     return search.with_current(result, outcome)
 
 
-def _explode(job: Job, search: Search, todo: Try, watch: Watch, tries: Tries) -> Search:
+def _explode(job: Job, search: Search, trial: Trial, watch: Watch, tries: Tries) -> Search:
     """Return the search after one more explosion or smoothing."""
-    number, chain, parameters = len(search.history), job.candidates.chain_of(todo), job.parameters()
+    number, chain, parameters = (
+        len(search.history),
+        job.candidates.chain_of(trial),
+        job.parameters(),
+    )
     record, recorded = None, None
-    if todo.smooths is not None or job.request.smooth:
-        if todo.smooths is not None:
-            recorded = search.results[todo.smooths].plan(job.request)
+    if trial.smooths is not None or job.request.smooth:
+        if trial.smooths is not None:
+            recorded = search.results[trial.smooths].plan(job.request)
         source = recorded or job.recorded
         assert source is not None
-        record = smooth(source, todo, parameters, watch)
+        record = smooth(source, trial, parameters, watch)
     elif parameters.explosion is not None:
-        tries.come_to(job.policy, search.history, todo)
+        tries.come_to(job.policy, search.history, trial)
         record = tries.take(watch.timeline, watch.progress, watch.cancelled)
         if record is None:
             watch = replace(watch, progress=tries.watched(watch.progress))
-            record = explode(chain, todo, parameters, watch)
-    outcome = Attempt.of_record(todo, chain, record, parameters)
+            record = explode(chain, trial, parameters, watch)
+    outcome = Attempt.of_record(trial, chain, record, parameters)
     result = Result(chain=chain, record=record, recorded=recorded)
     return Search(history=(*search.history, outcome), results={**search.results, number: result})
 

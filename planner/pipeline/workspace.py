@@ -31,9 +31,9 @@ from planner.pipeline import fold_layout as layout
 from planner.pipeline.attempt import Attempt, Candidates
 from planner.pipeline.fold_layout import last_frame
 from planner.pipeline.job import Job, Result, Search, share_bent
-from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
 from planner.pipeline.request import Request
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.steps import with_joint_errors
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
@@ -122,7 +122,7 @@ class Workspace:
     def read_job(self) -> Job:
         """Return what is known of the fold before it is computed."""
         request, candidates = self.read_request(), self.read_candidates()
-        policy, start = Portfolio.of(request, candidates), self.read_start(request)
+        policy, start = RetryPolicy.of(request, candidates), self.read_start(request)
         return Job(request=request, candidates=candidates, policy=policy, start=start)
 
     # What may be tried, and what was.
@@ -231,9 +231,9 @@ class Workspace:
         """Return the attempts so far, with the results of the latest."""
         history = self.read_history()
         if not history:  # nothing explodes
-            first = job.policy.after(())
+            first = job.policy.next_attempt(())
             assert first is not None
-            history = (Attempt(todo=first, status="none"),)
+            history = (Attempt(trial=first, status="none"),)
         last = max(k for k, attempt in enumerate(history) if attempt.finer == 1)
         number = last if self.number is None else self.number
         return Search(history=history, results={number: self.read_result()})

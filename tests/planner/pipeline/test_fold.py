@@ -17,7 +17,7 @@ from planner.chain.path import Path
 from planner.explosion.simultaneous import explode
 from planner.motion.frames import Frames
 from planner.motion.record import Record
-from planner.pipeline.attempt import Attempt, Try
+from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold import fold, refold, smooth_plan
 from planner.pipeline.job import Result, Search
 from planner.plan.plan import Plan
@@ -164,7 +164,7 @@ def test_in_memory_the_plan_is_the_same_for_any_number_of_workers() -> None:
 def test_the_best_of_unjudged_explosions_is_kept() -> None:
     chain = coil(8)
     folded = chain.folded_poses
-    history = tuple(Attempt(todo=Try(0, k, "peel"), status="stalled") for k in range(3))
+    history = tuple(Attempt(trial=Trial(0, k, "peel"), status="stalled") for k in range(3))
 
     def stuck_at(share: float) -> Result:
         frames = Frames.of_phase(

@@ -20,12 +20,12 @@ from planner.chain.chain import Chain
 from planner.explosion.diagnosis import Diagnosis, Kind
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
-from planner.pipeline.attempt import MOST, Attempt, Try
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.fold_layout import TIMELINE, TRIES
 from planner.pipeline.job import Watch
 from planner.pipeline.parallel import STALLING, Tries
-from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.request import Request
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.steps import explode
 from planner.pipeline.workspace import Workspace
@@ -38,12 +38,12 @@ from tests.planner.chains import COIL, SQUARE, knotted
 pytestmark = pytest.mark.slow
 
 
-def stuck(todo: Try, kind: Kind) -> Attempt:
-    return Attempt(todo=todo, status="stalled", diagnosis=Diagnosis(kind=kind, modules=()))
+def stuck(trial: Trial, kind: Kind) -> Attempt:
+    return Attempt(trial=trial, status="stalled", diagnosis=Diagnosis(kind=kind, modules=()))
 
 
-CHOICE = Portfolio(strategies=(("simultaneous", "peel"),), seed=3)
-FIRST = Try(0, 3, "simultaneous")
+CHOICE = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
+FIRST = Trial(0, 3, "simultaneous")
 STUCK = stuck(FIRST, "joints")
 PUSHED = Progress(stage="explode", fraction=0.5, pushes=STALLING)
 
@@ -86,23 +86,23 @@ def same_motion(one: Any, other: Any) -> None:
 
 
 def test_what_is_ahead_is_what_comes_when_the_likely_happens() -> None:
-    choice = Portfolio(strategies=(("simultaneous", "peel"),) * 2, seed=0)
-    here = Try(0, 0, "simultaneous")
-    ahead = choice.ahead([], here)
-    assert ahead[0] == Try(1, 0, "simultaneous")  # as after joints that are stuck
+    choice = RetryPolicy(strategies=(("simultaneous", "peel"),) * 2, seed=0)
+    here = Trial(0, 0, "simultaneous")
+    ahead = choice.lookahead([], here)
+    assert ahead[0] == Trial(1, 0, "simultaneous")  # as after joints that are stuck
     assert len(set(ahead)) == len(ahead) and here not in ahead
     buried = stuck(here, "buried")
-    now = choice.after([buried])
-    assert now == Try(0, 0, "peel")
-    ahead = choice.ahead([buried], now)
+    now = choice.next_attempt([buried])
+    assert now == Trial(0, 0, "peel")
+    ahead = choice.lookahead([buried], now)
     reasons: tuple[Kind, ...] = ("buried", "limit", "knot")
     for reason in reasons:
-        assert choice.after([buried, stuck(now, reason)]) in ahead
+        assert choice.next_attempt([buried, stuck(now, reason)]) in ahead
     # What is known takes the place of what is likely; a plan of it may still be refused.
-    straight = Attempt(todo=ahead[0], status="straight")
-    first, second, *_ = choice.ahead([buried], now, {ahead[0]: straight})
+    straight = Attempt(trial=ahead[0], status="straight")
+    first, second, *_ = choice.lookahead([buried], now, {ahead[0]: straight})
     assert first == ahead[0]
-    assert second == choice.after([buried, stuck(now, "buried"), straight])
+    assert second == choice.next_attempt([buried, stuck(now, "buried"), straight])
 
 
 @pytest.mark.long
@@ -113,8 +113,8 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
     chain, parameters = Chain.from_path(COIL), preset("default")
     alone = tmp_path / "alone"
     alone.mkdir()
-    second = CHOICE.after([STUCK])
-    assert second == Try(0, 3, "peel")
+    second = CHOICE.next_attempt([STUCK])
+    assert second == Trial(0, 3, "peel")
     record = explode(chain, second, parameters, Watch(timeline=alone / TIMELINE))
     told: list[Progress] = []
     with Tries(fold, 2) as tries:
@@ -148,14 +148,14 @@ def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> No
         return len(seen) > 8
 
     with Tries(fold, 1) as tries:
-        tries.come_to(CHOICE, [STUCK], Try(0, 3, "peel"))
+        tries.come_to(CHOICE, [STUCK], Trial(0, 3, "peel"))
         assert not beside()
     with Tries(fold, 3) as tries:
         tries.come_to(CHOICE, [], FIRST)
         assert not beside()  # a fold that comes to its end at once takes one core
         tries.watched(silent)(PUSHED)
         assert len(beside()) == 2
-        tries.come_to(CHOICE, [STUCK], Try(0, 3, "peel"))
+        tries.come_to(CHOICE, [STUCK], Trial(0, 3, "peel"))
         made = tries.take(fold / TIMELINE, silent, soon)
         assert made is None or made.status == "cancelled"
         assert max(seen) == 3
@@ -165,7 +165,7 @@ def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> No
 
 def test_a_process_that_fails_is_as_if_it_had_not_been(tmp_path: FilePath) -> None:
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
-    second = Try(0, 3, "peel")
+    second = Trial(0, 3, "peel")
     with Tries(fold, 2) as tries:
         tries.come_to(CHOICE, [], FIRST)
         tries.watched(silent)(PUSHED)
@@ -197,18 +197,18 @@ def test_no_more_are_begun_than_a_fold_may_have(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
-    begun: list[Try] = []
+    begun: list[Trial] = []
 
-    def begin(_: FilePath, todo: Try) -> Running:
-        begun.append(todo)
+    def begin(_: FilePath, trial: Trial) -> Running:
+        begun.append(trial)
         return Running()
 
     monkeypatch.setattr("planner.pipeline.parallel._Beside", begin)
-    many = Portfolio(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
+    many = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
     with Tries(fold, 64) as tries:
-        tries.come_to(many, [], Try(0, 3, "peel"))
+        tries.come_to(many, [], Trial(0, 3, "peel"))
         tries.watched(silent)(PUSHED)
-    assert len(begun) == MOST - 1
+    assert len(begun) == MAX_EXPLOSIONS - 1
 
 
 class Running:
@@ -291,13 +291,13 @@ SCRIPT = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
 from pathlib import Path
-from planner.pipeline.attempt import Attempt, Try
-from planner.pipeline.portfolio import Portfolio
+from planner.pipeline.attempt import Attempt, Trial
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.parallel import Tries
 with Tries(Path(sys.argv[1]), 3) as tries:
-    choice = Portfolio(strategies=(("simultaneous", "peel"),), seed=3)
-    tries.come_to(choice, [Attempt(todo=Try(0, 3, "peel"), status="stalled")],
-                  Try(0, 3, "simultaneous"))
+    choice = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
+    tries.come_to(choice, [Attempt(trial=Trial(0, 3, "peel"), status="stalled")],
+                  Trial(0, 3, "simultaneous"))
     time.sleep(600.0)
 """
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from planner.pipeline.attempt import Attempt, Candidates, Try, latest_playback
+from planner.pipeline.attempt import Attempt, Candidates, Trial, latest_playback
 from planner.pipeline.improvements import Improvements
-from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import PlanFigures
 from planner.pipeline.request import Request
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import (
     FINER,
     MAX_JUDGED,
@@ -28,8 +28,8 @@ from planner.pipeline.search import (
 )
 from tests.planner.chains import coil
 
-POLICY = Portfolio(strategies=(("simultaneous", "peel"),), seed=0)
-ONE = Portfolio(strategies=(("simultaneous",),), seed=0, seeds=1)
+POLICY = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=0)
+ONE = RetryPolicy(strategies=(("simultaneous",),), seed=0, seeds=1)
 PUBLISHED = replace(POLICY, retries_refused=False)
 MORE = replace(
     POLICY,
@@ -40,20 +40,20 @@ MORE = replace(
 FIGURES = PlanFigures(
     fold_time_s=10.0, peak_torque_nm=0.1, clearance_bound=0.04, frames=100, seconds=1.0
 )
-FIRST = Try(0, 0, "simultaneous")
-SECOND = Try(0, 1, "simultaneous")
-PEELED = Try(0, 0, "peel")
+FIRST = Trial(0, 0, "simultaneous")
+SECOND = Trial(0, 1, "simultaneous")
+PEELED = Trial(0, 0, "peel")
 
-STRAIGHT = Attempt(todo=FIRST, status="straight")
+STRAIGHT = Attempt(trial=FIRST, status="straight")
 PLAYED = replace(STRAIGHT, played=True)
 REFUSED = replace(PLAYED, verdict="failed: modules 1 and 9 overlap")
 BETWEEN = replace(REFUSED, between=True)
 AGAIN = replace(BETWEEN, finer=FINER)
 VERIFIED = replace(PLAYED, verdict="verified (simulated)", figures=FIGURES)
-STALLED = Attempt(todo=FIRST, status="stalled")
+STALLED = Attempt(trial=FIRST, status="stalled")
 SHOWN = replace(STALLED, played=True)
 JUDGED = replace(SHOWN, verdict="failed: the explosion stalled")
-NOTHING = Attempt(todo=FIRST, status="none")
+NOTHING = Attempt(trial=FIRST, status="none")
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ NOTHING = Attempt(todo=FIRST, status="none")
         (ONE, [STALLED], PlayBack()),
         (ONE, [SHOWN], Certify()),
         (ONE, [JUDGED], None),
-        (ONE, [JUDGED, replace(STALLED, todo=SECOND)], None),
+        (ONE, [JUDGED, replace(STALLED, trial=SECOND)], None),
         (ONE, [REFUSED, STALLED], PlayBack()),
         (ONE, [REFUSED, SHOWN], Certify()),
         (POLICY, [STALLED, STRAIGHT], PlayBack()),
@@ -92,7 +92,7 @@ NOTHING = Attempt(todo=FIRST, status="none")
     ],
 )
 def test_next_step_of_a_history(
-    policy: Portfolio, history: Sequence[Attempt], step: Step | None
+    policy: RetryPolicy, history: Sequence[Attempt], step: Step | None
 ) -> None:
     assert next_step(history, policy) == step
 
@@ -137,7 +137,7 @@ def test_a_playback_that_is_run_again_has_no_verdict(
 
 
 def test_the_choice_is_marked_at_the_latest_playback() -> None:
-    history = (BETWEEN, AGAIN, replace(VERIFIED, todo=PEELED))
+    history = (BETWEEN, AGAIN, replace(VERIFIED, trial=PEELED))
     assert [latest_playback(history, number) for number in (0, 2)] == [1, 2]
     assert [each.chosen for each in with_choice(history, 0)] == [False, True, False]
     assert [each.chosen for each in with_choice(history, 2)] == [False, False, True]
@@ -157,4 +157,4 @@ def test_published_recipes_and_baselines_are_not_tried_again(
     values: dict[str, Any], retries: bool
 ) -> None:
     candidates = Candidates((coil(8),), two_ended=False)
-    assert Portfolio.of(Request(**values), candidates).retries_refused == retries
+    assert RetryPolicy.of(Request(**values), candidates).retries_refused == retries

@@ -12,7 +12,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.frames import Frames
 from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
-from planner.pipeline.attempt import Attempt, Try
+from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
@@ -42,7 +42,7 @@ def attempted(directory: FilePath, chain: Chain, share: float) -> None:
     """One more attempt, which was ended when so much of its bends was left."""
     workspace = Workspace(directory)
     known = workspace.read_history()
-    begun = Attempt(todo=Try(len(known), 0, "peel"), status="begun")
+    begun = Attempt(trial=Trial(len(known), 0, "peel"), status="begun")
     workspace.write_history([*known, begun])
     recorded(workspace.begin(len(known), chain).timeline, chain, share)
 
@@ -121,7 +121,7 @@ def test_what_was_tried_is_known_while_the_next_is_under_way(tmp_path: FilePath)
         return False
 
     run_stage("explode", tmp_path, cancelled=look)
-    begun = Attempt(todo=Try(0, 0, "simultaneous"), status="begun")
+    begun = Attempt(trial=Trial(0, 0, "simultaneous"), status="begun")
     assert seen[0] == [begun.as_dict()]
     (after,) = Workspace(tmp_path).read_history()
     assert after.status == "straight"

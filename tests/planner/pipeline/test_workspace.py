@@ -18,7 +18,7 @@ from planner.explosion.simultaneous import explode
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.attempt import Attempt, Try
+from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold_layout import (
     CERTIFICATE,
     PLANS,
@@ -175,7 +175,7 @@ def test_a_cancel_while_others_are_tried_leaves_the_refused_one(
 def attempted(directory: FilePath, clearances: Sequence[float | None], *verdicts: str) -> None:
     """Attempts that came straight; a certificate has judged those that have a clearance."""
     workspace = Workspace(directory)
-    tried = [Attempt(todo=Try(0, k, "peel"), status="straight") for k in range(len(clearances))]
+    tried = [Attempt(trial=Trial(0, k, "peel"), status="straight") for k in range(len(clearances))]
     workspace.write_history(tried)
     for number, clearance in enumerate(clearances):
         place = workspace.begin(number, Chain.from_path(COIL)).directory

@@ -1,7 +1,7 @@
-"""Portfolio: what is tried when an explosion sticks, or its plan is refused or may be bettered.
+"""Retry policy: the attempt after an explosion that stalls, or whose plan is refused or improved.
 
-What comes next is decided by what was tried so far and by why it failed, and by nothing else: the
-same fold always takes the same way.
+The next attempt depends on the attempts so far and on the reasons why they failed, and on nothing
+else: the same fold always takes the same way.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from typing import Final, Literal
 
 from planner.explosion.diagnosis import Diagnosis
 from planner.explosion.strategies import others_for, strategies_for
-from planner.pipeline.attempt import MOST, Attempt, Candidates, Reason, Try
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import LARGEST_SEED, Request
 from planner.robot import MOST_ANGLES, WAYS
 from planner.simulation.parameters import BASELINE, ExplosionParameters
 
-MOST_SEEDS: Final = 3
-"""Seeds that one fold tries."""
+MAX_SEEDS: Final = 3
+"""Maximum number of seeds of one fold. Larger values find more plans and fail later. Chosen."""
 Change = Literal["path", "strategy", "end", "forces", "seed"]
-CHANGES: Final[dict[Reason, tuple[Change, ...]]] = {
+FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "knot": ("path", "strategy"),
     "buried": ("end", "strategy", "path", "seed"),
     "contacts": ("forces", "strategy", "path", "seed"),
@@ -32,43 +32,43 @@ CHANGES: Final[dict[Reason, tuple[Change, ...]]] = {
     "refused": ("path", "seed", "strategy", "forces"),
     "stopped": ("strategy", "path"),
 }
-"""What is changed for each reason, in this order: end of the path, forces, strategy, path, seed."""
-DENSER: Final = 4
+"""Changes for each reason of a failure, in the order in which they are tried. Measured."""
+SMOOTHING_FRAMES_FACTOR: Final = 4
 """Factor of the frames that a plan may get when it is smoothed, peeled ones most. Measured."""
-LIKELY: Final[dict[str, Reason]] = {"peel": "buried"}
-"""The usual reason why a strategy sticks; of those not named it is ``joints``."""
+DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
+"""Usual reason why a strategy stalls; ``joints`` for those not named."""
 
-ONE_ENDED: Final = ("peel", "one-by-one")
+DIRECTIONAL: Final = ("peel", "one-by-one")
 """Strategies that begin at one end of the chain, and so may begin at the other."""
-SET: Final = ("one-by-one",)
-"""Strategies on whose result forces and seeds have no influence."""
+SEED_INDEPENDENT: Final = ("one-by-one",)
+"""Strategies whose result does not depend on forces and seeds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Portfolio:
-    """What there is to choose from.
+class RetryPolicy:
+    """Paths, strategies and seeds that one fold may try.
 
     Attributes:
-        strategies: For each path, the strategies that it may have, the best first.
-        seed: What the fold starts from.
-        two_ended: Whether a path may be taken from its other end.
-        forces: Whether the forces may be others than asked for.
-        seeds: How many of them may be tried.
-        improvements: What may be tried after a verified plan; None when that is the end.
-        retries_refused: Whether anything follows a plan that its certificate refuses.
+        strategies: Strategies of each path, the best first.
+        seed: First seed of the fold.
+        two_ended: True if a path may be taken from its other end.
+        forces: True if the forces may be others than asked for.
+        seeds: Number of seeds that may be tried.
+        improvements: Attempts after a verified plan; None when that is the end.
+        retries_refused: True if attempts follow a plan that its certificate refuses.
     """
 
     strategies: tuple[tuple[str, ...], ...]
     seed: int
     two_ended: bool = False
     forces: bool = False
-    seeds: int = MOST_SEEDS
+    seeds: int = MAX_SEEDS
     improvements: Improvements | None = None
     retries_refused: bool = True
 
     @classmethod
-    def of(cls, request: Request, candidates: Candidates) -> Portfolio:
-        """Return what may be tried of a fold."""
+    def of(cls, request: Request, candidates: Candidates) -> RetryPolicy:
+        """Return the policy of a fold."""
         if request.smooth:
             return cls(strategies=(WAYS,), seed=request.seed, seeds=1)
         parameters, chains = request.parameters(), candidates.chains
@@ -82,7 +82,9 @@ class Portfolio:
                     others_for(chain, parameters, refolds=request.refold) for chain in chains
                 ),
                 modules=len(chains[0]),
-                most_frames=0 if request.refold else MOST_ANGLES // (DENSER * max(hinges, 1)),
+                most_frames=0
+                if request.refold
+                else MOST_ANGLES // (SMOOTHING_FRAMES_FACTOR * max(hinges, 1)),
             )
         return cls(
             strategies=tuple(
@@ -91,37 +93,37 @@ class Portfolio:
             seed=request.seed,
             two_ended=candidates.two_ended,
             forces=ours,
-            seeds=MOST_SEEDS if ours else 1,  # as published there is nothing that a seed changes
+            seeds=MAX_SEEDS if ours else 1,  # as published there is nothing that a seed changes
             improvements=improvements,
             retries_refused=ours and parameters.strategy != BASELINE,
         )
 
-    def after(self, tried: Sequence[Attempt]) -> Try | None:
+    def next_attempt(self, tried: Sequence[Attempt]) -> Trial | None:
         """What is tried after so many attempts; None when enough was tried.
 
         Args:
             tried: The attempts so far.
         """
         if not tried:
-            return Try(0, self.seed, self.strategies[0][0])
+            return Trial(0, self.seed, self.strategies[0][0])
         if any(attempt.verified for attempt in tried):
-            return None if self.improvements is None else self.improvements.after(tried)
-        if sum(attempt.finer == 1 for attempt in tried) >= MOST:
+            return None if self.improvements is None else self.improvements.next_attempt(tried)
+        if sum(attempt.finer == 1 for attempt in tried) >= MAX_EXPLOSIONS:
             return None
-        done = {attempt.todo for attempt in tried}
+        done = {attempt.trial for attempt in tried}
         last = tried[-1]
-        for change in CHANGES[last.why]:
-            for other in self._changed(change, last.todo):
+        for change in FALLBACKS[last.why]:
+            for other in self._changed(change, last.trial):
                 if other not in done:
                     return other
         return None
 
-    def ahead(
+    def lookahead(
         self,
         tried: Sequence[Attempt],
-        here: Try,
-        known: Mapping[Try, Attempt] | None = None,
-    ) -> list[Try]:
+        here: Trial,
+        known: Mapping[Trial, Attempt] | None = None,
+    ) -> list[Trial]:
         """What may come after a try that is being made, the likeliest first.
 
         A strategy likely fails as it did before. What is known to come straight may be refused.
@@ -133,22 +135,22 @@ class Portfolio:
             known: What came of others that were made already.
         """
         known = known or {}
-        seen: dict[str, Reason] = {attempt.todo.strategy: attempt.why for attempt in tried}
-        found: dict[Try, None] = {}
-        for reason in (None, *CHANGES):
-            todo: Try | None = here
+        seen: dict[str, Reason] = {attempt.trial.strategy: attempt.why for attempt in tried}
+        found: dict[Trial, None] = {}
+        for reason in (None, *FALLBACKS):
+            trial: Trial | None = here
             failed = list(tried)
-            while todo is not None:
-                likely = seen.get(todo.strategy) or LIKELY.get(todo.strategy, "joints")
-                failed.append(known.get(todo) or _failed(todo, reason or likely))
-                todo = self.after(failed)
-                if todo is not None and todo.smooths is not None:
-                    todo = None  # of which plan is known only when all explosions are over
-                if todo is not None:
-                    found[todo] = None
+            while trial is not None:
+                likely = seen.get(trial.strategy) or DEFAULT_REASON.get(trial.strategy, "joints")
+                failed.append(known.get(trial) or _failed(trial, reason or likely))
+                trial = self.next_attempt(failed)
+                if trial is not None and trial.smooths is not None:
+                    trial = None  # of which plan is known only when all explosions are over
+                if trial is not None:
+                    found[trial] = None
         return list(found)
 
-    def _changed(self, change: Change, here: Try) -> Iterator[Try]:
+    def _changed(self, change: Change, here: Trial) -> Iterator[Trial]:
         """What there is by one change, the nearest first."""
         if change == "path":
             for candidate, known in enumerate(self.strategies):
@@ -158,18 +160,18 @@ class Portfolio:
             for strategy in self.strategies[here.candidate]:
                 yield replace(here, strategy=strategy)
         elif change == "end":
-            if self.two_ended and here.strategy in ONE_ENDED:
+            if self.two_ended and here.strategy in DIRECTIONAL:
                 yield replace(here, other_end=not here.other_end)
         elif change == "forces":
-            if self.forces and here.strategy not in SET:
+            if self.forces and here.strategy not in SEED_INDEPENDENT:
                 yield replace(here, gentle=True)
-        elif here.strategy not in SET:
+        elif here.strategy not in SEED_INDEPENDENT:
             for k in range(self.seeds):
                 yield replace(here, seed=(self.seed + k) % (LARGEST_SEED + 1))
 
 
-def _failed(todo: Try, reason: Reason) -> Attempt:
+def _failed(trial: Trial, reason: Reason) -> Attempt:
     """An attempt that fails for a reason."""
     if reason == "refused":
-        return Attempt(todo=todo, status="straight")
-    return Attempt(todo=todo, status="stalled", diagnosis=Diagnosis(kind=reason, modules=()))
+        return Attempt(trial=trial, status="straight")
+    return Attempt(trial=trial, status="stalled", diagnosis=Diagnosis(kind=reason, modules=()))
