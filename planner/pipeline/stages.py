@@ -64,20 +64,15 @@ def run_stage(
     Raises:
         InputError: From ``read``, when the input cannot be used.
     """
-    watch = Watch(progress=progress, cancelled=cancelled)
-    return compute_stage(stage, Workspace(directory), watch, tries or Tries(directory)).as_dict()
-
-
-def compute_stage(stage: str, workspace: Workspace, watch: Watch, tries: Tries) -> StageResult:
-    """Run one stage of the fold in a workspace: see ``run_stage``."""
+    workspace, tries = Workspace(directory), tries or Tries(directory)
     workspace.drop_manifest()  # of what is written now
     if stage == "export":
         tries.rest()  # what is written now is the end
     if stage in JUDGING:
-        watch = replace(watch, progress=_counting(workspace, watch.progress))
-    found = _STAGES[stage](workspace, watch, tries)
-    watch.progress(Progress(stage=stage, fraction=1.0, message="done"))
-    return found
+        progress = _counting(workspace, progress)
+    found = _STAGES[stage](workspace, Watch(progress=progress, cancelled=cancelled), tries)
+    progress(Progress(stage=stage, fraction=1.0, message="done"))
+    return found.as_dict()
 
 
 def _counting(workspace: Workspace, progress: Report) -> Report:
