@@ -103,7 +103,9 @@ def round_motion(directory: Path) -> None:
     playback.save(directory / "playback.npz")
     _write_timeline(directory)
     run_stage("certify", directory)
-    ends = Workspace(directory).read_certificate().rms_position_error  # of the rounded angles
+    certificate = Workspace(directory).read_certificate()
+    assert certificate is not None
+    ends = certificate.rms_position_error  # of the rounded angles
     replace(playback, rms_position_error=ends).save(directory / "playback.npz")
     run_stage("export", directory)
     _round_figures(directory)

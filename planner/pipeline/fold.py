@@ -20,9 +20,9 @@ from planner.pipeline.parallel import Tries
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import next_step, with_choice
+from planner.pipeline.search import Explode, next_step, with_choice
 from planner.pipeline.stages import run_stages
-from planner.pipeline.steps import advance, finish, read_plan, read_shape, with_joint_errors
+from planner.pipeline.steps import advance, finish, read_plan, read_shape, rest, with_joint_errors
 from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
@@ -183,9 +183,13 @@ def _plan_in_memory(
         recorded=recorded,
     )
     search = Search()
+    step = next_step(search.history, job.policy)
     with _pool(request, reading.candidates, workers) as tries:
-        while (step := next_step(search.history, job.policy)) is not None:
+        while step is not None:
             search = advance(job, search, step, Watch(), tries).pruned()
+            before, step = step, next_step(search.history, job.policy)
+            if isinstance(before, Explode) and not isinstance(step, Explode):
+                rest(tries, search.current.record, len(search.history), request.prefer)
     best = max(search.results, key=lambda number: search.rank(number, request.prefer))
     history = search.history
     if request.prefer != COMPUTING:

@@ -31,7 +31,7 @@ from planner.pipeline.search import (
     with_count,
 )
 from planner.pipeline.stage_results import Exploded, Exported, Judged, Played, Reading, StageResult
-from planner.pipeline.steps import advance, finish, read_plan, read_shape
+from planner.pipeline.steps import advance, finish, read_plan, read_shape, rest
 from planner.pipeline.workspace import Workspace
 from planner.progress import Cancelled, Progress, Report, never, silent
 
@@ -158,9 +158,7 @@ def _explode(workspace: Workspace, watch: Watch, tries: Tries) -> Exploded:
         workspace.write_history(search.history)
         workspace.keep_best_explosion()
     record = search.results[workspace.number or 0].record
-    wanted = len(search.history) > 1 or job.request.prefer != COMPUTING
-    if record is not None and (record.status != "straight" or not wanted):
-        tries.rest()  # what comes out at once is rarely refused
+    rest(tries, record, len(search.history), job.request.prefer)
     return Exploded(record=record, attempts=len(search.history))
 
 

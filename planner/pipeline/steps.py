@@ -25,6 +25,7 @@ from planner.motion.windows import Windows
 from planner.pipeline.attempt import Attempt, Candidates, Trial
 from planner.pipeline.job import Job, Result, Search, Watch, is_smoothing
 from planner.pipeline.parallel import Tries
+from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import SHORT_SEED, Request
 from planner.pipeline.search import Explode, PlayBack, Step, before_playback
@@ -289,6 +290,20 @@ def _explode(job: Job, search: Search, trial: Trial, watch: Watch, tries: Tries)
     outcome = Attempt.of_record(trial, chain, record, parameters)
     result = Result(chain=chain, record=record, recorded=recorded)
     return Search(history=(*search.history, outcome), results={**search.results, number: result})
+
+
+def rest(tries: Tries, record: Record | None, attempts: int, prefer: Preference) -> None:
+    """End what explodes beside, when the last explosion of a series makes it of little use.
+
+    Args:
+        tries: Explosions that are made beside.
+        record: Record of the explosion that is played back next; None where nothing explodes.
+        attempts: Number of attempts so far.
+        prefer: Preference among verified plans.
+    """
+    wanted = attempts > 1 or prefer != COMPUTING  # what comes out at once is rarely refused
+    if record is not None and (record.status != "straight" or not wanted):
+        tries.rest()
 
 
 def finish(
