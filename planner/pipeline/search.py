@@ -88,7 +88,9 @@ def next_step(history: Sequence[Attempt], policy: RetryPolicy) -> Step | None:
     if last.verdict is None:
         return Certify()
     # What was published, or is a baseline, is shown as it is, with what is wrong with it.
-    return _after_verdict(history, policy) if policy.retries_refused else None
+    if last.status == "none" or not policy.retries_refused:
+        return None
+    return _after_verdict(history, policy)
 
 
 def _after_verdict(history: Sequence[Attempt], policy: RetryPolicy) -> Step | None:

@@ -89,6 +89,7 @@ NOTHING = Attempt(trial=FIRST, status="none")
         (PUBLISHED, [NOTHING], PlayBack()),
         (PUBLISHED, [replace(NOTHING, played=True)], Certify()),
         (PUBLISHED, [replace(REFUSED, status="none")], None),
+        (POLICY, [replace(REFUSED, status="none")], None),
     ],
 )
 def test_next_step_of_a_history(
