@@ -76,7 +76,7 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attempt:
-    """What came of an explosion, and of its playback.
+    """Outcome of one trial and of its playback.
 
     Attributes:
         trial: Which explosion it is.

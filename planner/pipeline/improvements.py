@@ -29,7 +29,7 @@ SMOOTHED_PLANS: Final = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Improvements:
-    """What may better a verified plan.
+    """Attempts after a verified plan.
 
     Attributes:
         prefer: What is wished for.
@@ -44,7 +44,7 @@ class Improvements:
     most_frames: int
 
     def next_attempt(self, tried: Sequence[Attempt]) -> Trial | None:
-        """What is tried after so many attempts, one of them verified; None when that is enough.
+        """Return the trial after attempts of which one is verified; None when that is enough.
 
         Args:
             tried: The attempts so far.
@@ -127,7 +127,7 @@ def best_of(tried: Sequence[Attempt], prefer: Preference) -> int | None:
 
 
 def score_of(attempt: Attempt, prefer: Preference) -> float:
-    """How well an attempt's plan serves a preference, see ``PlanFigures.score``."""
+    """Return the score of an attempt's plan for a preference, see ``PlanFigures.score``."""
     return float("-inf") if attempt.figures is None else attempt.figures.score(prefer)
 
 

@@ -51,7 +51,7 @@ def digests_of(directory: FilePath, names: Sequence[str] = DESCRIBED) -> Digests
 
 
 def digests_of_texts(texts: dict[str, str]) -> dict[str, str]:
-    """As ``digests_of`` a JSON file whose fields have been written as these texts."""
+    """Return the digests of a JSON file whose fields have been written as these texts."""
     return {
         # Nothing has keys to be sorted in a text without braces.
         key: next(_of_values({key: json.loads(text)}))[1] if "{" in text else _of_text(text)
@@ -74,7 +74,7 @@ def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
 
 
 def changed_fields(directory: FilePath) -> list[str] | None:
-    """What is not as the manifest has it, ``file: field``; None when there is no manifest."""
+    """Return what differs from the manifest, ``file: field``; None when there is no manifest."""
     path = directory / FILE
     if not path.exists():
         return None

@@ -95,7 +95,7 @@ class Tries:
     def take(
         self, timeline: FilePath | None, progress: Report, cancelled: Cancelled
     ) -> Record | None:
-        """What is to be made now, if it was begun beside: waits for it.
+        """Return the record of the current trial if it was begun beside; wait for it.
 
         Its timeline moves to ``timeline`` unless that is None. None when it was not begun, or its
         process failed: whoever makes it here comes to the same, or sees why it cannot be made.
@@ -120,7 +120,7 @@ class Tries:
         return record
 
     def _known(self) -> dict[Trial, Attempt]:
-        """What came of those that are made."""
+        """Return the outcomes of the trials that are finished."""
         found = {trial: beside.attempt() for trial, beside in self._beside.items()}
         return {trial: attempt for trial, attempt in found.items() if attempt is not None}
 
@@ -178,21 +178,21 @@ class _Beside:
 
     @property
     def running(self) -> bool:
-        """Whether it still computes."""
+        """True while it computes."""
         return self._process.poll() is None
 
     def progress(self) -> Progress | None:
-        """How far it is; None before it has begun."""
+        """Return its progress; None before it has begun."""
         told = _read(self.place / "progress.json")
         return None if told is None else Progress(**told)
 
     def attempt(self) -> Attempt | None:
-        """What is told of its record; None before that is made."""
+        """Return its outcome; None before that is written."""
         told = None if self.running else _read(self.place / "attempt.json")
         return None if told is None else Attempt.from_dict(told)
 
     def record(self) -> Record | None:
-        """What it came to; None when it failed."""
+        """Return its record; None when it failed."""
         return None if self.attempt() is None else Record.load(self.place / RECORD)
 
     def stop(self) -> None:

@@ -17,7 +17,7 @@ COMPUTING: Final = "computing"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanFigures:
-    """What a plan is compared by.
+    """Figures by which plans are compared.
 
     Attributes:
         fold_time_s: Time that the fold takes at the joints' speed limit; None where nothing moves.
@@ -59,7 +59,7 @@ class PlanFigures:
         return self.peak_torque_nm * (self.fold_time_s / seconds) ** 2
 
     def score(self, prefer: Preference) -> float:
-        """How well it serves a preference: the more the better; −∞ where that is not known.
+        """Return the score for a preference: the more the better; −∞ where that is not known.
 
         Torques are compared at one duration for all. A plan that may take its time needs hardly
         any torque, which any other plan could have as well by going as slowly.

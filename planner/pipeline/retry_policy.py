@@ -99,7 +99,7 @@ class RetryPolicy:
         )
 
     def next_attempt(self, tried: Sequence[Attempt]) -> Trial | None:
-        """What is tried after so many attempts; None when enough was tried.
+        """Return the trial after so many attempts; None when enough was tried.
 
         Args:
             tried: The attempts so far.
@@ -124,7 +124,7 @@ class RetryPolicy:
         here: Trial,
         known: Mapping[Trial, Attempt] | None = None,
     ) -> list[Trial]:
-        """What may come after a try that is being made, the likeliest first.
+        """Return what may come after a trial that is being computed, the likeliest first.
 
         A strategy likely fails as it did before. What is known to come straight may be refused.
         A smoothing is never begun early.
@@ -151,7 +151,7 @@ class RetryPolicy:
         return list(found)
 
     def _changed(self, change: Change, here: Trial) -> Iterator[Trial]:
-        """What there is by one change, the nearest first."""
+        """Yield the trials by one change, the nearest first."""
         if change == "path":
             for candidate, known in enumerate(self.strategies):
                 strategy = here.strategy if here.strategy in known else known[0]
