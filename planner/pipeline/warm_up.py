@@ -69,13 +69,15 @@ def warm_up(
         with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
             warm_up_clearance(chain)
         warm_up_motions(chain)
-        plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
+        with TemporaryDirectory() as folder:  # figures are only made of what is written
+            plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"), directory=folder)
     if soon and compiling.told:
         beside("all", place)
         return
     with Compiling(progress, lock=CompilingLock(place / REST)):
         retime(plan, 1.0, 1.0)
-        smooth_plan(plan)
+        with TemporaryDirectory() as folder:
+            smooth_plan(plan, directory=folder)
         table_certificate(plan.chain, plan.motion)
         _many_contacts(plan.chain)
         _explode_as_published()

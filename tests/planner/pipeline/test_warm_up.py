@@ -95,9 +95,9 @@ def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
     def noted(name: str) -> None:
         real = getattr(module, name)
 
-        def noting(*given: object) -> None:
+        def noting(*given: object, **more: object) -> None:
             here.append(name)
-            real(*given)
+            real(*given, **more)
 
         monkeypatch.setattr(module, name, noting)
 
