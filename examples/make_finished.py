@@ -22,10 +22,9 @@ from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.pipeline import manifest
-from planner.pipeline.fold_directory import read_certificate, read_chain, write_request
-from planner.pipeline.refold import write_start
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.packed import CLEARANCE_STEP, ROOT_STEPS, pack, torque_step, unpack
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
@@ -54,8 +53,8 @@ def fold_into(directory: Path, shape: str, start: str | None) -> None:
     if start is not None:
         with tempfile.TemporaryDirectory() as place:
             fold_into(Path(place), start, None)
-            write_start(directory, Plan.load(Path(place) / "plan.npz"))
-    write_request(directory, request, path.read_bytes())
+            Workspace(directory).write_start(Plan.load(Path(place) / "plan.npz"))
+    Workspace(directory).write_request(request, path.read_bytes())
     run_stages(directory)
 
 
@@ -104,7 +103,9 @@ def round_motion(directory: Path) -> None:
     playback.save(directory / "playback.npz")
     _write_timeline(directory)
     run_stage("certify", directory)
-    ends = read_certificate(directory).rms_position_error  # of the rounded angles
+    certificate = Workspace(directory).read_certificate()
+    assert certificate is not None
+    ends = certificate.rms_position_error  # of the rounded angles
     replace(playback, rms_position_error=ends).save(directory / "playback.npz")
     run_stage("export", directory)
     _round_figures(directory)
@@ -117,7 +118,9 @@ def _write_timeline(directory: Path) -> None:
         Playback.load(directory / "playback.npz"),
     )
     refold = (directory / "start.json").exists()
-    with TimelineWriter.create(directory / "timeline.zarr", read_chain(directory)) as writer:
+    with TimelineWriter.create(
+        directory / "timeline.zarr", Workspace(directory).read_chain()
+    ) as writer:
         if not refold:
             writer.append(record.frames)
         writer.append(playback.frames)

@@ -20,10 +20,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from planner.errors import InputError
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
 
 HERE = FilePath(__file__).parent
 SHAPES, RESULTS, TABLE_RESULTS = (
@@ -45,7 +45,7 @@ def fold_once(file: FilePath, seed: int) -> dict[str, Any]:
     begun, worked = time.perf_counter(), time.process_time()
     with TemporaryDirectory(prefix="foldback-gallery-") as directory:
         request = Request(filename=file.name, preset="default", seed=seed)
-        write_request(FilePath(directory), request, file.read_bytes())
+        Workspace(FilePath(directory)).write_request(request, file.read_bytes())
         summary = run_stages(FilePath(directory))
         attempts = len(json.loads((FilePath(directory) / "attempts.json").read_bytes()))
     certificate, playback = summary["certificate"], summary["playback"] or {}
@@ -66,7 +66,7 @@ def fold_once_on_table(file: FilePath, seed: int) -> dict[str, Any]:
     begun = time.perf_counter()
     with TemporaryDirectory(prefix="foldback-gallery-") as directory:
         request = Request(filename=file.name, seed=seed, world="table", as_voxels=True)
-        write_request(FilePath(directory), request, file.read_bytes())
+        Workspace(FilePath(directory)).write_request(request, file.read_bytes())
         try:
             summary = run_stages(FilePath(directory))
         except InputError as error:

@@ -30,9 +30,7 @@ if TYPE_CHECKING:
     from planner.motion.timeline import Timeline, TimelineWriter
     from planner.motion.windows import Windows
     from planner.parameters.parameters import PRESETS, Parameters, preset
-    from planner.pipeline.fold import fold
-    from planner.pipeline.refold import refold
-    from planner.pipeline.smooth import smooth_plan
+    from planner.pipeline.fold import fold, refold, smooth_plan
     from planner.plan.plan import Plan
     from planner.playback.playback import Playback, play_back
     from planner.progress import Progress
@@ -84,7 +82,7 @@ _HOMES = {
     "planner.errors": ("InputError", "PlannerError", "SimulationError", "TimelineError"),
     "planner.explosion.simultaneous": ("explode",),
     "planner.motion.frames": ("Frames",),
-    "planner.pipeline.fold": ("fold",),
+    "planner.pipeline.fold": ("fold", "refold", "smooth_plan"),
     "planner.chain.kinematics": ("Poses", "forward_kinematics"),
     "planner.chain.module": ("CUBE", "TETRAHEDRON", "Module"),
     "planner.parameters.parameters": ("PRESETS", "Parameters", "preset"),
@@ -93,8 +91,6 @@ _HOMES = {
     "planner.playback.playback": ("Playback", "play_back"),
     "planner.readers": ("read",),
     "planner.motion.record": ("Record",),
-    "planner.pipeline.refold": ("refold",),
-    "planner.pipeline.smooth": ("smooth_plan",),
     "planner.motion.timeline": ("Timeline", "TimelineWriter"),
     "planner.motion.windows": ("Windows",),
     "planner.progress": ("Progress",),

@@ -1,7 +1,8 @@
 """Diagnosis: why an explosion did not come to its end, told from where it stopped.
 
-By its kind ``planner.pipeline.portfolio`` decides what is tried next; its modules show people where
-to look. Its evidence is the reason that is told: a knot, modules in each other's way, a budget.
+``planner.pipeline.retry_policy`` chooses the next attempt by its kind; its modules show people
+where to look. Its evidence is the reason that is told: a knot, modules in each other's way, a
+budget.
 """
 
 from __future__ import annotations

@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, Literal
 
-from planner.explosion.diagnosis import Diagnosis, Kind
-from planner.motion.record import RecordStatus
+from planner.certificate.certificate import Certificate
+from planner.chain.chain import Chain
+from planner.explosion.diagnosis import Diagnosis, Kind, diagnose
+from planner.motion.frames import PHASES
+from planner.motion.record import Record, RecordStatus
+from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.parameters.parameters import Parameters
 from planner.pipeline.preference import PlanFigures
+from planner.playback.playback import Playback
 
 Reason = Kind | Literal["refused"]
-MOST: Final = 6
-"""Explosions of one fold, at most."""
+MAX_EXPLOSIONS: Final = 6
+"""Maximum number of explosions of one fold. Larger values find more plans, fail later. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
-class Try:
+class Trial:
     """One explosion that may be made.
 
     Attributes:
-        candidate: Which of the paths.
-        seed: What randomness starts from.
-        strategy: How the chain is let go.
-        other_end: Whether the path is taken from its other end.
-        gentle: Whether it is let go with half the force.
-        smooths: The attempt, by its place among all, whose verified plan is smoothed in place of
+        candidate: Index of the path.
+        seed: Seed of all randomness.
+        strategy: Strategy of the explosion.
+        other_end: True if the path is taken from its other end.
+        gentle: True for half the force.
+        smooths: Index of the attempt whose verified plan is smoothed in place of
             an explosion; the strategy then is one of ``planner.robot.WAYS``. None for an explosion.
     """
 
@@ -37,12 +43,43 @@ class Try:
     smooths: int | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Attempt:
-    """What came of an explosion, and of its playback.
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """Chains through the same shape.
 
     Attributes:
-        todo: Which explosion it is.
+        chains: The likeliest first.
+        two_ended: Whether they may as well begin at their other end.
+    """
+
+    chains: tuple[Chain, ...]
+    two_ended: bool
+
+    def chain_of(self, trial: Trial) -> Chain:
+        """Return the chain of a try."""
+        chain = self.chains[trial.candidate]
+        return chain.from_other_end() if trial.other_end else chain
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return them as plain JSON values."""
+        chains = [chain_attributes(chain) for chain in self.chains]
+        return {"chains": chains, "two_ended": self.two_ended}
+
+    @classmethod
+    def from_values(cls, values: Any) -> Candidates:
+        """Return the candidates that a file holds."""
+        if isinstance(values, list):  # of a fold that was read before there were other ends
+            values = {"chains": values, "two_ended": False}
+        chains = tuple(chain_from_attributes(attributes) for attributes in values["chains"])
+        return cls(chains, values["two_ended"])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attempt:
+    """Outcome of one trial and of its playback.
+
+    Attributes:
+        trial: Which explosion it is.
         status: Of its record; ``begun`` while there is none.
         reason: Of its record: why it is not straight.
         steps, frames, seconds: Of its record.
@@ -54,10 +91,13 @@ class Attempt:
         between: Whether its frames are clear and only the way from one of the playback to the next
             is not.
         chosen: Whether its plan is the fold's.
+        played: Whether it was played back. Not stored: with a verdict it was.
+        unfolding_overlaps: Whether a refold's closest place comes before it is straight. Not
+            stored.
     """
 
-    todo: Try
-    status: RecordStatus | Literal["begun"]
+    trial: Trial
+    status: RecordStatus | Literal["begun", "none"]
     reason: str = ""
     steps: int = 0
     frames: int = 0
@@ -68,23 +108,77 @@ class Attempt:
     figures: PlanFigures | None = None
     between: bool = False
     chosen: bool = False
+    played: bool = False
+    unfolding_overlaps: bool = False
+
+    @classmethod
+    def of_record(
+        cls, trial: Trial, chain: Chain, record: Record | None, parameters: Parameters
+    ) -> Attempt:
+        """Return the attempt of an explosion that is over; ``none`` when there is nothing of it."""
+        if record is None:
+            return cls(trial=trial, status="none")
+        return cls(
+            trial=trial,
+            status=record.status,
+            reason=record.reason,
+            steps=record.steps,
+            frames=len(record.frames),
+            seconds=record.seconds,
+            diagnosis=diagnose(chain, record, parameters),
+        )
+
+    def unjudged(self, finer: int | None = None) -> Attempt:
+        """Return it without a verdict, to be played back with ``finer`` times the frames."""
+        finer = self.finer if finer is None else finer
+        return replace(self, finer=finer, verdict=None, figures=None, between=False, played=False)
+
+    def judged(self, certificate: Certificate, playback: Playback | None) -> Attempt:
+        """Return it with the verdict on its playback.
+
+        Args:
+            certificate: The verdict, and where the plan is narrowest.
+            playback: What it has looked at.
+        """
+        clearance, played = certificate.min_clearance, certificate.min_clearance_playback
+        place = certificate.min_clearance_playback_at
+        exploding_s = self.seconds if self.finer == 1 else 0.0
+        playing_s = 0.0 if playback is None else playback.seconds
+        return replace(
+            self,
+            played=True,
+            verdict=certificate.verdict,
+            figures=PlanFigures.of(certificate.as_dict(), before_s=exploding_s + playing_s),
+            between=clearance is not None
+            and clearance >= 0.0
+            and played is not None
+            and played < 0.0
+            and place is not None
+            and not float(place.frame).is_integer(),
+            unfolding_overlaps=_overlaps_unfolding(certificate, playback),
+        )
+
+    @property
+    def failed(self) -> bool:
+        """True if its explosion did not end straight."""
+        return self.status not in ("straight", "none")
 
     @property
     def verified(self) -> bool:
-        """Whether its plan may be trusted."""
+        """True if its plan may be trusted."""
         return self.verdict is not None and self.verdict.startswith("verified")
 
     @property
     def why(self) -> Reason:
-        """Why it was not the last one."""
+        """Reason why it was not the last one."""
         if self.status == "straight":
             return "refused"
         return "limit" if self.diagnosis is None else self.diagnosis.kind
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, as ``attempts.json`` and plans have them."""
-        values: dict[str, Any] = {**asdict(self.todo), "status": self.status}
-        if self.todo.smooths is None:
+        values: dict[str, Any] = {**asdict(self.trial), "status": self.status}
+        if self.trial.smooths is None:
             del values["smooths"]
         if self.status == "begun":
             return values
@@ -108,5 +202,26 @@ class Attempt:
         known["diagnosis"] = found and Diagnosis.from_dict(found)
         figures = values.get("figures")
         known["figures"] = figures and PlanFigures(**figures)
-        todo = {name: values[name] for name in Try.__dataclass_fields__ if name in values}
-        return cls(**known, todo=Try(**todo))
+        trial = {name: values[name] for name in Trial.__dataclass_fields__ if name in values}
+        return cls(**known, trial=Trial(**trial), played="verdict" in values)
+
+
+def latest_playback(history: Sequence[Attempt], number: int) -> int:
+    """Return the index of the latest playback of an explosion, given by its own index."""
+    while number + 1 < len(history) and history[number + 1].finer > 1:
+        number += 1
+    return number
+
+
+def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> bool:
+    """Return True if a refold's closest place comes before it is straight."""
+    if playback is None:
+        return False
+    straight = int((playback.frames.phase == PHASES.index("unfolding")).sum())
+    return any(
+        clearance is not None and clearance < 0.0 and place is not None and place.frame < straight
+        for clearance, place in (
+            (certificate.min_clearance, certificate.min_clearance_at),
+            (certificate.min_clearance_playback, certificate.min_clearance_playback_at),
+        )
+    )

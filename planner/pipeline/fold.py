@@ -1,15 +1,29 @@
-"""Fold: everything from a shape to a verified plan, in one call."""
+"""Fold: everything from a shape to a verified plan, in one call.
+
+Without a directory, and without anybody who follows, everything is computed in memory and no file
+is written.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.files import directory_or_aside
-from planner.pipeline.fold_directory import read_plan, write_request
+from planner.pipeline.attempt import Candidates
+from planner.pipeline.job import Job, Search, Watch
+from planner.pipeline.parallel import Tries
+from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
+from planner.pipeline.retry_policy import RetryPolicy
+from planner.pipeline.search import Explode, next_step, with_choice
 from planner.pipeline.stages import run_stages
+from planner.pipeline.steps import advance, finish, read_plan, read_shape, rest, with_joint_errors
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
 from planner.progress import Report, naming, silent
@@ -26,17 +40,19 @@ def fold(
     progress: Report = silent,
     workers: int = 1,
 ) -> Plan:
-    """Explodes a shape's chain, plays the record back and verifies the result.
+    """Explode a shape's chain, play the record back and verify the result.
 
     Args:
         shape: A path through cells, or a chain with its folded configuration.
         preset: ``default``, ``paper`` or ``direct``.
-        seed: What randomness starts from.
+        seed: Seed of all randomness.
         module_size: Size at which the plan is verified; None for the preset's.
         settings: Other numbers for ``paper`` or ``direct``, as ``damping=0.05,radial_gain=0.2``:
             see ``planner.parameters.settings``.
-        directory: Where the plan, the timeline and the model are kept; nowhere when None.
-        progress: Told how far it is, and where: ``Progress.directory``.
+        directory: Gets the plan, the timeline and the model. None for nowhere; then files are
+            written only for ``progress``, and removed in the end.
+        progress: Called with the progress, and with the directory of a growing timeline:
+            ``Progress.directory``.
         workers: Explosions that are made at once at most, when one sticks; the plan is the same.
 
     Returns:
@@ -45,15 +61,153 @@ def fold(
     Raises:
         InputError: An unknown preset, or a seed, module size or setting out of range.
     """
-    with directory_or_aside(directory) as folder:
-        data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
-        request = Request(
-            filename=shape.name,
-            preset=preset,
-            seed=seed,
-            module_size=module_size,
-            settings=settings,
-        )
-        write_request(folder, request, data)
-        run_stages(folder, progress=naming(folder, progress), workers=workers)
-        return read_plan(folder)
+    request = Request(
+        filename=shape.name, preset=preset, seed=seed, module_size=module_size, settings=settings
+    )
+    return _plan_of(request, _data(shape), directory, progress, workers=workers)
+
+
+def refold(
+    start: Plan,
+    shape: Path | Chain,
+    *,
+    preset: str = "default",
+    seed: int = 0,
+    module_size: float | None = None,
+    settings: str = "",
+    directory: str | FilePath | None = None,
+    progress: Report = silent,
+) -> Plan:
+    """Unfold the chain of a plan and fold it into another shape: the paper's reconfiguration.
+
+    Args:
+        start: How the chain was folded into the shape that it begins as; of a refold, into the one
+            that it ended as.
+        shape: A path through as many cells as the chain has modules, or a chain like it.
+        preset, seed, module_size, settings, directory, progress: See ``fold``.
+
+    Returns:
+        One plan from the one shape over straight to the other, verified or not.
+
+    Raises:
+        InputError: ``refold-differs`` when the modules or their number do, ``refold-not-folded``
+            when ``start`` does not lead from straight to folded, or as ``planner.fold``.
+    """
+    request = Request(
+        filename=shape.name,
+        preset=preset,
+        seed=seed,
+        module_size=module_size,
+        settings=settings,
+        refold=True,
+    )
+    return _plan_of(request, _data(shape), directory, progress, start=start)
+
+
+def smooth_plan(
+    plan: Plan,
+    *,
+    seed: int = 0,
+    module_size: float | None = None,
+    directory: str | FilePath | None = None,
+    progress: Report = silent,
+) -> Plan:
+    """Smooth the motion of a plan: shortcuts, means and a new time law, certified anew.
+
+    Args:
+        plan: A verified plan that begins straight.
+        seed, directory, progress: See ``fold``.
+        module_size: Size at which the result is verified; None for that of the plan.
+
+    Returns:
+        The smoothed plan, verified or not; ``Plan.smoothing`` says what has changed.
+
+    Raises:
+        InputError: As ``planner.robot.smoothed.check_smoothable``, or for a seed or size out of
+            range.
+    """
+    request = Request.smoothing(plan, seed=seed, module_size=module_size)
+    return _plan_of(request, write_chain(plan.chain), directory, progress, recorded=plan)
+
+
+def _data(shape: Path | Chain) -> bytes:
+    return write_path(shape) if isinstance(shape, Path) else write_chain(shape)
+
+
+def _plan_of(
+    request: Request,
+    data: bytes,
+    directory: str | FilePath | None,
+    progress: Report,
+    *,
+    start: Plan | None = None,
+    recorded: Plan | None = None,
+    workers: int = 1,
+) -> Plan:
+    """Return the plan of a request, made in memory or by the stages in a directory."""
+    if directory is None and progress is silent:
+        return _plan_in_memory(request, data, start=start, recorded=recorded, workers=workers)
+    with directory_or_aside(directory) as place:
+        workspace = Workspace(place)
+        workspace.write_request(request, data, start=start, recorded=recorded)
+        run_stages(place, progress=naming(place, progress), workers=workers)
+        return workspace.read_plan()
+
+
+def _plan_in_memory(
+    request: Request,
+    data: bytes,
+    *,
+    start: Plan | None,
+    recorded: Plan | None,
+    workers: int,
+) -> Plan:
+    """Search until a plan is verified or nothing is left to try; return the best attempt's plan.
+
+    Args:
+        request: Request of the fold.
+        data: Bytes of the shape.
+        start: Plan that a refold begins with; None for other folds.
+        recorded: Plan that is smoothed; None for other folds.
+        workers: Explosions that are made at once at most.
+    """
+    request.check()
+    begins = None if start is None else start.chain
+    reading = read_shape(request, data, start=begins) if recorded is None else read_plan(recorded)
+    job = Job(
+        request=request,
+        candidates=reading.candidates,
+        policy=RetryPolicy.of(request, reading.candidates),
+        start=begins,
+        unfolding=None if start is None else start.unfolding(),
+        recorded=recorded,
+    )
+    search = Search()
+    step = next_step(search.history, job.policy)
+    with _pool(request, reading.candidates, workers) as tries:
+        while step is not None:
+            search = advance(job, search, step, Watch(), tries).pruned()
+            before, step = step, next_step(search.history, job.policy)
+            if isinstance(before, Explode) and not isinstance(step, Explode):
+                rest(tries, search.current.record, len(search.history), request.prefer)
+    best = max(search.results, key=lambda number: search.rank(number, request.prefer))
+    history = search.history
+    if request.prefer != COMPUTING:
+        history = with_choice(history, best)
+    result = search.results[best]
+    plan = finish(request, result, history, start=begins, recorded=result.recorded or recorded)
+    return with_joint_errors(plan.as_stored(), result.playback)
+
+
+@contextmanager
+def _pool(request: Request, candidates: Candidates, workers: int) -> Generator[Tries]:
+    """Yield what makes explosions beside; it has a directory of its own if it has processes."""
+    if workers == 1:
+        yield Tries(None)
+        return
+    with TemporaryDirectory(prefix="foldback-tries-") as place:
+        workspace = Workspace(FilePath(place))
+        workspace.write_request(request, b"")
+        workspace.write_candidates(candidates)
+        with Tries(workspace.directory, workers) as tries:
+            yield tries

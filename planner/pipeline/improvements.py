@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from planner.pathfinding.duration import MOST_IMPROVING_S
-from planner.pipeline.attempt import MOST, Attempt, Try
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import LARGEST_SEED
 from planner.robot import SMOOTHED, SOFTENED, WAYS
@@ -29,7 +29,7 @@ SMOOTHED_PLANS: Final = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Improvements:
-    """What may better a verified plan.
+    """Attempts after a verified plan.
 
     Attributes:
         prefer: What is wished for.
@@ -43,33 +43,33 @@ class Improvements:
     modules: int
     most_frames: int
 
-    def after(self, tried: Sequence[Attempt]) -> Try | None:
-        """What is tried after so many attempts, one of them verified; None when that is enough.
+    def next_attempt(self, tried: Sequence[Attempt]) -> Trial | None:
+        """Return the trial after attempts of which one is verified; None when that is enough.
 
         Args:
             tried: The attempts so far.
         """
-        exploded = [attempt for attempt in tried if attempt.todo.smooths is None]
+        exploded = [attempt for attempt in tried if attempt.trial.smooths is None]
         best = best_of(exploded, self.prefer)  # smoothings come after all explosions
         if self.prefer == COMPUTING or best is None:
             return None
         first = next(number for number, attempt in enumerate(tried) if attempt.verified)
-        since = {attempt.todo for attempt in tried[first + 1 :]} - {tried[first].todo}
-        left = MOST_IMPROVING_S - sum(expected_seconds_of(todo, self.modules) for todo in since)
-        done = {attempt.todo for attempt in tried}
-        for todo in self._ways(tried, tried[first].todo, exploded[best].todo):
-            if todo not in done and expected_seconds_of(todo, self.modules) <= left:
-                return todo
+        since = {attempt.trial for attempt in tried[first + 1 :]} - {tried[first].trial}
+        left = MOST_IMPROVING_S - sum(expected_seconds_of(trial, self.modules) for trial in since)
+        done = {attempt.trial for attempt in tried}
+        for trial in self._ways(tried, tried[first].trial, exploded[best].trial):
+            if trial not in done and expected_seconds_of(trial, self.modules) <= left:
+                return trial
         return None
 
-    def _ways(self, tried: Sequence[Attempt], first: Try, best: Try) -> Iterator[Try]:
+    def _ways(self, tried: Sequence[Attempt], first: Trial, best: Trial) -> Iterator[Trial]:
         """All that may be tried, the most promising first."""
-        explosions = {attempt.todo for attempt in tried if attempt.todo.smooths is None}
-        if len(explosions) < MOST:
+        explosions = {attempt.trial for attempt in tried if attempt.trial.smooths is None}
+        if len(explosions) < MAX_EXPLOSIONS:
             yield from self._explosions(first, best)
         yield from self._smoothings(tried)
 
-    def _explosions(self, first: Try, best: Try) -> Iterator[Try]:
+    def _explosions(self, first: Trial, best: Trial) -> Iterator[Trial]:
         """Other strategies for the path of the first verified plan, then the best on others."""
         for strategy in self.strategies[first.candidate]:
             yield replace(first, strategy=strategy)
@@ -77,35 +77,35 @@ class Improvements:
             if best.strategy in known:
                 yield replace(best, candidate=candidate)
 
-    def _smoothings(self, tried: Sequence[Attempt]) -> Iterator[Try]:
+    def _smoothings(self, tried: Sequence[Attempt]) -> Iterator[Trial]:
         """The best plan of each strategy smoothed, and less of it where that was refused.
 
         How much a plan gains by it depends on how it was let go, too: the second best may win.
         """
         plans: dict[str, int] = {}
         for number, attempt in enumerate(tried):
-            if attempt.verified and attempt.todo.smooths is None:
-                known = plans.setdefault(attempt.todo.strategy, number)
+            if attempt.verified and attempt.trial.smooths is None:
+                known = plans.setdefault(attempt.trial.strategy, number)
                 if score_of(attempt, self.prefer) > score_of(tried[known], self.prefer):
-                    plans[attempt.todo.strategy] = number
+                    plans[attempt.trial.strategy] = number
         ranked = sorted(plans.values(), key=lambda number: -score_of(tried[number], self.prefer))
-        smooth = {attempt.todo.smooths for attempt in tried if attempt.verified}
+        smooth = {attempt.trial.smooths for attempt in tried if attempt.verified}
         for best in ranked[:SMOOTHED_PLANS]:
             figures, number = tried[best].figures, best
             while tried[number].finer > 1:  # its files are with those of the explosion
                 number -= 1
             if figures is None or figures.frames > self.most_frames:
                 continue
-            todo = replace(tried[best].todo, strategy=SMOOTHED, smooths=number)
-            yield todo
+            trial = replace(tried[best].trial, strategy=SMOOTHED, smooths=number)
+            yield trial
             if number not in smooth:
-                yield replace(todo, strategy=SOFTENED)
-        smoothings = [attempt for attempt in tried if attempt.todo.smooths is not None]
+                yield replace(trial, strategy=SOFTENED)
+        smoothings = [attempt for attempt in tried if attempt.trial.smooths is not None]
         if (best := best_of(smoothings, self.prefer)) is not None:
-            todo = smoothings[best].todo
-            seed = tried[todo.smooths or 0].todo.seed
+            trial = smoothings[best].trial
+            seed = tried[trial.smooths or 0].trial.seed
             for k in range(1, SEEDS):
-                yield replace(todo, seed=(seed + k) % (LARGEST_SEED + 1))
+                yield replace(trial, seed=(seed + k) % (LARGEST_SEED + 1))
 
 
 def best_of(tried: Sequence[Attempt], prefer: Preference) -> int | None:
@@ -127,20 +127,20 @@ def best_of(tried: Sequence[Attempt], prefer: Preference) -> int | None:
 
 
 def score_of(attempt: Attempt, prefer: Preference) -> float:
-    """How well an attempt's plan serves a preference, see ``PlanFigures.score``."""
+    """Return the score of an attempt's plan for a preference, see ``PlanFigures.score``."""
     return float("-inf") if attempt.figures is None else attempt.figures.score(prefer)
 
 
-def expected_seconds_of(todo: Try, modules: int) -> float:
+def expected_seconds_of(trial: Trial, modules: int) -> float:
     """About how long a try takes with its playback and certificate: runs of 64 to 4096 modules.
 
     Args:
-        todo: The try.
+        trial: The try.
         modules: Of the chain.
     """
-    if todo.strategy == "peel":
+    if trial.strategy == "peel":
         return 2.0 + 0.012 * modules
     together = 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.1
-    if todo.strategy == "blocks":  # two dozen at most: their cost grows with the chain alone
+    if trial.strategy == "blocks":  # two dozen at most: their cost grows with the chain alone
         return min(together, 2.0 + 0.06 * modules)
-    return together + 2.0 + 0.03 * modules if todo.strategy in WAYS else together
+    return together + 2.0 + 0.03 * modules if trial.strategy in WAYS else together

@@ -15,42 +15,20 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from planner.certificate.table_forces import FILE as FORCES
 from planner.checked_zarr import DIGEST, read_group, unsealed
 from planner.errors import UNREADABLE, DamagedError
 from planner.files import write_json, zarr_group
-from planner.pipeline.attempt_folders import CANDIDATES
-from planner.playback.unfolding import START_CHAIN, START_PLAN
-from planner.robot import RECORDED_PLAN
+from planner.pipeline.fold_layout import DESCRIBED
+from planner.pipeline.fold_layout import MANIFEST as FILE
 
-FILE: Final = "manifest.json"
 FORMAT: Final = "foldback-manifest/1"
-EXPORTED: Final = ("plan.npz", "plan.json", "model.xml", "figures.zarr")
-"""Files that are written last."""
-FILES: Final = (
-    "input",
-    "request.json",
-    START_CHAIN,
-    START_PLAN,
-    RECORDED_PLAN,
-    CANDIDATES,
-    "chain.json",
-    "attempts.json",
-    "record.npz",
-    "playback.npz",
-    "certificate.json",
-    FORCES,
-    "timeline.zarr",
-    *EXPORTED,
-)
-"""What a fold's directory may hold that says something of its plan."""
 WHOLE: Final = "content"
 """Field of a file that has no parts."""
 ROWS: Final = 1024
 Digests = dict[str, dict[str, str]]
 
 
-def digests_of(directory: FilePath, names: Sequence[str] = FILES) -> Digests:
+def digests_of(directory: FilePath, names: Sequence[str] = DESCRIBED) -> Digests:
     """The digest of each field of each file that is there; of one that can't be read, of its bytes.
 
     Fields of JSON files are their keys, of ``.npz`` and zarr files their arrays; ``plan.…`` are the
@@ -73,7 +51,7 @@ def digests_of(directory: FilePath, names: Sequence[str] = FILES) -> Digests:
 
 
 def digests_of_texts(texts: dict[str, str]) -> dict[str, str]:
-    """As ``digests_of`` a JSON file whose fields have been written as these texts."""
+    """Return the digests of a JSON file whose fields have been written as these texts."""
     return {
         # Nothing has keys to be sorted in a text without braces.
         key: next(_of_values({key: json.loads(text)}))[1] if "{" in text else _of_text(text)
@@ -89,14 +67,14 @@ def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
         earlier: Digests of files that have not changed since, which need no second look.
     """
     known = earlier or {}
-    rest = digests_of(directory, [name for name in FILES if name not in known])
+    rest = digests_of(directory, [name for name in DESCRIBED if name not in known])
     found = known | rest
-    in_order = {name: found[name] for name in FILES if name in found}
+    in_order = {name: found[name] for name in DESCRIBED if name in found}
     write_json(directory / FILE, {"format": FORMAT, "sha256": in_order})
 
 
 def changed_fields(directory: FilePath) -> list[str] | None:
-    """What is not as the manifest has it, ``file: field``; None when there is no manifest."""
+    """Return what differs from the manifest, ``file: field``; None when there is no manifest."""
     path = directory / FILE
     if not path.exists():
         return None

@@ -1,6 +1,6 @@
 """Tries: explosions of a fold, the next ones made beside the one at hand.
 
-What is tried, and in which order, is as if there were one process: ``Portfolio.after`` decides it.
+The attempts and their order are those of one process: ``RetryPolicy.next_attempt`` decides them.
 What may come next is begun early, each in a process of its own; what the order comes to is taken,
 and the rest is dropped. So a plan is the same whatever the number of workers.
 """
@@ -19,72 +19,38 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final
 
-from planner.chain.chain import Chain
-from planner.explosion.strategies import let_go, windowed
 from planner.files import write_json
 from planner.motion.record import Record
-from planner.motion.timeline import TimelineWriter
-from planner.parameters.parameters import Parameters
-from planner.pipeline.attempt import MOST, Attempt, Try
-from planner.pipeline.attempt_folders import TIMELINE
-from planner.pipeline.attempts import made
-from planner.pipeline.portfolio import Portfolio
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIES
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.progress import Cancelled, Progress, Report
 
-ASIDE: Final = ".foldback-tries"
-"""Folder in a fold's directory, with a folder for each try of another process."""
 STALLING: Final = 2
 """Pulses in a row without progress, from which on the next tries are begun."""
 POLL_S: Final = 0.05
 """Seconds between two looks at the other processes."""
 GRACE_S: Final = 1.0
 """Seconds that a process has to write down what it came to when it is told to stop."""
-Tried = tuple[Record, Attempt]
-
-
-def make_try(
-    directory: FilePath,
-    parameters: Parameters,
-    chain: Chain,
-    todo: Try,
-    progress: Report,
-    cancelled: Cancelled,
-) -> Tried:
-    """One explosion on a timeline of its own: its record, and what is told of it."""
-    writer = TimelineWriter.create(directory / TIMELINE, chain, windowed=windowed(todo.strategy))
-    record = let_go(
-        chain,
-        todo.strategy,
-        parameters,
-        seed=todo.seed,
-        gentle=todo.gentle,
-        sink=writer.append,
-        progress=progress,
-        cancelled=cancelled,
-    )
-    writer.flush()
-    if record.status != "straight":
-        writer.close("failed")
-    return record, made(todo, chain, record, parameters)
 
 
 class Tries:
     """Holds the processes that make what may come next.
 
     Args:
-        directory: Of the fold; its input must have been read.
+        directory: Of the fold; its input must have been read. None without processes.
         workers: Explosions that are made at once at most; with one there are no processes. More
             than a fold may have would bring nothing.
     """
 
-    def __init__(self, directory: FilePath, workers: int = 1) -> None:
-        self._directory = directory.resolve()
-        self._workers = min(workers, MOST)
-        self._beside: dict[Try, _Beside] = {}
-        self._ahead: Callable[[], list[Try]] = list
-        self._here: Try | None = None
+    def __init__(self, directory: FilePath | None, workers: int = 1) -> None:
+        self._exchange = None if directory is None else directory.resolve() / TRIES
+        self._workers = 1 if directory is None else min(workers, MAX_EXPLOSIONS)
+        self._beside: dict[Trial, _Beside] = {}
+        self._ahead: Callable[[], list[Trial]] = list
+        self._here: Trial | None = None
         self._eager = False
-        rmtree(self._directory / ASIDE, ignore_errors=True)
+        self._clear()
 
     def __enter__(self) -> Tries:
         return self
@@ -97,17 +63,21 @@ class Tries:
         for beside in self._beside.values():
             beside.end()
         self._beside = {}
-        rmtree(self._directory / ASIDE, ignore_errors=True)
+        self._clear()
+
+    def _clear(self) -> None:
+        if self._exchange is not None:
+            rmtree(self._exchange, ignore_errors=True)
 
     def rest(self) -> None:
         """Ends what runs; what is made already is kept."""
         self._keep([])
 
-    def come_to(self, choice: Portfolio, tried: Sequence[Attempt], here: Try) -> None:
+    def come_to(self, choice: RetryPolicy, tried: Sequence[Attempt], here: Trial) -> None:
         """Says what is to be made now. After a failure the next ones are begun at once."""
         before = tuple(tried)
         self._here, self._eager = here, bool(tried)
-        self._ahead = lambda: choice.ahead(before, here, self._known())
+        self._ahead = lambda: choice.lookahead(before, here, self._known())
         self._keep(self._ahead())
         if self._eager:
             self._begin()
@@ -122,10 +92,12 @@ class Tries:
 
         return told if self._workers > 1 else progress
 
-    def take(self, place: FilePath, progress: Report, cancelled: Cancelled) -> Tried | None:
-        """What is to be made now, if it was begun beside: waits for it.
+    def take(
+        self, timeline: FilePath | None, progress: Report, cancelled: Cancelled
+    ) -> Record | None:
+        """Return the record of the current trial if it was begun beside; wait for it.
 
-        Its timeline moves to ``place``, the attempt's folder. None when it was not begun, or its
+        Its timeline moves to ``timeline`` unless that is None. None when it was not begun, or its
         process failed: whoever makes it here comes to the same, or sees why it cannot be made.
         """
         if self._here not in self._beside:
@@ -140,37 +112,37 @@ class Tries:
             self._begin()
             time.sleep(POLL_S)
         del self._beside[self._here]
-        made = beside.made()
-        if made is not None:
-            rmtree(place / TIMELINE, ignore_errors=True)
-            (beside.place / TIMELINE).rename(place / TIMELINE)
+        record = beside.record()
+        if record is not None and timeline is not None:
+            rmtree(timeline, ignore_errors=True)
+            (beside.place / TIMELINE).rename(timeline)
         beside.end()
-        return made
+        return record
 
-    def _known(self) -> dict[Try, Attempt]:
-        """What came of those that are made."""
-        found = {todo: beside.attempt() for todo, beside in self._beside.items()}
-        return {todo: attempt for todo, attempt in found.items() if attempt is not None}
+    def _known(self) -> dict[Trial, Attempt]:
+        """Return the outcomes of the trials that are finished."""
+        found = {trial: beside.attempt() for trial, beside in self._beside.items()}
+        return {trial: attempt for trial, attempt in found.items() if attempt is not None}
 
-    def _keep(self, wanted: Sequence[Try]) -> None:
+    def _keep(self, wanted: Sequence[Trial]) -> None:
         """Ends what runs and is not wanted, or is one too many, the least likely first."""
         room = self._workers - (self._here not in self._beside)
-        running = [todo for todo, beside in self._beside.items() if beside.running]
-        kept = [todo for todo in (self._here, *wanted) if todo in running][:room]
-        for todo in running:
-            if todo not in kept:
-                self._beside.pop(todo).end()
+        running = [trial for trial, beside in self._beside.items() if beside.running]
+        kept = [trial for trial in (self._here, *wanted) if trial in running][:room]
+        for trial in running:
+            if trial not in kept:
+                self._beside.pop(trial).end()
 
     def _begin(self) -> None:
         """Begins what may come next, as many as there is room for."""
         room = self._workers - (self._here not in self._beside)
         room -= sum(beside.running for beside in self._beside.values())
-        if room <= 0:
+        if room <= 0 or self._exchange is None:
             return
-        fresh = [todo for todo in self._ahead() if todo not in self._beside]
-        for todo in fresh[:room]:
+        fresh = [trial for trial in self._ahead() if trial not in self._beside]
+        for trial in fresh[:room]:
             try:
-                self._beside[todo] = _Beside(self._directory, todo)
+                self._beside[trial] = _Beside(self._exchange, trial)
             except OSError:  # no process or no room to be had: what is made here goes on alone
                 self._workers = 1
                 return
@@ -182,8 +154,8 @@ class _Beside:
     When its standard input ends, nobody wants it any more, or this process is gone.
     """
 
-    def __init__(self, directory: FilePath, todo: Try) -> None:
-        self.place = directory / ASIDE / "-".join(map(str, astuple(todo)))
+    def __init__(self, exchange: FilePath, trial: Trial) -> None:
+        self.place = exchange / "-".join(map(str, astuple(trial)))
         rmtree(self.place, ignore_errors=True)
         self.place.mkdir(parents=True)
         modules = [str(FilePath(__file__).parents[2]), *filter(None, [os.getenv("PYTHONPATH")])]
@@ -193,7 +165,7 @@ class _Beside:
                 "-P",
                 "-m",
                 "planner.pipeline.parallel_process",
-                json.dumps(asdict(todo)),
+                json.dumps(asdict(trial)),
             ],
             cwd=self.place,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(modules)},
@@ -206,23 +178,22 @@ class _Beside:
 
     @property
     def running(self) -> bool:
-        """Whether it still computes."""
+        """True while it computes."""
         return self._process.poll() is None
 
     def progress(self) -> Progress | None:
-        """How far it is; None before it has begun."""
+        """Return its progress; None before it has begun."""
         told = _read(self.place / "progress.json")
         return None if told is None else Progress(**told)
 
     def attempt(self) -> Attempt | None:
-        """What is told of its record; None before that is made."""
+        """Return its outcome; None before that is written."""
         told = None if self.running else _read(self.place / "attempt.json")
         return None if told is None else Attempt.from_dict(told)
 
-    def made(self) -> Tried | None:
-        """What it came to; None when it failed."""
-        attempt = self.attempt()
-        return None if attempt is None else (Record.load(self.place / "record.npz"), attempt)
+    def record(self) -> Record | None:
+        """Return its record; None when it failed."""
+        return None if self.attempt() is None else Record.load(self.place / RECORD)
 
     def stop(self) -> None:
         """Has it write down what it has, and waits for that."""
@@ -246,8 +217,7 @@ def _read(path: FilePath) -> dict[str, Any] | None:
     return json.loads(path.read_bytes()) if path.exists() else None
 
 
-def write_made(place: FilePath, made: Tried) -> None:
+def write_made(place: FilePath, record: Record, attempt: Attempt) -> None:
     """Writes what a try came to; the attempt last, so that all is there when it is."""
-    record, attempt = made
-    record.save(place / "record.npz")
+    record.save(place / RECORD)
     write_json(place / "attempt.json", attempt.as_dict())

@@ -1,4 +1,4 @@
-"""Try process: makes one try beside the fold's own process, in the folder that it is started in.
+"""Process of a trial: makes one beside the fold's own process, in the folder that it is started in.
 
 ``planner.pipeline.parallel.Tries`` starts it. It ends when its standard input does: nobody wants it
 any more, or the fold's process is gone.
@@ -15,10 +15,12 @@ from dataclasses import asdict
 from pathlib import Path as FilePath
 
 from planner.files import write_json
-from planner.pipeline.attempt import Try
-from planner.pipeline.attempts import Candidates
-from planner.pipeline.fold_directory import read_request
-from planner.pipeline.parallel import GRACE_S, make_try, write_made
+from planner.pipeline.attempt import Attempt, Trial
+from planner.pipeline.fold_layout import TIMELINE
+from planner.pipeline.job import Watch
+from planner.pipeline.parallel import GRACE_S, write_made
+from planner.pipeline.steps import explode
+from planner.pipeline.workspace import Workspace
 from planner.progress import Progress
 
 
@@ -27,11 +29,12 @@ def main() -> None:
     unwanted = threading.Event()
     threading.Thread(target=_listen, args=(unwanted,), daemon=True).start()
     place = FilePath.cwd()
-    fold = place.parent.parent
-    todo = Try(**json.loads(sys.argv[1]))
-    request = read_request(fold)
-    chain = Candidates.load(fold).chain_of(todo)
-    write_made(place, make_try(place, request.parameters(), chain, todo, _tell, unwanted.is_set))
+    fold = Workspace(place.parent.parent)
+    trial = Trial(**json.loads(sys.argv[1]))
+    parameters, chain = fold.read_request().parameters(), fold.read_candidates().chain_of(trial)
+    watch = Watch(progress=_tell, cancelled=unwanted.is_set, timeline=place / TIMELINE)
+    record = explode(chain, trial, parameters, watch)
+    write_made(place, record, Attempt.of_record(trial, chain, record, parameters))
 
 
 def _tell(progress: Progress) -> None:

@@ -17,7 +17,7 @@ COMPUTING: Final = "computing"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanFigures:
-    """What a plan is compared by.
+    """Figures by which plans are compared.
 
     Attributes:
         fold_time_s: Time that the fold takes at the joints' speed limit; None where nothing moves.
@@ -59,7 +59,7 @@ class PlanFigures:
         return self.peak_torque_nm * (self.fold_time_s / seconds) ** 2
 
     def score(self, prefer: Preference) -> float:
-        """How well it serves a preference: the more the better; −∞ where that is not known.
+        """Return the score for a preference: the more the better; −∞ where that is not known.
 
         Torques are compared at one duration for all. A plan that may take its time needs hardly
         any torque, which any other plan could have as well by going as slowly.
@@ -84,3 +84,42 @@ def preference_named(name: str) -> Preference:
             f"got the preference {name!r}, expected one of: {', '.join(PREFERENCES)}.",
         )
     return name
+
+
+Rank = tuple[bool, float, bool, float, int]
+
+
+def rank(
+    certificate: CertificateFigures | None,
+    *,
+    straight: bool,
+    bent: float,
+    number: int,
+    prefer: Preference,
+) -> Rank:
+    """Return how far an attempt came: verified, how good then, straight, bends removed, and when.
+
+    Of equal plans that are verified the earlier one is better: it was there for less computing. Of
+    equal failures it is the later one, which was tried for what the earlier one lacked.
+
+    Args:
+        certificate: Figures of its certificate; None where there is none.
+        straight: True if its explosion ended straight.
+        bent: Fraction of the folded chain's bends that the explosion has left; ∞ without a frame.
+        number: Index of its explosion.
+        prefer: Preference among verified plans.
+    """
+    verified, clearance = judgement(certificate)
+    if certificate is not None and verified and prefer != COMPUTING:
+        return True, PlanFigures.of(certificate).score(prefer), True, 0.0, -number
+    return verified, clearance, straight, -bent, number
+
+
+def judgement(certificate: CertificateFigures | None) -> tuple[bool, float]:
+    """Return True for a verified plan, and its least clearance; −∞ where that is not known."""
+    if certificate is None:
+        return False, -inf
+    plan, playback = (certificate.get(n) for n in ("min_clearance", "min_clearance_playback"))
+    known = [float(value) for value in (plan, playback) if isinstance(value, (int, float))]
+    verified = str(certificate.get("verdict")).startswith("verified")
+    return verified, -inf if plan is None else min(known)

@@ -6,7 +6,7 @@ The page, the API and the command line refuse what cannot be asked for in these 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from planner.chain.module import CUBE
 from planner.errors import InputError
@@ -25,6 +25,9 @@ from planner.pathfinding import Cell
 from planner.pathfinding.options import MODULE_COUNTS, PathOptions
 from planner.pathfinding.starts import cell_of
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
+
+if TYPE_CHECKING:
+    from planner.plan.plan import Plan
 
 MODULE_SIZES: Final = (0.1, 1.0)
 LARGEST_SEED: Final = 2**32 - 1
@@ -71,6 +74,12 @@ class Request:
     refold: bool = False
     smooth: bool = False
     world: World = "floating"
+
+    @classmethod
+    def smoothing(cls, plan: Plan, *, seed: int, module_size: float | None) -> Request:
+        """Return the request to smooth a plan, at its own module size when that is None."""
+        size = plan.certificate.module_size if module_size is None else module_size
+        return cls(filename=f"{plan.chain.name}.json", seed=seed, module_size=size, smooth=True)
 
     @classmethod
     def of(cls, **given: Any) -> Request:

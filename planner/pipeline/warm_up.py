@@ -37,12 +37,11 @@ from planner.parameters.published import PaperExplosionParameters
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.compiling import Compiling, beside, end_with_parent, motions_beside
 from planner.pipeline.compiling_lock import FIRST, REST, CompilingLock
-from planner.pipeline.fold import fold
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.fold import fold, smooth_plan
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import smooth_plan
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
@@ -75,13 +74,15 @@ def warm_up(
         with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
             warm_up_clearance(chain)
         warm_up_motions(chain)
-        plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
+        with TemporaryDirectory() as folder:  # figures are only made of what is written
+            plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"), directory=folder)
     if soon and compiling.told:
         beside("all", place)
         return
     with Compiling(progress, lock=CompilingLock(place / REST)):
         retime(plan, 1.0, 1.0)
-        smooth_plan(plan)
+        with TemporaryDirectory() as folder:
+            smooth_plan(plan, directory=folder)
         table_certificate(plan.chain, plan.motion)
         _many_contacts(plan.chain)
         _explode_as_published()
@@ -139,7 +140,7 @@ def _peel() -> None:
     """What long chains need, which are too long for the simultaneous explosion."""
     path = Path.from_cells(layered_snake(SMALL_BOX), name="warm-up")
     with TemporaryDirectory(prefix="foldback-") as place:
-        write_request(FilePath(place), Request(strategy="peel"), write_path(path))
+        Workspace(FilePath(place)).write_request(Request(strategy="peel"), write_path(path))
         run_stages(FilePath(place))
 
 

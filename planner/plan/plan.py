@@ -336,6 +336,12 @@ class Plan:
             **({} if planes is None else {PLANES: planes}),
         }
 
+    def as_stored(self) -> Plan:
+        """Return the plan as ``load`` reads it from its file."""
+        arrays = self.npz_arrays()
+        values = json.loads(str(arrays.pop("plan")))
+        return self.of_values(values | arrays, "plan")
+
     @classmethod
     def load(cls, path: FilePath) -> Plan:
         """Reads a plan from its JSON or ``.npz`` form.

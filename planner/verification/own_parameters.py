@@ -10,8 +10,8 @@ from typing import Any, get_args
 from planner.errors import UNREADABLE, InputError, PlannerError, named
 from planner.parameters.explosion import Base
 from planner.parameters.parameters import FLOATING, WORLDS, Parameters, preset
-from planner.pipeline.fold_directory import read_request
 from planner.pipeline.preference import COMPUTING
+from planner.pipeline.workspace import Workspace
 from planner.plan.differences import Differences, value_differences, versus_plan
 from planner.plan.plan import Plan, versions
 
@@ -117,7 +117,7 @@ def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differ
         )
         return
     try:
-        request = read_request(directory)
+        request = Workspace(directory).read_request()
         request.check()
         smoothed = plan.smoothing is not None
         parameters = request.parameters(smoothed=smoothed)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 
 from planner.explosion.diagnosis import Diagnosis, stuck_of
-from planner.pipeline.fold_directory import read_record
+from planner.pipeline.workspace import Workspace
 from planner.plan.differences import value_differences
 from planner.plan.plan import Plan
 from planner.verification.reasons import ReasonCheck, check_reason
@@ -20,7 +20,7 @@ def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck 
         plan: Its plan.
         notes: Gets what could not be checked.
     """
-    stuck, record = stuck_of(plan.explosion, plan.attempts), read_record(directory)
+    stuck, record = stuck_of(plan.explosion, plan.attempts), Workspace(directory).read_record()
     found = stuck and record and check_reason(plan.chain, record, stuck, plan.parameters)
     if stuck is None or found is None:
         notes.append(

@@ -17,9 +17,8 @@ from planner.motion.motion import Motion, motion_arrays
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes
 from planner.motion.windows import Windows
-from planner.pipeline.attempt_folders import CANDIDATES
-from planner.pipeline.attempts import Candidates
-from planner.pipeline.fold_directory import read_playback, read_record
+from planner.pipeline.fold_layout import CANDIDATES
+from planner.pipeline.workspace import Workspace
 from planner.plan.differences import (
     SINGLE_WITHIN,
     Differences,
@@ -93,7 +92,7 @@ _RESULTS: Final = {"playback.npz": "playback", "record.npz": "explosion"}
 
 def _among(directory: FilePath, plan: Plan) -> Differences:
     """Whether the plan's chain is one of those that could be folded."""
-    candidates = Candidates.load(directory)
+    candidates = Workspace(directory).read_candidates()
     chain = chain_attributes(plan.chain)
     for candidate in candidates.chains:
         if chain_attributes(candidate) == chain:
@@ -104,7 +103,7 @@ def _among(directory: FilePath, plan: Plan) -> Differences:
 
 
 def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -> Differences:
-    found = read_playback(directory)
+    found = Workspace(directory).read_playback()
     assert found is not None
     told = {name: value for name, value in found.summary().items() if name in (plan.playback or {})}
     yield from value_differences(told, plan.playback or {}, versus_plan("playback.npz", "playback"))
@@ -119,7 +118,7 @@ def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -
 
 
 def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Differences:
-    found = read_record(directory)
+    found = Workspace(directory).read_record()
     assert found is not None
     yield from value_differences(
         found.summary(), plan.explosion or {}, versus_plan("record.npz", "explosion")

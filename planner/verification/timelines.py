@@ -14,7 +14,7 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, chain_attributes
 from planner.motion.windows import Windows
-from planner.pipeline.fold_directory import read_playback, read_record
+from planner.pipeline.workspace import Workspace
 from planner.plan.differences import (
     SINGLE_WITHIN,
     Differences,
@@ -111,7 +111,7 @@ def with_other_robots(
     if playback is None or playback.robots is None:
         return playback
     try:
-        kept = read_playback(directory)
+        kept = Workspace(directory).read_playback()
     except UNREADABLE as error:
         raise InputError("not-a-playback", f"playback.npz cannot be read: {error}") from error
     if kept is None:
@@ -123,7 +123,7 @@ def with_other_robots(
 def kept_record(directory: FilePath, plan: Plan) -> Record | None:
     """The record of a refold or a smoothed plan, whose timeline does not show it."""
     try:
-        record = read_record(directory)
+        record = Workspace(directory).read_record()
     except UNREADABLE as error:
         raise InputError("not-a-record", f"record.npz cannot be read: {error}") from error
     if record is None:

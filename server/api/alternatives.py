@@ -13,7 +13,7 @@ from typing import Final, cast
 from planner.certificate.figures import AttemptFigures, CertificateFigures, FoldSummary
 from planner.errors import UNREADABLE
 from planner.files import json_of
-from planner.pipeline.attempt_folders import ATTEMPTS, CERTIFICATE, CHAIN, PLANS
+from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, PLANS
 from planner.pipeline.preference import COMPUTING
 from server.store.shown import RUNNING, Found
 

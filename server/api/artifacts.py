@@ -10,7 +10,7 @@ from fastapi.responses import FileResponse, Response
 
 from planner.errors import DamagedError, InputError, TimelineError
 from planner.exports import EXPORTS, export_named, exports_of
-from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.fold_layout import TIMELINE, result
 from planner.verification.integrity import check
 from server.api.context import Context
 from server.api.folds import Here, problems

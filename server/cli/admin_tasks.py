@@ -12,6 +12,7 @@ import sqlalchemy as sa
 from dbos import DBOSClient
 from sqlalchemy.orm import Session
 
+from planner.pipeline.fold_layout import DESCRIBED
 from planner.verification.integrity import damaged_among
 from server.api.base_folds import BROUGHT
 from server.jobs.queue import APPLICATION, Jobs
@@ -92,11 +93,8 @@ class AdminTasks:
 
     def damaged(self) -> Generator[tuple[FoldRow, list[str]]]:
         """Yield each fold that is over and has damaged files, with their names."""
-        # It brings compiled kernels along, which other tasks do without.
-        from planner.pipeline.manifest import FILES
-
         for row in self.folds():
-            if row.over and (names := damaged_among(self._store.directory(row.id), FILES)):
+            if row.over and (names := damaged_among(self._store.directory(row.id), DESCRIBED)):
                 yield row, names
 
     def fold(self, fold_id: str) -> FoldRow:

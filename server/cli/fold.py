@@ -18,10 +18,10 @@ from planner.chain.module import module_named
 from planner.cores import cores
 from planner.errors import InputError
 from planner.pathfinding.options import table_warning
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.parallel import Tries
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, next_stage, run_stage
+from planner.pipeline.workspace import Workspace
 from planner.progress import Progress as StageProgress
 from server.cli.inputs import make_directory, read_input, refuse
 from server.cli.options import (
@@ -110,7 +110,7 @@ def fold(
         request.check()
         data, filename = read_input(shape, angles)
         make_directory(out)
-        write_request(out, replace(request, filename=filename), data)
+        Workspace(out).write_request(replace(request, filename=filename), data)
         read = run_stage(STAGES[0], out)
     except InputError as error:
         refuse(error, as_json)

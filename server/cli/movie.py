@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from planner.errors import InputError
-from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.fold_layout import TIMELINE, result
 from server.cli.inputs import refuse
 from server.cli.options import AsJson, FoldDirectory
 from server.ops.starting import settings_of

@@ -24,10 +24,9 @@ from planner.explosion.diagnosis import stuck_of
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.attempt_folders import CERTIFICATE, TIMELINE, result
+from planner.pipeline.fold_layout import CERTIFICATE, TIMELINE, result
 from planner.pipeline.request import Request
-from planner.pipeline.stages import work_out_figures
-from planner.pipeline.unfinished import stopped_where
+from planner.pipeline.workspace import Workspace
 from server.api import frames as timelines
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
@@ -100,7 +99,7 @@ def row_of(directory: Path) -> ShownFold:
     if plan:
         told["stuck"] = stuck_of(plan.get("explosion"), plan.get("attempts") or ())
     elif not certificate:
-        told |= stopped_where(directory)
+        told |= Workspace(directory).stopped_where()
     if plan.get("start"):
         told["refold"] = {"start": plan["start"]["name"]}
     return ShownFold(
@@ -175,7 +174,7 @@ def play(
     if not (directory / "figures.zarr").exists():
         # Folds that were cancelled have none, and those of earlier versions.
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError, TimelineError):
-            work_out_figures(directory)
+            Workspace(directory).write_figures()
 
     class Server(uvicorn.Server):
         """Says where it is once it listens."""

@@ -12,10 +12,9 @@ import typer
 from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.motion.timeline import chain_from_attributes
-from planner.pipeline.fold_directory import write_request
-from planner.pipeline.refold import write_start, write_start_chain
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from server.cli.fold import compute, finish
@@ -74,14 +73,14 @@ def refold(
         if folded is None:
             data, filename = read_input(start)
             make_directory(out / FIRST)
-            write_request(out / FIRST, replace(request, filename=filename), data)
+            Workspace(out / FIRST).write_request(replace(request, filename=filename), data)
             run_stage(STAGES[0], out / FIRST)
             begins = chain_from_attributes(json.loads((out / FIRST / "chain.json").read_bytes()))
         else:
             begins = folded.unfolding().chain
         make_directory(out)
-        write_start_chain(out, begins)
-        write_request(out, *_second(shape, request, begins))
+        Workspace(out).write_start_chain(begins)
+        Workspace(out).write_request(*_second(shape, request, begins))
         run_stage(STAGES[0], out)
     except InputError as error:
         if begins is not None:
@@ -94,7 +93,7 @@ def refold(
             folded.unfolding()
         except InputError:
             finish(summary, out / FIRST, as_json)
-    write_start(out, folded)
+    Workspace(out).write_start(folded)
     finish(compute(out, workers), out, as_json)
 
 

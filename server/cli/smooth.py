@@ -10,8 +10,9 @@ from rich.table import Table
 
 from planner.errors import InputError
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import write_smooth
 from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.workspace import Workspace
+from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from server.cli.fold import compute, finish
 from server.cli.inputs import make_directory, refuse
@@ -43,7 +44,8 @@ def smooth(
                 f"got {out} for the smoothed plan, expected another directory: this one holds the "
                 "original plan.",
             )
-        write_smooth(out, plan, seed=request.seed, module_size=request.module_size)
+        request = Request.smoothing(plan, seed=request.seed, module_size=request.module_size)
+        Workspace(out).write_request(request, write_chain(plan.chain), recorded=plan)
         run_stage(STAGES[0], out)
     except InputError as error:
         refuse(error, as_json)

@@ -15,7 +15,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from planner.errors import InputError, TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.attempt_folders import TIMELINE, any_verified, result
+from planner.pipeline.fold_layout import TIMELINE, any_verified, result
 from planner.playback.unfolding import START_CHAIN
 from planner.progress import COMPILING
 from server.files.cancelled import sweep_cancelled_of
@@ -412,11 +412,10 @@ class Runner:
     def _looked_back(self, fold_id: str) -> dict[str, Any]:
         """What is known of a fold that did not come to its end: where it was, what was tried."""
         try:
-            from planner.pipeline.unfinished import (
-                settle,  # the physics: only when a fold's end was missed
-            )
+            # The physics: only when a fold's end was missed.
+            from planner.pipeline.workspace import Workspace
 
-            return settle(self._store.folders.place(fold_id))
+            return Workspace(self._store.folders.place(fold_id)).settle()
         except Exception:
             log.exception("fold %s cannot be read", fold_id, extra={"fold": fold_id})
             return {}

@@ -9,7 +9,7 @@ from typing import Final, TypedDict, cast
 
 from planner.certificate.figures import AttemptFigures
 from planner.errors import DamagedError
-from planner.pipeline.attempt_folders import CHAIN, PLANS
+from planner.pipeline.fold_layout import CHAIN, PLANS
 from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
 from planner.verification.integrity import check
 from server.pages.certificate_words import rounded_down

@@ -19,7 +19,7 @@ from planner.files import json_of
 from planner.motion.record import TableRecord
 from planner.parameters.parameters import AUTO, FLOATING
 from planner.parameters.settings import TABLE_SETTINGS
-from planner.pipeline.attempt_folders import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
+from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import LARGEST_SEED, Request
 from planner.robot import MOST_ANGLES

@@ -14,7 +14,7 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from planner.errors import UNREADABLE, PlannerError
 from planner.motion.timeline import chain_from_attributes
-from planner.pipeline.attempt_folders import CHAIN, result
+from planner.pipeline.fold_layout import CHAIN, result
 from planner.verification.integrity import damaged_among
 from server.api.finding import find_now, viewing_of
 from server.http.response_cache import mark

@@ -14,7 +14,7 @@ from fastapi.responses import Response
 
 from planner.errors import DamagedError, InputError, TimelineError
 from planner.files import write_whole
-from planner.pipeline.attempt_folders import CHAIN, TIMELINE, result
+from planner.pipeline.fold_layout import CHAIN, TIMELINE, result
 from planner.verification.integrity import check
 from server.api.context import Context, context_of
 from server.api.finding import find_fold

@@ -24,7 +24,7 @@ from planner.errors import UNREADABLE, TimelineError
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.attempt_folders import CHAIN, TIMELINE, result
+from planner.pipeline.fold_layout import CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.robot import RECORDED, SOFTENED
 from planner.verification.integrity import damaged_among

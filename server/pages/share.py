@@ -16,7 +16,7 @@ from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from planner.errors import DamagedError, TimelineError
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.fold_layout import TIMELINE, result
 from planner.verification.integrity import check
 from server.api.finding import find_fold, viewing_of
 from server.api.frames import view_page

@@ -21,7 +21,7 @@ from typing import Final
 
 from planner.errors import UNREADABLE
 from planner.files import temporary_path, write_whole
-from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.fold_layout import TIMELINE, result
 from server.errors import NoSuch
 from server.settings import Settings
 from server.store.object_store import INDEX, Storage, open_storage

@@ -22,10 +22,10 @@ from rich.console import Console
 
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.verification.plan_reasons import reason_of
@@ -171,7 +171,7 @@ def run(case: Case) -> dict[str, Any]:
             strategy=case.strategy,
             **more,  # type: ignore[arg-type]
         )
-        write_request(directory, request, data)
+        Workspace(directory).write_request(request, data)
         try:
             summary = run_stages(directory, workers=os.cpu_count() or 1)
         except InputError as error:

@@ -17,10 +17,10 @@ import trimesh
 from rich.console import Console
 
 from planner.motion.motion import motion_arrays
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from tests.benchmarks.tables import Section
@@ -59,7 +59,7 @@ def _asked(name: str) -> tuple[Request, bytes]:
 def _run(name: str, workers: int) -> dict[str, Any]:
     with TemporaryDirectory() as place:
         directory = FilePath(place)
-        write_request(directory, *_asked(name))
+        Workspace(directory).write_request(*_asked(name))
         wall, cpu = time.perf_counter(), _processor_s()
         summary = run_stages(directory, workers=workers)
         wall, cpu = time.perf_counter() - wall, _processor_s() - cpu

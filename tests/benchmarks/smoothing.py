@@ -15,10 +15,10 @@ import numpy as np
 from rich.console import Console
 
 from examples.run_gallery import SHAPES
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.fold import smooth_plan
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import smooth_plan
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from tests.benchmarks.tables import Section
 
@@ -64,7 +64,7 @@ def smoothing(reference_seconds: float, shapes: tuple[str, ...] = NAMES) -> Sect
 
 def _row(shape: str) -> dict[str, Any]:
     with TemporaryDirectory() as aside:
-        write_request(Path(aside), Request(), (SHAPES / f"{shape}.json").read_bytes())
+        Workspace(Path(aside)).write_request(Request(), (SHAPES / f"{shape}.json").read_bytes())
         run_stages(Path(aside))
         recorded = Plan.load(Path(aside) / "plan.npz")
     cpu = time.process_time()

@@ -14,11 +14,9 @@ from typing import Final
 import trimesh
 
 from planner.chain.path import Path
-from planner.pipeline.fold_directory import read_plan, write_request
-from planner.pipeline.refold import write_start
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import write_smooth
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
 from tests.planner.chains import COIL, SQUARE, coil, knotted
@@ -36,6 +34,10 @@ BOX: Final = json.dumps([[x, y, z] for z in range(2) for y in range(2) for x in 
 TILE: Final = json.dumps([[x, y, 0] for y in range(3) for x in range(2)]).encode()
 
 
+def _begin(directory: FilePath, request: Request, data: bytes) -> None:
+    Workspace(directory).write_request(request, data)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
     """One fold.
@@ -49,7 +51,7 @@ class Case:
 
     data: Callable[[], bytes]
     request: Request = Request()
-    begin: Callable[[FilePath, Request, bytes], None] = write_request
+    begin: Callable[[FilePath, Request, bytes], None] = _begin
     long: bool = False
 
     def fold(self, directory: FilePath, *, workers: int = 1) -> None:
@@ -94,18 +96,18 @@ def _folded_square(directory: FilePath) -> Plan:
     first = directory / "first"
     first.mkdir()
     Case(data=_square, request=Request(settings="robots=0")).fold(first)
-    return read_plan(first)
+    return Workspace(first).read_plan()
 
 
 def _begin_refold(directory: FilePath, request: Request, data: bytes) -> None:
-    write_start(directory, _folded_square(directory))
-    write_request(directory, request, data)
+    Workspace(directory).write_request(request, data, start=_folded_square(directory))
 
 
 def _begin_smooth(directory: FilePath, request: Request, data: bytes) -> None:
     del data
     plan = _folded_square(directory)
-    write_smooth(directory, plan, seed=request.seed, module_size=request.module_size)
+    smoothing = Request.smoothing(plan, seed=request.seed, module_size=request.module_size)
+    Workspace(directory).write_request(smoothing, write_chain(plan.chain), recorded=plan)
 
 
 CASES: Final = {

@@ -14,9 +14,9 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 
@@ -82,7 +82,7 @@ def folded(tmp_path_factory: pytest.TempPathFactory) -> Fold:
                 making = directory.with_suffix(".making")
                 shutil.rmtree(making, ignore_errors=True)
                 making.mkdir()
-                write_request(making, request, (SHAPES / f"{shape}.json").read_bytes())
+                Workspace(making).write_request(request, (SHAPES / f"{shape}.json").read_bytes())
                 run_stages(making)
                 making.rename(directory)
         record, playback = directory / "record.npz", directory / "playback.npz"

@@ -12,9 +12,9 @@ from planner.chain.path import Path as CellPath
 from planner.motion.frames import Frames
 from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.snake import snake_path
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from tests.tools import OPENGL
 
 SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
@@ -74,7 +74,7 @@ def peeled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Directory of a box that was peeled and that two robots with faults folded again."""
     directory = tmp_path_factory.mktemp("peeled")
     request = Request(strategy="peel", settings="robots=2")
-    write_request(directory, request, json.dumps(snake_path((3, 3, 4)).tolist()).encode())
+    Workspace(directory).write_request(request, json.dumps(snake_path((3, 3, 4)).tolist()).encode())
     run_stages(directory)
     return directory
 

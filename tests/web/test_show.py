@@ -18,7 +18,7 @@ from planner import Plan, fold
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.fold_directory import read_plan
+from planner.pipeline.workspace import Workspace
 from planner.progress import Progress
 from tests.planner.peels import snake
 from tests.web.conftest import ERROR_AT_END
@@ -258,7 +258,7 @@ def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:
 
 
 def test_a_plan_of_windows_knows_the_errors_of_its_joints(peeled: Path) -> None:
-    plan, view = read_plan(peeled), TimelineView(peeled / "timeline.zarr")
+    plan, view = Workspace(peeled).read_plan(), TimelineView(peeled / "timeline.zarr")
     moments = MotionMoments(plan.chain, plan.motion)
     first = len(view) - len(moments)
     frames = range(0, len(moments), 5)

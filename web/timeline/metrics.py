@@ -31,7 +31,7 @@ from planner.motion.angle_steps import plan_angles, plan_window_angles
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
 from planner.motion.windows import Windows
-from planner.pipeline.attempt_folders import CERTIFICATE, TIMELINE, result
+from planner.pipeline.fold_layout import CERTIFICATE, FIGURES, RECORD, TIMELINE, result
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 
@@ -39,8 +39,6 @@ STRETCH_NUMBERS: Final = 2**18
 MOST_ROWS: Final = 128
 SAMPLES: Final = 48
 """Frames, spread over the fold, from which the largest position error is told."""
-FIGURES: Final = "figures.zarr"
-RECORD: Final = "record.npz"
 Array = NDArray[np.float64]
 _REFERENCES: Final[Cache[Array | Windows]] = Cache(128 * 2**20, lambda kept: _bytes(kept))
 _FORCES: Final[Cache[TableForces]] = Cache(

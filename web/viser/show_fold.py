@@ -8,7 +8,7 @@ from typing import Final
 
 from planner.errors import InputError, TimelineError
 from planner.motion.timeline import Timeline
-from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.fold_layout import TIMELINE, result
 from planner.plan.plan import Plan
 from planner.progress import Progress
 from web.timeline.moments import Moments, MotionMoments

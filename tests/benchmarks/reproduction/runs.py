@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from examples.run_gallery import SHAPES
 from planner.errors import InputError
 from planner.files import write_whole
-from planner.pipeline.fold_directory import read_record, write_request
-from planner.pipeline.refold import write_start
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from tests.benchmarks.machine import processor, reference_seconds
 from tests.benchmarks.reproduction.experiments import Experiment, experiments
@@ -240,7 +239,7 @@ def _whole(stages: dict[str, tuple[int, int]]) -> tuple[int, int] | None:
 
 
 def _explosion(directory: Path, told: dict[str, Any]) -> Phase | None:
-    record = read_record(directory)
+    record = Workspace(directory).read_record()
     if record is None:
         return None
     return _phase(told, record.frames.time_s, int(told["frames"]))
@@ -288,8 +287,8 @@ def _ask(directory: Path, experiment: Experiment) -> None:
     values = {name: getattr(experiment.request, name) for name in Request.__dataclass_fields__}
     asked = {**values, "filename": shape.name, "refold": experiment.start is not None}
     if experiment.start is not None:
-        write_start(directory, _start(experiment))
-    write_request(directory, Request(**asked), shape.read_bytes())
+        Workspace(directory).write_start(_start(experiment))
+    Workspace(directory).write_request(Request(**asked), shape.read_bytes())
 
 
 def _start(experiment: Experiment) -> Plan:

@@ -24,12 +24,13 @@ OWN_FOLD: Final = """
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.workspace import Workspace
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 
 with TemporaryDirectory() as folder:
-    write_request(Path(folder), Request(filename="own.json"), Path(sys.argv[1]).read_bytes())
+    data = Path(sys.argv[1]).read_bytes()
+    Workspace(Path(folder)).write_request(Request(filename="own.json"), data)
     assert run_stages(Path(folder))["status"] == "verified"
 """
 

@@ -93,10 +93,10 @@ def judge(
         InputError: When the input cannot be used.
     """
     # Loaded late: each process that runs cases of another kind would load all of the planner.
-    from planner.pipeline.fold_directory import write_request
     from planner.pipeline.stages import STAGES, next_stage, run_stage
+    from planner.pipeline.workspace import Workspace
 
-    write_request(directory, request, data)
+    Workspace(directory).write_request(request, data)
     stage: str | None = STAGES[0]
     result: dict[str, Any] = {}
     while stage is not None and stage != "export":

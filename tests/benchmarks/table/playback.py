@@ -15,9 +15,10 @@ from typing import Final
 import numpy as np
 
 from planner.certificate.table_figures import FRICTIONLESS
-from planner.pipeline.fold_directory import read_plan, read_playback, write_request
 from planner.pipeline.request import Request
-from planner.pipeline.stages import LEAST_TORQUE_WP, STRONGER_MOTORS, run_stages
+from planner.pipeline.stages import run_stages
+from planner.pipeline.steps import LEAST_TORQUE_WP, STRONGER_MOTORS
+from planner.pipeline.workspace import Workspace
 from planner.verification.table_replay import TableReplay, table_replay
 from planner.verification.verify import verify
 from tests.benchmarks.table.folds import SMALL
@@ -48,10 +49,10 @@ def _shapes() -> dict[str, bytes]:
 
 def _shape(section: Section, name: str, data: bytes, directory: FilePath) -> None:
     begun = time.perf_counter()
-    write_request(directory, Request(world="table", as_voxels=True), data)
+    Workspace(directory).write_request(Request(world="table", as_voxels=True), data)
     run_stages(directory)
     seconds = time.perf_counter() - begun
-    plan, played = read_plan(directory), read_playback(directory)
+    plan, played = Workspace(directory).read_plan(), Workspace(directory).read_playback()
     table = plan.certificate.table
     if played is None or table is None or table.torque is None or table.frame is None:
         section.add(f"{name}: playback", plan.certificate.verdict, "", False)

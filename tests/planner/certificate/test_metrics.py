@@ -22,7 +22,7 @@ from planner.kernels.clearance import pair_separation
 from planner.motion.frames import Phase
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.parameters import Parameters
-from planner.pipeline.stages import work_out_figures
+from planner.pipeline.workspace import Workspace
 from tests.planner.chains import coil, in_place, random_angles
 
 Array = NDArray[np.float64]
@@ -239,7 +239,7 @@ def test_whoever_has_a_fold_without_figures_asks_for_them(
     fold = folded("wrench-24")
     for name in ("request.json", "timeline.zarr"):
         (tmp_path / name).symlink_to(fold.directory / name)
-    found = Curves.load(work_out_figures(tmp_path))
+    found = Curves.load(Workspace(tmp_path).write_figures())
     made = Curves.load(fold.directory / "figures.zarr")
     np.testing.assert_array_equal(found.min_clearance, made.min_clearance)
     # Without the certificate the speed is that of the frames, not of the plan.

@@ -13,9 +13,9 @@ from planner.chain.path import Path
 from planner.chain.rotations import aligned_distances
 from planner.exports import mjcf
 from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.readers import read
@@ -86,7 +86,7 @@ def test_so_does_a_peeled_chain_in_pieces(
     monkeypatch.setattr(mjcf, "LONGEST_TREE", 64)
     cells = [tuple(cell) for cell in layered_snake(sides).tolist()]
     request = Request(strategy="peel", module_size=0.98)
-    write_request(tmp_path, request, write_path(Path.from_cells(cells, name="box")))
+    Workspace(tmp_path).write_request(request, write_path(Path.from_cells(cells, name="box")))
     run_stages(tmp_path)
     plan = Plan.load(tmp_path / "plan.npz")
     assert (plan.explosion or {})["strategy"] == "peel"

@@ -16,12 +16,11 @@ from planner.chain.module import Module
 from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
 from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.fold import refold, smooth_plan
 from planner.pipeline.manifest import Digests, digests_of
-from planner.pipeline.refold import refold
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import smooth_plan
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.verification import verify
@@ -40,7 +39,7 @@ def box(*sides: int) -> bytes:
 
 def made(place: FilePath, data: bytes, **options: Any) -> FilePath:
     place.mkdir(parents=True)
-    write_request(place, Request(filename="typed.txt", **options), data)
+    Workspace(place).write_request(Request(filename="typed.txt", **options), data)
     run_stages(place)
     return place
 

@@ -22,10 +22,10 @@ from planner.motion.frames import Frames
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.timeline import TimelineWriter
 from planner.parameters.playback import PlaybackParameters
-from planner.pipeline.fold_directory import read_playback, read_record, read_request, write_request
 from planner.pipeline.manifest import write_manifest
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.verification.replay import replay
@@ -198,7 +198,9 @@ def test_a_straight_line_has_no_torques_and_is_verified(
 ) -> None:
     """Where it is not simulated, all of its frames are at one time, so none can be looked at."""
     straight = Path.from_cells([(k, 0, 0) for k in range(5)], name="line")
-    write_request(tmp_path, Request(strategy=strategy, settings=settings), write_path(straight))
+    Workspace(tmp_path).write_request(
+        Request(strategy=strategy, settings=settings), write_path(straight)
+    )
     run_stages(tmp_path)
     assert verify(tmp_path).problems == ()
     if settings:
@@ -210,11 +212,11 @@ def test_a_straight_line_has_no_torques_and_is_verified(
 def forge(directory: FilePath, **changes: Any) -> None:
     """Writes another playback into all files that tell of it, with a certificate and digests."""
     plan = Plan.load(directory / "plan.npz")
-    recorded, old = read_record(directory), read_playback(directory)
+    recorded, old = Workspace(directory).read_record(), Workspace(directory).read_playback()
     assert recorded is not None
     assert old is not None
     playback = replace(old, **changes)
-    parameters = read_request(directory).parameters()
+    parameters = Workspace(directory).read_request().parameters()
     certificate = certify(plan.chain, recorded, playback, parameters)
     forged = Plan.assembled(
         plan.chain, parameters, plan.seed, recorded, playback, certificate, plan.attempts
@@ -233,7 +235,9 @@ def forge(directory: FilePath, **changes: Any) -> None:
 @pytest.fixture
 def peeled(hook: Path, tmp_path: FilePath) -> FilePath:
     """A fold that was not simulated."""
-    write_request(tmp_path, Request(strategy="peel", settings=KINEMATIC), write_path(hook))
+    Workspace(tmp_path).write_request(
+        Request(strategy="peel", settings=KINEMATIC), write_path(hook)
+    )
     run_stages(tmp_path)
     return tmp_path
 
@@ -270,7 +274,7 @@ def test_nothing_is_off_what_was_not_simulated(peeled: FilePath) -> None:
 
 
 def test_what_was_simulated_does_not_pass_for_kinematic(directory: FilePath) -> None:
-    playback = read_playback(directory)
+    playback = Workspace(directory).read_playback()
     assert playback is not None
     assert isinstance(playback.frames, Frames)
     frames = replace(
@@ -297,7 +301,7 @@ def test_what_was_simulated_does_not_pass_for_kinematic(directory: FilePath) -> 
 
 def test_a_reference_does_not_pass_for_a_simulation(directory: FilePath) -> None:
     """Of a kind that could have been simulated: what comes of one is never its reference."""
-    playback = read_playback(directory)
+    playback = Workspace(directory).read_playback()
     assert playback is not None
     assert isinstance(playback.frames, Frames)
     errors = np.zeros_like(playback.frames.joint_error_rad)
@@ -529,10 +533,10 @@ QUICK: Final = "radial_gain=5"
 )
 def test_snapshots_that_were_changed_are_told(change: str, tmp_path: FilePath) -> None:
     request = Request(preset="paper", settings=QUICK)
-    write_request(tmp_path, request, write_path(COIL))
+    Workspace(tmp_path).write_request(request, write_path(COIL))
     run_stages(tmp_path)
     assert verify(tmp_path).problems == ()
-    record = read_record(tmp_path)
+    record = Workspace(tmp_path).read_record()
     assert record is not None
     assert record.snapshots_rad is not None
     snapshots = record.snapshots_rad.copy()

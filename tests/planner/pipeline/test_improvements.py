@@ -9,14 +9,14 @@ from pathlib import Path as FilePath
 import pytest
 
 from planner.errors import InputError
-from planner.pipeline import attempts
-from planner.pipeline.attempt import MOST, Attempt, Try
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
-from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
 from planner.pipeline.request import Request
+from planner.pipeline.retry_policy import RetryPolicy
+from planner.pipeline.search import Explode, next_step
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
@@ -29,22 +29,25 @@ FIGURES = PlanFigures(
 )
 
 
-def verified(todo: Try, **figures: float | None) -> Attempt:
+def verified(trial: Trial, **figures: float | None) -> Attempt:
     return Attempt(
-        todo=todo,
+        trial=trial,
         status="straight",
+        played=True,
         verdict="verified (simulated)",
         figures=replace(FIGURES, **figures),
     )
 
 
-def refused(todo: Try) -> Attempt:
-    return Attempt(todo=todo, status="straight", verdict="failed: it", figures=FIGURES)
+def refused(trial: Trial) -> Attempt:
+    return Attempt(
+        trial=trial, status="straight", played=True, verdict="failed: it", figures=FIGURES
+    )
 
 
-def choice(prefer: Preference, paths: int = 1, **more: int) -> Portfolio:
+def choice(prefer: Preference, paths: int = 1, **more: int) -> RetryPolicy:
     wished = {"modules": 64, "most_frames": 1000, **more}
-    return Portfolio(
+    return RetryPolicy(
         strategies=(("simultaneous", "peel"),) * paths,
         seed=5,
         improvements=Improvements(prefer=prefer, strategies=(ALL,) * paths, **wished),
@@ -52,45 +55,43 @@ def choice(prefer: Preference, paths: int = 1, **more: int) -> Portfolio:
 
 
 def tried_of(
-    portfolio: Portfolio, come_to: Callable[[Try], Attempt] = verified
+    portfolio: RetryPolicy, come_to: Callable[[Trial], Attempt] = verified
 ) -> Sequence[Attempt]:
     """All that is tried when each try comes to something."""
     tried: list[Attempt] = []
-    while not tried or attempts.following(tried, portfolio) == "explode":
-        todo = portfolio.after(tried)
-        assert todo is not None
-        tried.append(come_to(todo))
+    while isinstance(step := next_step(tried, portfolio), Explode):
+        tried.append(come_to(step.trial))
     return tried
 
 
 def test_with_least_computing_the_first_verified_plan_is_the_end() -> None:
-    for portfolio in (choice("computing"), Portfolio(strategies=(ALL,), seed=5)):
-        assert [each.todo for each in tried_of(portfolio)] == [Try(0, 5, "simultaneous")]
+    for portfolio in (choice("computing"), RetryPolicy(strategies=(ALL,), seed=5)):
+        assert [each.trial for each in tried_of(portfolio)] == [Trial(0, 5, "simultaneous")]
 
 
 def test_other_strategies_and_paths_come_first_then_smoothings() -> None:
     quick = {"simultaneous": 5.0, "blocks": 3.0, "peel": 9.0, "smoothed": 2.0}
 
-    def come_to(todo: Try) -> Attempt:
-        return verified(todo, fold_time_s=quick[todo.strategy] - 0.1 * todo.candidate)
+    def come_to(trial: Trial) -> Attempt:
+        return verified(trial, fold_time_s=quick[trial.strategy] - 0.1 * trial.candidate)
 
-    assert [each.todo for each in tried_of(choice("time", paths=2), come_to)] == [
-        *(Try(0, 5, name) for name in ALL),
-        Try(1, 5, "blocks"),
-        Try(1, 5, "smoothed", smooths=3),
-        Try(0, 5, "smoothed", smooths=0),
-        Try(1, 6, "smoothed", smooths=3),
-        Try(1, 7, "smoothed", smooths=3),
+    assert [each.trial for each in tried_of(choice("time", paths=2), come_to)] == [
+        *(Trial(0, 5, name) for name in ALL),
+        Trial(1, 5, "blocks"),
+        Trial(1, 5, "smoothed", smooths=3),
+        Trial(0, 5, "smoothed", smooths=0),
+        Trial(1, 6, "smoothed", smooths=3),
+        Trial(1, 7, "smoothed", smooths=3),
     ]
 
 
 def test_what_is_refused_is_smoothed_less_and_a_limit_ends_it() -> None:
-    def come_to(todo: Try) -> Attempt:
-        return refused(todo) if todo.smooths is not None else verified(todo)
+    def come_to(trial: Trial) -> Attempt:
+        return refused(trial) if trial.smooths is not None else verified(trial)
 
-    tried = [each.todo for each in tried_of(choice("torque", paths=4), come_to)]
-    assert len([todo for todo in tried if todo.smooths is None]) == MOST
-    assert [(todo.strategy, todo.smooths) for todo in tried[MOST:]] == [
+    tried = [each.trial for each in tried_of(choice("torque", paths=4), come_to)]
+    assert len([trial for trial in tried if trial.smooths is None]) == MAX_EXPLOSIONS
+    assert [(trial.strategy, trial.smooths) for trial in tried[MAX_EXPLOSIONS:]] == [
         *(("smoothed", 0), ("softened", 0)),
         *(("smoothed", 1), ("softened", 1)),
     ]
@@ -98,27 +99,27 @@ def test_what_is_refused_is_smoothed_less_and_a_limit_ends_it() -> None:
 
 
 def test_long_motions_are_not_smoothed_and_dear_tries_not_made() -> None:
-    assert not [a for a in tried_of(choice("time", most_frames=99)) if a.todo.smooths is not None]
+    assert not [a for a in tried_of(choice("time", most_frames=99)) if a.trial.smooths is not None]
     # Blocks are two dozen at most, however long the chain is.
     for modules, others in ((4000, ["blocks", "peel"]), (9600, ["peel"])):
-        tried = [each.todo for each in tried_of(choice("time", modules=modules))]
-        assert [todo.strategy for todo in tried] == ["simultaneous", *others]
-        dear = [expected_seconds_of(todo, modules) for todo in tried]
+        tried = [each.trial for each in tried_of(choice("time", modules=modules))]
+        assert [trial.strategy for trial in tried] == ["simultaneous", *others]
+        dear = [expected_seconds_of(trial, modules) for trial in tried]
         assert dear[0] > 300.0 > sum(dear[1:])
 
 
 def test_until_one_is_verified_it_is_tried_as_without_a_wish() -> None:
     tried = tried_of(choice("clearance", paths=2), refused)
     plain = tried_of(replace(choice("clearance", paths=2), improvements=None), refused)
-    assert [each.todo for each in tried] == [each.todo for each in plain]
+    assert [each.trial for each in tried] == [each.trial for each in plain]
 
 
 def test_a_smoothing_is_never_begun_early() -> None:
     portfolio = choice("time")
-    tried = [verified(Try(0, 5, name)) for name in ALL]
-    ahead = portfolio.ahead(tried[:1], Try(0, 5, "blocks"))
-    assert ahead == [Try(0, 5, "peel")]
-    assert portfolio.ahead(tried[:2], Try(0, 5, "peel")) == []
+    tried = [verified(Trial(0, 5, name)) for name in ALL]
+    ahead = portfolio.lookahead(tried[:1], Trial(0, 5, "blocks"))
+    assert ahead == [Trial(0, 5, "peel")]
+    assert portfolio.lookahead(tried[:2], Trial(0, 5, "peel")) == []
 
 
 @pytest.mark.parametrize(
@@ -126,18 +127,18 @@ def test_a_smoothing_is_never_begun_early() -> None:
 )
 def test_the_best_by_each_wish(prefer: Preference, best: int) -> None:
     """A slow plan needs little torque; in the same time as the others it may need most."""
-    todo = Try(0, 5, "peel")
+    trial = Trial(0, 5, "peel")
     tried = [
-        verified(todo),
-        verified(todo, fold_time_s=2.0, peak_torque_nm=50.0),
-        verified(todo, fold_time_s=20.0, peak_torque_nm=0.01, clearance_bound=0.01),
-        verified(todo, fold_time_s=100.0, peak_torque_nm=0.009, clearance_bound=0.05),
-        verified(todo, fold_time_s=None, peak_torque_nm=None, clearance_bound=None),
-        refused(todo),
+        verified(trial),
+        verified(trial, fold_time_s=2.0, peak_torque_nm=50.0),
+        verified(trial, fold_time_s=20.0, peak_torque_nm=0.01, clearance_bound=0.01),
+        verified(trial, fold_time_s=100.0, peak_torque_nm=0.009, clearance_bound=0.05),
+        verified(trial, fold_time_s=None, peak_torque_nm=None, clearance_bound=None),
+        refused(trial),
     ]
     assert best_of(tried, prefer) == best
     assert best_of([*tried, *tried], prefer) == best, "of equal ones the earlier"
-    assert best_of([refused(todo)], prefer) is None
+    assert best_of([refused(trial)], prefer) is None
 
 
 def test_what_has_one_plan_leaves_no_choice() -> None:
@@ -158,7 +159,7 @@ def test_the_quickest_is_taken_whatever_the_number_of_workers(tmp_path: FilePath
     for name, prefer, workers in (("plain", "computing", 1), ("1", "time", 1), ("2", "time", 2)):
         place = tmp_path / name
         place.mkdir()
-        write_request(place, Request(prefer=prefer), write_chain(chain))
+        Workspace(place).write_request(Request(prefer=prefer), write_chain(chain))
         run_stages(place, workers=workers)
         plans.append(Plan.load(place / "plan.npz"))
     plain, one, two = plans

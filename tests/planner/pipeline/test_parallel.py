@@ -21,12 +21,15 @@ from planner.explosion.diagnosis import Diagnosis, Kind
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import preset
-from planner.pipeline.attempt import MOST, Attempt, Try
-from planner.pipeline.fold_directory import write_request
-from planner.pipeline.parallel import ASIDE, STALLING, Tries, make_try
-from planner.pipeline.portfolio import Portfolio
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from planner.pipeline.fold_layout import TIMELINE, TRIES
+from planner.pipeline.job import Watch
+from planner.pipeline.parallel import STALLING, Tries
 from planner.pipeline.request import Request
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.stages import run_stage, run_stages
+from planner.pipeline.steps import explode
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
 from planner.progress import Progress, never, silent
@@ -35,19 +38,19 @@ from tests.planner.chains import COIL, SQUARE, knotted
 pytestmark = pytest.mark.slow
 
 
-def stuck(todo: Try, kind: Kind) -> Attempt:
-    return Attempt(todo=todo, status="stalled", diagnosis=Diagnosis(kind=kind, modules=()))
+def stuck(trial: Trial, kind: Kind) -> Attempt:
+    return Attempt(trial=trial, status="stalled", diagnosis=Diagnosis(kind=kind, modules=()))
 
 
-CHOICE = Portfolio(strategies=(("simultaneous", "peel"),), seed=3)
-FIRST = Try(0, 3, "simultaneous")
+CHOICE = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
+FIRST = Trial(0, 3, "simultaneous")
 STUCK = stuck(FIRST, "joints")
 PUSHED = Progress(stage="explode", fraction=0.5, pushes=STALLING)
 
 
 def read(directory: FilePath, data: bytes, **values: Any) -> FilePath:
     directory.mkdir()
-    write_request(directory, Request(**values), data)
+    Workspace(directory).write_request(Request(**values), data)
     run_stage("read", directory)
     return directory
 
@@ -83,23 +86,23 @@ def same_motion(one: Any, other: Any) -> None:
 
 
 def test_what_is_ahead_is_what_comes_when_the_likely_happens() -> None:
-    choice = Portfolio(strategies=(("simultaneous", "peel"),) * 2, seed=0)
-    here = Try(0, 0, "simultaneous")
-    ahead = choice.ahead([], here)
-    assert ahead[0] == Try(1, 0, "simultaneous")  # as after joints that are stuck
+    choice = RetryPolicy(strategies=(("simultaneous", "peel"),) * 2, seed=0)
+    here = Trial(0, 0, "simultaneous")
+    ahead = choice.lookahead([], here)
+    assert ahead[0] == Trial(1, 0, "simultaneous")  # as after joints that are stuck
     assert len(set(ahead)) == len(ahead) and here not in ahead
     buried = stuck(here, "buried")
-    now = choice.after([buried])
-    assert now == Try(0, 0, "peel")
-    ahead = choice.ahead([buried], now)
+    now = choice.next_attempt([buried])
+    assert now == Trial(0, 0, "peel")
+    ahead = choice.lookahead([buried], now)
     reasons: tuple[Kind, ...] = ("buried", "limit", "knot")
     for reason in reasons:
-        assert choice.after([buried, stuck(now, reason)]) in ahead
+        assert choice.next_attempt([buried, stuck(now, reason)]) in ahead
     # What is known takes the place of what is likely; a plan of it may still be refused.
-    straight = Attempt(todo=ahead[0], status="straight")
-    first, second, *_ = choice.ahead([buried], now, {ahead[0]: straight})
+    straight = Attempt(trial=ahead[0], status="straight")
+    first, second, *_ = choice.lookahead([buried], now, {ahead[0]: straight})
     assert first == ahead[0]
-    assert second == choice.after([buried, stuck(now, "buried"), straight])
+    assert second == choice.next_attempt([buried, stuck(now, "buried"), straight])
 
 
 @pytest.mark.long
@@ -110,30 +113,30 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
     chain, parameters = Chain.from_path(COIL), preset("default")
     alone = tmp_path / "alone"
     alone.mkdir()
-    second = CHOICE.after([STUCK])
-    assert second == Try(0, 3, "peel")
-    record, attempt = make_try(alone, parameters, chain, second, silent, never)
+    second = CHOICE.next_attempt([STUCK])
+    assert second == Trial(0, 3, "peel")
+    record = explode(chain, second, parameters, Watch(timeline=alone / TIMELINE))
     told: list[Progress] = []
     with Tries(fold, 2) as tries:
         tries.come_to(CHOICE, [], FIRST)
-        assert tries.take(fold, told.append, never) is None
+        assert tries.take(fold / TIMELINE, told.append, never) is None
         watched = tries.watched(told.append)
         watched(Progress(stage="explode", fraction=0.5, pushes=STALLING - 1))
         assert not beside()
         watched(PUSHED)
         assert len(beside()) == 1
         tries.come_to(CHOICE, [STUCK], second)
-        made = tries.take(fold, told.append, never)
+        made = tries.take(fold / TIMELINE, told.append, never)
         assert made is not None
         assert len(beside()) <= 1  # the one after it has been begun meanwhile
-        same_motion(made[0].frames, record.frames)
-        assert replace(made[1], seconds=0.0) == replace(attempt, seconds=0.0)
-        assert (made[0].status, made[0].steps) == (record.status, record.steps)
+        same_motion(made.frames, record.frames)
+        one, other = (Attempt.of_record(second, chain, r, parameters) for r in (made, record))
+        assert replace(one, seconds=0.0) == replace(other, seconds=0.0)
         mine, theirs = (Timeline.open(place / "timeline.zarr").motion() for place in (fold, alone))
         same_motion(mine, theirs)
     assert told[1] == PUSHED
     assert not beside()
-    assert not (fold / ASIDE).exists()
+    assert not (fold / TRIES).exists()
 
 
 def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> None:
@@ -145,16 +148,16 @@ def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> No
         return len(seen) > 8
 
     with Tries(fold, 1) as tries:
-        tries.come_to(CHOICE, [STUCK], Try(0, 3, "peel"))
+        tries.come_to(CHOICE, [STUCK], Trial(0, 3, "peel"))
         assert not beside()
     with Tries(fold, 3) as tries:
         tries.come_to(CHOICE, [], FIRST)
         assert not beside()  # a fold that comes to its end at once takes one core
         tries.watched(silent)(PUSHED)
         assert len(beside()) == 2
-        tries.come_to(CHOICE, [STUCK], Try(0, 3, "peel"))
-        made = tries.take(fold, silent, soon)
-        assert made is None or made[0].status == "cancelled"
+        tries.come_to(CHOICE, [STUCK], Trial(0, 3, "peel"))
+        made = tries.take(fold / TIMELINE, silent, soon)
+        assert made is None or made.status == "cancelled"
         assert max(seen) == 3
         tries.rest()
         assert not beside()
@@ -162,14 +165,14 @@ def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> No
 
 def test_a_process_that_fails_is_as_if_it_had_not_been(tmp_path: FilePath) -> None:
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
-    second = Try(0, 3, "peel")
+    second = Trial(0, 3, "peel")
     with Tries(fold, 2) as tries:
         tries.come_to(CHOICE, [], FIRST)
         tries.watched(silent)(PUSHED)
         (child,) = beside()
         child.kill()
         tries.come_to(CHOICE, [STUCK], second)
-        assert tries.take(fold, silent, never) is None
+        assert tries.take(fold / TIMELINE, silent, never) is None
 
 
 def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(
@@ -187,25 +190,25 @@ def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(
         told(PUSHED)
         told(PUSHED)
         assert not beside()
-    assert not (fold / ASIDE).exists()
+    assert not (fold / TRIES).exists()
 
 
 def test_no_more_are_begun_than_a_fold_may_have(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
-    begun: list[Try] = []
+    begun: list[Trial] = []
 
-    def begin(_: FilePath, todo: Try) -> Running:
-        begun.append(todo)
+    def begin(_: FilePath, trial: Trial) -> Running:
+        begun.append(trial)
         return Running()
 
     monkeypatch.setattr("planner.pipeline.parallel._Beside", begin)
-    many = Portfolio(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
+    many = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
     with Tries(fold, 64) as tries:
-        tries.come_to(many, [], Try(0, 3, "peel"))
+        tries.come_to(many, [], Trial(0, 3, "peel"))
         tries.watched(silent)(PUSHED)
-    assert len(begun) == MOST - 1
+    assert len(begun) == MAX_EXPLOSIONS - 1
 
 
 class Running:
@@ -231,7 +234,7 @@ FOLDS: dict[str, Callable[[FilePath], FilePath]] = {
 
 def asked(directory: FilePath, data: bytes, **values: Any) -> FilePath:
     directory.mkdir()
-    write_request(directory, Request(**values), data)
+    Workspace(directory).write_request(Request(**values), data)
     return directory
 
 
@@ -281,20 +284,20 @@ def test_a_fold_that_is_cancelled_leaves_no_process(tmp_path: FilePath) -> None:
     assert "cancelled" in summary["reason"]
     assert not beside()
     assert not any(child.is_running() for child in begun)
-    assert not (place / ASIDE).exists()
+    assert not (place / TRIES).exists()
 
 
 SCRIPT = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
 from pathlib import Path
-from planner.pipeline.attempt import Attempt, Try
-from planner.pipeline.portfolio import Portfolio
+from planner.pipeline.attempt import Attempt, Trial
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.parallel import Tries
 with Tries(Path(sys.argv[1]), 3) as tries:
-    choice = Portfolio(strategies=(("simultaneous", "peel"),), seed=3)
-    tries.come_to(choice, [Attempt(todo=Try(0, 3, "peel"), status="stalled")],
-                  Try(0, 3, "simultaneous"))
+    choice = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
+    tries.come_to(choice, [Attempt(trial=Trial(0, 3, "peel"), status="stalled")],
+                  Trial(0, 3, "simultaneous"))
     time.sleep(600.0)
 """
 
@@ -313,7 +316,7 @@ def test_when_the_folds_process_ends_so_do_the_others(how: int, tmp_path: FilePa
         stderr=subprocess.DEVNULL,
     )
     children: list[psutil.Process] = []
-    while not any((fold / ASIDE).glob("*/timeline.zarr")):  # they are at work
+    while not any((fold / TRIES).glob("*/timeline.zarr")):  # they are at work
         assert parent.poll() is None
         children = psutil.Process(parent.pid).children()
         time.sleep(0.05)
@@ -325,4 +328,4 @@ def test_when_the_folds_process_ends_so_do_the_others(how: int, tmp_path: FilePa
         child.kill()
     assert not alive
     if how == signal.SIGINT:
-        assert not (fold / ASIDE).exists()
+        assert not (fold / TRIES).exists()

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import pytest
 
 from planner.pipeline.attempt import Attempt
-from planner.pipeline.attempts import FINER, count_plans, with_count
-from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.preference import PREFERENCES, Preference
+from planner.pipeline.retry_policy import RetryPolicy
+from planner.pipeline.search import FINER, count_plans, with_count
 from planner.progress import Progress
 from tests.planner.pipeline.test_improvements import choice, refused, tried_of, verified
 
@@ -25,7 +25,7 @@ def test_count_with_a_preference_is_the_number_of_plans_in_the_end(
     tried = tried_of(portfolio)
     assert len(tried) > 3
     for number in range(1, len(tried) + 1):
-        begun = Attempt(todo=tried[number - 1].todo, status="begun")
+        begun = Attempt(trial=tried[number - 1].trial, status="begun")
         assert count_plans([*tried[: number - 1], begun], portfolio) == (
             number,
             len(tried),
@@ -34,10 +34,10 @@ def test_count_with_a_preference_is_the_number_of_plans_in_the_end(
 
 def test_count_after_a_refused_plan_goes_on() -> None:
     portfolio = choice("time", 2)
-    first = refused(portfolio.after([]) or pytest.fail())
-    todo = portfolio.after([first])
-    assert todo is not None
-    number, total = count_plans([first, Attempt(todo=todo, status="begun")], portfolio)
+    first = refused(portfolio.next_attempt([]) or pytest.fail())
+    trial = portfolio.next_attempt([first])
+    assert trial is not None
+    number, total = count_plans([first, Attempt(trial=trial, status="begun")], portfolio)
     assert number == 2
     rest = tried_of(portfolio)
     assert 2 < total <= len(rest) + 1
@@ -46,16 +46,16 @@ def test_count_after_a_refused_plan_goes_on() -> None:
 def test_count_of_a_finer_playback_is_the_same() -> None:
     portfolio = choice("time")
     tried = tried_of(portfolio)[:2]
-    finer = Attempt(todo=tried[-1].todo, status="straight", finer=FINER)
+    finer = Attempt(trial=tried[-1].trial, status="straight", finer=FINER)
     assert count_plans([*tried, finer], portfolio)[0] == 2
 
 
 def test_report_without_a_preference_counts_nothing() -> None:
     told: list[Progress] = []
-    plain = Portfolio(strategies=(("peel",),), seed=5)
-    todo = plain.after([])
-    assert todo is not None
-    with_count(told.append, [verified(todo)], plain)(Progress(stage="certify", fraction=0.5))
+    plain = RetryPolicy(strategies=(("peel",),), seed=5)
+    trial = plain.next_attempt([])
+    assert trial is not None
+    with_count(told.append, [verified(trial)], plain)(Progress(stage="certify", fraction=0.5))
     portfolio = choice("time")
-    with_count(told.append, [verified(todo)], portfolio)(Progress(stage="certify", fraction=0.5))
+    with_count(told.append, [verified(trial)], portfolio)(Progress(stage="certify", fraction=0.5))
     assert [(each.plan, each.plans > 1) for each in told] == [(0, False), (1, True)]

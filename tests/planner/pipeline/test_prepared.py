@@ -10,11 +10,11 @@ import pytest
 
 from planner.pathfinding.options import PathOptions
 from planner.pipeline import stages
-from planner.pipeline.attempt_folders import CANDIDATES
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.fold_layout import CANDIDATES
 from planner.pipeline.prepare import Preparation, prepare
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage
+from planner.pipeline.workspace import Workspace
 from planner.plan.prepared import FILE as PREPARED
 from planner.plan.prepared import PreparedChains, key_of
 
@@ -29,7 +29,7 @@ def previewed() -> Preparation:
 
 def read(directory: Path) -> tuple[dict[str, Any], bytes]:
     request = Request(filename="bar.csv", as_voxels=True, method="blocks", seed=3)
-    write_request(directory, request, CELLS)
+    Workspace(directory).write_request(request, CELLS)
     return run_stage("read", directory), (directory / CANDIDATES).read_bytes()
 
 

@@ -23,12 +23,11 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters
-from planner.pipeline.fold import fold
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.fold import fold, refold
 from planner.pipeline.manifest import write_manifest
-from planner.pipeline.refold import refold, write_start
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
@@ -319,8 +318,10 @@ def test_a_shape_of_another_chain_is_refused_before_anything_is_computed(
 
 def test_it_stays_the_chain_that_it_is(wrench: Folded, tmp_path: FilePath) -> None:
     larger = replace(wrench.plan, chain=replace(wrench.chain, pitch_m=0.05))
-    write_start(tmp_path, larger)
-    write_request(tmp_path, Request(refold=True), (SHAPES / "mallet-24.json").read_bytes())
+    Workspace(tmp_path).write_start(larger)
+    Workspace(tmp_path).write_request(
+        Request(refold=True), (SHAPES / "mallet-24.json").read_bytes()
+    )
     assert run_stage("read", tmp_path)["pitch_m"] == 0.05
 
 
@@ -359,7 +360,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch, frame: float) -> None:
             min_clearance_at=replace(found.min_clearance_at, frame=frame),
         )
 
-    monkeypatch.setattr("planner.pipeline.stages.certify", refusing)
+    monkeypatch.setattr("planner.pipeline.steps.certify", refusing)
 
 
 @pytest.mark.slow

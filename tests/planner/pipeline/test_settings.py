@@ -16,8 +16,7 @@ from planner.parameters.settings import (
     value_of,
     with_settings,
 )
-from planner.pipeline.fold import fold
-from planner.pipeline.refold import refold
+from planner.pipeline.fold import fold, refold
 from planner.pipeline.request import Request
 
 PAPER = preset("paper")

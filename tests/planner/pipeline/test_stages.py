@@ -18,10 +18,10 @@ from planner.explosion.simultaneous import explode
 from planner.motion.frames import PHASES
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
-from planner.pipeline.attempt_folders import result
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.fold_layout import result
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, next_stage, run_stage, run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.progress import Progress
@@ -44,7 +44,7 @@ OUTPUTS = {
 
 def begun(directory: FilePath, **values: Any) -> FilePath:
     directory.mkdir(exist_ok=True)
-    write_request(directory, Request(**values), write_path(COIL))
+    Workspace(directory).write_request(Request(**values), write_path(COIL))
     return directory
 
 
@@ -215,7 +215,7 @@ def test_a_good_fold_leaves_nothing_to_a_bad_one_in_the_same_place(
     assert run(directory, *STAGES)[-1]["status"] == "verified"
     (directory / "picture.png").write_bytes(b"of the shape before")
     break_explosions(monkeypatch, 60)
-    write_request(directory, Request(seed=1), write_path(COIL))
+    Workspace(directory).write_request(Request(seed=1), write_path(COIL))
     export = run(directory, *STAGES)[-1]
     assert not (directory / "picture.png").exists()
     assert export["status"] == "failed"
@@ -226,7 +226,7 @@ def test_a_good_fold_leaves_nothing_to_a_bad_one_in_the_same_place(
 def test_direct_servoing_has_no_explosion(tmp_path: FilePath) -> None:
     directory = begun(tmp_path / "fold")
     run(directory, *STAGES)
-    write_request(directory, Request(preset="direct"), write_path(COIL))
+    Workspace(directory).write_request(Request(preset="direct"), write_path(COIL))
     _, explode, play_back, certify, export = run(directory, *STAGES)
     assert explode["status"] == "none"
     assert play_back["steps"] > 0
@@ -289,7 +289,7 @@ def test_a_chain_that_sticks_makes_room_for_the_next_candidate(
     cells = [[x, y, z] for x in range(4) for y in range(2) for z in range(2)]
     data = json.dumps({"format": "foldback-voxels/1", "name": "bar", "cells": cells}).encode()
     # One strategy, so that there is little else to change.
-    write_request(tmp_path, Request(filename="bar.json", strategy="simultaneous"), data)
+    Workspace(tmp_path).write_request(Request(filename="bar.json", strategy="simultaneous"), data)
     read = run_stage("read", tmp_path)
     assert read["kind"] == "voxels"
     assert read["candidates"] >= 2
@@ -338,7 +338,7 @@ def refuse_first(monkeypatch: pytest.MonkeyPatch, times: int, *, frame: float) -
             min_clearance_playback_at=Place(frame=frame, modules=(1, 9)),
         )
 
-    monkeypatch.setattr("planner.pipeline.stages.certify", refused)
+    monkeypatch.setattr("planner.pipeline.steps.certify", refused)
 
 
 def test_an_overlap_between_frames_is_looked_at_with_more_of_them(
@@ -417,7 +417,7 @@ def test_what_was_published_is_not_tried_again(
 
 
 def test_a_fold_that_was_read_before_there_were_other_ends_goes_on(tmp_path: FilePath) -> None:
-    write_request(tmp_path, Request(), write_path(COIL))
+    Workspace(tmp_path).write_request(Request(), write_path(COIL))
     run_stage("read", tmp_path)
     candidates = tmp_path / "candidates.json"
     chains = json.loads(candidates.read_bytes())["chains"]

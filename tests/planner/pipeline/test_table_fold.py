@@ -16,10 +16,11 @@ from planner.certificate.table_forces import TableForces
 from planner.errors import InputError
 from planner.motion.frames import Frames
 from planner.parameters.parameters import Parameters
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import Request
-from planner.pipeline.stages import LEAST_TORQUE_WP, STRONGER_MOTORS, run_stages
+from planner.pipeline.stages import run_stages
+from planner.pipeline.steps import LEAST_TORQUE_WP, STRONGER_MOTORS
+from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.verification.own_parameters import own_parameters
 from planner.verification.verify import verify
@@ -30,7 +31,7 @@ RUBBING = "table_friction=0.1"
 
 
 def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path) -> None:
-    write_request(tmp_path, ON_TABLE, json.dumps(CELLS).encode())
+    Workspace(tmp_path).write_request(ON_TABLE, json.dumps(CELLS).encode())
     run_stages(tmp_path)
     plan = Plan.load(tmp_path / "plan.json")
     table = plan.certificate.table
@@ -66,7 +67,9 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
 
 @pytest.mark.long
 def test_with_friction_a_chain_lies_free_and_its_plan_drifts_as_it_does(tmp_path: Path) -> None:
-    write_request(tmp_path, replace(ON_TABLE, settings=RUBBING), json.dumps(CELLS).encode())
+    Workspace(tmp_path).write_request(
+        replace(ON_TABLE, settings=RUBBING), json.dumps(CELLS).encode()
+    )
     run_stages(tmp_path)
     plan = Plan.load(tmp_path / "plan.npz")
     table, motion = plan.certificate.table, plan.motion
@@ -122,7 +125,7 @@ def plan_told(table: dict[str, object]) -> Plan:
 def test_what_lies_flat_is_verified_again_from_its_files(tmp_path: Path) -> None:
     """Its hinges turn by less than they are folded by from the moment in which they are free."""
     cells = [[x, y, 0] for x in range(3) for y in range(3)]
-    write_request(tmp_path, ON_TABLE, json.dumps(cells).encode())
+    Workspace(tmp_path).write_request(ON_TABLE, json.dumps(cells).encode())
     run_stages(tmp_path)
     assert verify(tmp_path).verified, verify(tmp_path).problems
 

@@ -10,21 +10,12 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.files import write_json
 from planner.motion.frames import Frames
-from planner.motion.timeline import (
-    Timeline,
-    TimelineWriter,
-    chain_attributes,
-    chain_from_attributes,
-)
-from planner.pipeline import attempts
-from planner.pipeline.attempt import Attempt, Try
-from planner.pipeline.attempt_folders import begin
-from planner.pipeline.fold_directory import write_request
+from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
+from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage
-from planner.pipeline.unfinished import settle, stopped_where
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from tests.planner.peels import snake
 
@@ -49,16 +40,16 @@ def recorded(path: FilePath, chain: Chain, share: float, phase: str = "explosion
 
 def attempted(directory: FilePath, chain: Chain, share: float) -> None:
     """One more attempt, which was ended when so much of its bends was left."""
-    known = attempts.load(directory)
-    attempts.save(directory, [*known, Attempt(todo=Try(len(known), 0, "peel"), status="begun")])
-    place = begin(directory, len(known))
-    write_json(place / "chain.json", chain_attributes(chain))
-    recorded(place / "timeline.zarr", chain, share)
+    workspace = Workspace(directory)
+    known = workspace.read_history()
+    begun = Attempt(trial=Trial(len(known), 0, "peel"), status="begun")
+    workspace.write_history([*known, begun])
+    recorded(workspace.begin(len(known), chain).timeline, chain, share)
 
 
 def test_it_tells_which_modules_are_still_bent(tmp_path: FilePath) -> None:
     recorded(tmp_path / "timeline.zarr", CHAIN, 0.8)
-    stuck = settle(tmp_path)["stuck"]
+    stuck = Workspace(tmp_path).settle()["stuck"]
     bends = np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
     assert stuck["modules"] == (np.flatnonzero(bends) + 1).tolist()
     assert stuck["kind"] == "stopped" and "still unfolding" in stuck["words"]
@@ -66,22 +57,22 @@ def test_it_tells_which_modules_are_still_bent(tmp_path: FilePath) -> None:
 
 def test_slight_bends_count_where_there_are_no_others(tmp_path: FilePath) -> None:
     recorded(tmp_path / "timeline.zarr", CHAIN, 0.3)
-    assert settle(tmp_path)["stuck"]["modules"]
+    assert Workspace(tmp_path).settle()["stuck"]["modules"]
     recorded(tmp_path / "timeline.zarr", CHAIN, 1e-3)
-    assert settle(tmp_path)["stuck"]["modules"] == []
+    assert Workspace(tmp_path).settle()["stuck"]["modules"] == []
 
 
 def test_of_a_playback_it_tells_what_is_not_folded_yet(tmp_path: FilePath) -> None:
     recorded(tmp_path / "timeline.zarr", CHAIN, 0.0, "playback")
     turns = np.flatnonzero(np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0) + 1
-    assert settle(tmp_path)["stuck"]["modules"] == turns.tolist()
+    assert Workspace(tmp_path).settle()["stuck"]["modules"] == turns.tolist()
 
 
 def test_of_an_unfolding_it_tells_what_is_not_straight_yet(tmp_path: FilePath) -> None:
     """What is bent as the other shape is has to become straight first, too."""
     recorded(tmp_path / "timeline.zarr", CHAIN, 1.0, "unfolding")
     turns = np.flatnonzero(np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0) + 1
-    assert settle(tmp_path)["stuck"]["modules"] == turns.tolist()
+    assert Workspace(tmp_path).settle()["stuck"]["modules"] == turns.tolist()
 
 
 def test_who_only_looks_changes_nothing(tmp_path: FilePath) -> None:
@@ -89,9 +80,12 @@ def test_who_only_looks_changes_nothing(tmp_path: FilePath) -> None:
     attempted(tmp_path, OTHER, 0.8)
     there = sorted(tmp_path.rglob("*"))
     bends = np.abs(OTHER.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
-    assert stopped_where(tmp_path)["stuck"]["modules"] == (np.flatnonzero(bends) + 1).tolist()
+    assert (
+        Workspace(tmp_path).stopped_where()["stuck"]["modules"]
+        == (np.flatnonzero(bends) + 1).tolist()
+    )
     assert sorted(tmp_path.rglob("*")) == there
-    assert stopped_where(tmp_path / "nothing") == {}
+    assert Workspace(tmp_path / "nothing").stopped_where() == {}
 
 
 @pytest.mark.parametrize(("left", "kept"), [(0.3, OTHER), (0.9, CHAIN)])
@@ -100,7 +94,7 @@ def test_the_explosion_that_came_farthest_stays(
 ) -> None:
     attempted(tmp_path, OTHER, left)
     attempted(tmp_path, CHAIN, 0.6)
-    settle(tmp_path)
+    Workspace(tmp_path).settle()
     timeline = Timeline.open(tmp_path / "timeline.zarr")
     np.testing.assert_array_equal(timeline.chain.folded_rad, kept.folded_rad)
     told = chain_from_attributes(json.loads((tmp_path / "chain.json").read_text()))
@@ -111,14 +105,14 @@ def test_the_explosion_that_came_farthest_stays(
 
 
 def test_without_a_frame_there_is_nothing_to_tell(tmp_path: FilePath) -> None:
-    assert settle(tmp_path) == {}
+    assert Workspace(tmp_path).settle() == {}
     TimelineWriter.create(tmp_path / "timeline.zarr", CHAIN).close("failed")
-    assert settle(tmp_path) == {}
+    assert Workspace(tmp_path).settle() == {}
 
 
 def test_what_was_tried_is_known_while_the_next_is_under_way(tmp_path: FilePath) -> None:
     cells = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1)]
-    write_request(tmp_path, Request(), write_path(Path.from_cells(cells, name="hook")))
+    Workspace(tmp_path).write_request(Request(), write_path(Path.from_cells(cells, name="hook")))
     run_stage("read", tmp_path)
     seen: list[object] = []
 
@@ -127,10 +121,10 @@ def test_what_was_tried_is_known_while_the_next_is_under_way(tmp_path: FilePath)
         return False
 
     run_stage("explode", tmp_path, cancelled=look)
-    begun = Attempt(todo=Try(0, 0, "simultaneous"), status="begun")
+    begun = Attempt(trial=Trial(0, 0, "simultaneous"), status="begun")
     assert seen[0] == [begun.as_dict()]
-    (after,) = attempts.load(tmp_path)
+    (after,) = Workspace(tmp_path).read_history()
     assert after.status == "straight"
     # Cut off there, it begins anew.
-    attempts.save(tmp_path, [begun])
+    Workspace(tmp_path).write_history([begun])
     assert run_stage("explode", tmp_path)["attempts"] == 1

@@ -19,10 +19,11 @@ from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline import stages
-from planner.pipeline.refold import refold
+from planner.pipeline.fold import refold, smooth_plan
 from planner.pipeline.request import Request
-from planner.pipeline.smooth import smooth_plan, write_smooth
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
+from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.robot import RECORDED, SMOOTHED, SOFTENED
@@ -128,7 +129,7 @@ def test_what_the_certificate_refuses_is_smoothed_less(
         angles[len(angles) // 2] = plan.chain.module.angle_limit_rad
         return replace(record, frames=replace(record.frames, joint_angles_rad=angles))
 
-    monkeypatch.setattr("planner.pipeline.explode_stage.smoothed_record", spoiled)
+    monkeypatch.setattr("planner.pipeline.steps.smoothed_record", spoiled)
     plan = smooth_plan(wrench, directory=tmp_path)
     assert tried == [SMOOTHED, SOFTENED, RECORDED]
     assert plan.verified
@@ -157,7 +158,7 @@ def test_overlaps_between_frames_leave_the_last_way_to_be_tried(
             min_clearance_playback_at=place,
         )
 
-    monkeypatch.setattr("planner.pipeline.stages.certify", judge)
+    monkeypatch.setattr("planner.pipeline.steps.certify", judge)
     plan = smooth_plan(folded("wrench-24").plan, directory=tmp_path)
     assert plan.verified
     assert [(a["strategy"], a.get("finer", 1)) for a in plan.attempts] == [
@@ -190,7 +191,9 @@ def test_an_interrupted_smoothing_comes_to_the_same(
 
 
 def test_a_cancelled_smoothing_is_no_plan(mallet: Folded, tmp_path: FilePath) -> None:
-    write_smooth(tmp_path, mallet.plan, seed=0, module_size=None)
+    request = Request.smoothing(mallet.plan, seed=0, module_size=None)
+    data = write_chain(mallet.plan.chain)
+    Workspace(tmp_path).write_request(request, data, recorded=mallet.plan)
     summary = run_stages(tmp_path, cancelled=lambda: True)
     assert summary["status"] == "failed"
     assert summary["smoothing"]["after"] is None

@@ -19,9 +19,9 @@ from planner.motion.record import Record, Spent, TableRecord
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.parameters.parameters import Parameters
 from planner.pathfinding.lattice import neighbours
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.verification.plan_reasons import reason_of
@@ -255,7 +255,7 @@ def test_record_of_earlier_version_is_checked_by_the_limits_of_then() -> None:
 def test_failed_table_fold_is_verified_with_the_limit_that_ended_it(tmp_path: FilePath) -> None:
     request = Request(world="table", as_voxels=True, settings="table_torque=0.5")
     cells = [[x, y, z] for z in range(2) for y in range(2) for x in range(2)]
-    write_request(tmp_path, request, json.dumps(cells).encode())
+    Workspace(tmp_path).write_request(request, json.dumps(cells).encode())
     summary = run_stages(tmp_path)
     assert summary["stuck"]["evidence"]["spent"] == "refusals"
     found = verify(tmp_path)
@@ -279,7 +279,7 @@ def test_a_fold_that_gives_up_is_verified_with_its_reason(
         return hasty
 
     monkeypatch.setattr(Request, "parameters", parameters)
-    write_request(tmp_path, Request(strategy="simultaneous"), write_path(COIL))
+    Workspace(tmp_path).write_request(Request(strategy="simultaneous"), write_path(COIL))
     summary = run_stages(tmp_path)
     assert summary["status"] == "failed"
     assert summary["stuck"]["evidence"]["spent"] == "steps"

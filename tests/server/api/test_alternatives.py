@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from planner.pipeline.attempt_folders import ATTEMPTS, PLANS, PLAYABLE
+from planner.pipeline.fold_layout import ATTEMPTS, PLANS, PLAYABLE
 from server.pages.choice_words import choice_of
 from tests.server.service import Service
 

@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 from planner.motion.timeline import Timeline
-from planner.pipeline.attempt_folders import TIMELINE, last_frame, result
+from planner.pipeline.fold_layout import TIMELINE, last_frame, result
 from planner.plan.plan import Plan
 from server.api.schemas import PAUSED
 from server.jobs.runner import MAX_DEATHS, STAGES, Runner

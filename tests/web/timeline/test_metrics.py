@@ -12,9 +12,9 @@ from planner.certificate.metrics import Figures
 from planner.errors import TimelineError
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from tests.planner import peels
 from tests.web import long_folds
@@ -26,7 +26,7 @@ from web.timeline.metrics import curves_of, stretch_of
 @pytest.fixture(scope="module")
 def fold(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("fold")
-    write_request(directory, Request(), json.dumps(SNAKE).encode())
+    Workspace(directory).write_request(Request(), json.dumps(SNAKE).encode())
     run_stages(directory)
     return directory
 

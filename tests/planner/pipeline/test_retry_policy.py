@@ -20,12 +20,12 @@ from planner.motion.record import Record, Spent
 from planner.motion.timeline import Timeline
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.parameters.parameters import Parameters
-from planner.pipeline import attempts
-from planner.pipeline.attempt import MOST, Attempt, Reason, Try
-from planner.pipeline.fold_directory import write_request
-from planner.pipeline.portfolio import Portfolio
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Reason, Trial
 from planner.pipeline.request import Request
+from planner.pipeline.retry_policy import RetryPolicy
+from planner.pipeline.search import Explode, next_step
 from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from tests.planner.peels import snake
@@ -33,28 +33,32 @@ from tests.planner.peels import snake
 BOTH = ("simultaneous", "peel")
 
 
-def way(choice: Portfolio, kind: Reason) -> list[Try]:
+def way(choice: RetryPolicy, kind: Reason) -> list[Trial]:
     """All that is tried when everything fails for one reason."""
     tried: list[Attempt] = []
-    while (todo := choice.after(tried)) is not None:
+    while (trial := choice.next_attempt(tried)) is not None:
         if kind == "refused":
-            tried.append(Attempt(todo=todo, status="straight", verdict="failed: it"))
+            tried.append(Attempt(trial=trial, status="straight", verdict="failed: it"))
         else:
             found = Diagnosis(kind=kind, modules=())
-            tried.append(Attempt(todo=todo, status="stalled", diagnosis=found))
-    return [attempt.todo for attempt in tried]
+            tried.append(Attempt(trial=trial, status="stalled", diagnosis=found))
+    return [attempt.trial for attempt in tried]
 
 
 @pytest.mark.parametrize(
     "attempt",
     [
-        Attempt(todo=Try(1, 2, "peel", other_end=True), status="begun"),
-        Attempt(todo=Try(0, 7, "blocks", gentle=True), status="straight", steps=5, finer=4),
+        Attempt(trial=Trial(1, 2, "peel", other_end=True), status="begun"),
+        Attempt(trial=Trial(0, 7, "blocks", gentle=True), status="straight", steps=5, finer=4),
         Attempt(
-            todo=Try(0, 0, "simultaneous"), status="straight", verdict="failed: …", between=True
+            trial=Trial(0, 0, "simultaneous"),
+            status="straight",
+            played=True,
+            verdict="failed: …",
+            between=True,
         ),
         Attempt(
-            todo=Try(0, 0, "simultaneous"),
+            trial=Trial(0, 0, "simultaneous"),
             status="stalled",
             reason="stuck",
             diagnosis=Diagnosis(kind="knot", modules=(3, 4)),
@@ -66,54 +70,54 @@ def test_an_attempt_survives_json(attempt: Attempt) -> None:
 
 
 def test_why_it_failed_decides_what_is_next() -> None:
-    choice = Portfolio(strategies=(BOTH, BOTH), seed=5)
+    choice = RetryPolicy(strategies=(BOTH, BOTH), seed=5)
     assert way(choice, "joints") == [
-        Try(0, 5, "simultaneous"),
-        Try(1, 5, "simultaneous"),
-        Try(1, 5, "peel"),
-        Try(0, 5, "peel"),
-        Try(0, 6, "peel"),
-        Try(1, 6, "peel"),
+        Trial(0, 5, "simultaneous"),
+        Trial(1, 5, "simultaneous"),
+        Trial(1, 5, "peel"),
+        Trial(0, 5, "peel"),
+        Trial(0, 6, "peel"),
+        Trial(1, 6, "peel"),
     ]
     assert way(choice, "contacts")[:3] == [
-        Try(0, 5, "simultaneous"),
-        Try(0, 5, "peel"),
-        Try(1, 5, "peel"),
+        Trial(0, 5, "simultaneous"),
+        Trial(0, 5, "peel"),
+        Trial(1, 5, "peel"),
     ]
     # Another seed does not open a knot.
     assert {found.seed for found in way(choice, "knot")} == {5}
-    assert way(Portfolio(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
-        Try(0, seed, "simultaneous") for seed in (2**32 - 1, 0, 1)
+    assert way(RetryPolicy(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
+        Trial(0, seed, "simultaneous") for seed in (2**32 - 1, 0, 1)
     ]
 
 
 @pytest.mark.parametrize("kind", ["knot", "buried", "contacts", "joints", "limit", "refused"])
 def test_it_ends_and_tries_nothing_twice(kind: Reason) -> None:
-    choice = Portfolio(strategies=(BOTH, ("peel",), BOTH), seed=0)
+    choice = RetryPolicy(strategies=(BOTH, ("peel",), BOTH), seed=0)
     tried = way(choice, kind)
-    assert 1 < len(tried) <= MOST
+    assert 1 < len(tried) <= MAX_EXPLOSIONS
     assert len(set(tried)) == len(tried)
     assert all(found.strategy in choice.strategies[found.candidate] for found in tried)
 
 
 def test_a_buried_unit_is_reached_from_the_other_end() -> None:
-    choice = Portfolio(strategies=(("peel", "blocks"),), seed=0, two_ended=True)
+    choice = RetryPolicy(strategies=(("peel", "blocks"),), seed=0, two_ended=True)
     assert way(choice, "buried")[:3] == [
-        Try(0, 0, "peel"),
-        Try(0, 0, "peel", other_end=True),
-        Try(0, 0, "blocks", other_end=True),
+        Trial(0, 0, "peel"),
+        Trial(0, 0, "peel", other_end=True),
+        Trial(0, 0, "blocks", other_end=True),
     ]
     # Blocks and all at once begin at no end.
-    both = Portfolio(strategies=(("blocks", "simultaneous"),), seed=0, two_ended=True)
+    both = RetryPolicy(strategies=(("blocks", "simultaneous"),), seed=0, two_ended=True)
     assert not any(found.other_end for found in way(both, "buried"))
 
 
 def test_what_presses_too_hard_is_let_go_more_gently() -> None:
-    choice = Portfolio(strategies=(BOTH,), seed=0, forces=True)
-    assert way(choice, "contacts")[1] == Try(0, 0, "simultaneous", gentle=True)
-    assert way(choice, "refused")[3] == Try(0, 2, "peel")
-    alone = Portfolio(strategies=(("simultaneous",),), seed=0, forces=True)
-    assert way(alone, "refused")[3] == Try(0, 2, "simultaneous", gentle=True)
+    choice = RetryPolicy(strategies=(BOTH,), seed=0, forces=True)
+    assert way(choice, "contacts")[1] == Trial(0, 0, "simultaneous", gentle=True)
+    assert way(choice, "refused")[3] == Trial(0, 2, "peel")
+    alone = RetryPolicy(strategies=(("simultaneous",),), seed=0, forces=True)
+    assert way(alone, "refused")[3] == Trial(0, 2, "simultaneous", gentle=True)
 
 
 def test_a_chain_from_its_other_end_fills_the_same_cells() -> None:
@@ -126,7 +130,7 @@ def test_a_chain_from_its_other_end_fills_the_same_cells() -> None:
 
 
 def test_what_no_seed_changes_is_not_repeated_with_others() -> None:
-    choice = Portfolio(strategies=(("peel", "one-by-one"),), seed=0, two_ended=True, forces=True)
+    choice = RetryPolicy(strategies=(("peel", "one-by-one"),), seed=0, two_ended=True, forces=True)
     laid = [found for found in way(choice, "buried") if found.strategy == "one-by-one"]
     assert {found.seed for found in laid} == {0}
     assert {found.other_end for found in laid} == {True, False}
@@ -134,20 +138,22 @@ def test_what_no_seed_changes_is_not_repeated_with_others() -> None:
 
 
 def test_another_strategy_is_tried_before_a_fold_is_given_up() -> None:
-    choice = Portfolio(strategies=(BOTH,), seed=0, forces=True)
+    choice = RetryPolicy(strategies=(BOTH,), seed=0, forces=True)
     tried: list[Attempt] = []
-    while not tried or attempts.following(tried, choice) is not None:
-        todo = choice.after(tried)
-        assert todo is not None
-        tried.append(Attempt(todo=todo, status="straight", verdict="failed: …"))
-    assert [attempt.todo.strategy for attempt in tried] == ["simultaneous"] * 3 + ["peel"]
+    while isinstance(step := next_step(tried, choice), Explode):
+        tried.append(Attempt(trial=step.trial, status="straight", played=True, verdict="failed: …"))
+    assert [attempt.trial.strategy for attempt in tried] == ["simultaneous"] * 3 + ["peel"]
 
 
 def test_finer_frames_are_no_explosion() -> None:
-    choice = Portfolio(strategies=(BOTH,), seed=0)
-    first = Attempt(todo=Try(0, 0, "simultaneous"), status="straight")
+    choice = RetryPolicy(strategies=(BOTH,), seed=0)
+    first = Attempt(trial=Trial(0, 0, "simultaneous"), status="straight")
     again = replace(first, finer=4)
-    assert choice.after([first]) == choice.after([first, again]) == Try(0, 1, "simultaneous")
+    assert (
+        choice.next_attempt([first])
+        == choice.next_attempt([first, again])
+        == Trial(0, 1, "simultaneous")
+    )
 
 
 def at_rest(chain: Chain, *, status: Any = "stalled", strategy: str = "simultaneous") -> Record:
@@ -248,7 +254,7 @@ def test_all_that_was_tried_is_in_the_plan(
     cells += [(2 - x if y % 2 == 0 else x, 2 - y, 1) for y in range(3) for x in range(3)]
     path = write_path(Path.from_cells(cells, name="slab"))
     (tmp_path / "auto").mkdir()
-    write_request(tmp_path / "auto", Request(), path)
+    Workspace(tmp_path / "auto").write_request(Request(), path)
     summary = run_stages(tmp_path / "auto")
     assert summary["status"] == "verified"
     plan = Plan.load(tmp_path / "auto" / "plan.npz")
@@ -259,7 +265,7 @@ def test_all_that_was_tried_is_in_the_plan(
     assert plan.attempts[0]["diagnosis"]["kind"] in ("contacts", "joints", "limit")
     assert plan.attempts[-1]["diagnosis"] is None
     (tmp_path / "one").mkdir()
-    write_request(tmp_path / "one", Request(strategy="simultaneous"), path)
+    Workspace(tmp_path / "one").write_request(Request(strategy="simultaneous"), path)
     failed = run_stages(tmp_path / "one")
     assert failed["status"] == "failed" and "it sticks" in failed["reason"]
     tried = Plan.load(tmp_path / "one" / "plan.npz").attempts

@@ -19,27 +19,20 @@ from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.explosion import ExplosionParameters
-from planner.pipeline import attempts
-from planner.pipeline.attempt import Attempt, Try
-from planner.pipeline.attempt_folders import (
+from planner.pipeline.attempt import Attempt, Trial
+from planner.pipeline.fold_layout import (
     CERTIFICATE,
     PLANS,
     PLAYABLE,
     RESULTS,
     TIMELINE,
-    begin,
-    clear,
     folder,
-    keep_best,
-    keep_best_explosion,
     numbers,
-    publish,
     result,
 )
-from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import next_stage, run_stage, run_stages
-from planner.pipeline.unfinished import settle
+from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from tests.planner.chains import COIL
@@ -49,7 +42,7 @@ pytestmark = pytest.mark.slow
 
 def begun(directory: FilePath, **values: Any) -> FilePath:
     directory.mkdir()
-    write_request(directory, Request(**values), write_path(COIL))
+    Workspace(directory).write_request(Request(**values), write_path(COIL))
     return directory
 
 
@@ -72,7 +65,7 @@ def refusing(monkeypatch: pytest.MonkeyPatch, *clearances: float) -> None:
             min_clearance_at=Place(frame=3.0, modules=(1, 9)),
         )
 
-    monkeypatch.setattr("planner.pipeline.stages.certify", judge)
+    monkeypatch.setattr("planner.pipeline.steps.certify", judge)
 
 
 def sticking(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,7 +169,7 @@ def test_a_cancel_while_others_are_tried_leaves_the_refused_one(
     frames = len(Timeline.open(result(directory, "timeline.zarr")))
     run_stage("explode", directory, cancelled=lambda: True)
     assert len(Timeline.open(result(directory, "timeline.zarr"))) < frames
-    told = settle(directory)
+    told = Workspace(directory).settle()
     assert told["certificate"]["min_clearance"] == -0.001
     assert told["explosion"]["status"] == "straight"
     assert len(Timeline.open(directory / "timeline.zarr")) == frames
@@ -185,13 +178,14 @@ def test_a_cancel_while_others_are_tried_leaves_the_refused_one(
 
 def attempted(directory: FilePath, clearances: Sequence[float | None], *verdicts: str) -> None:
     """Attempts that came straight; a certificate has judged those that have a clearance."""
-    tried = [Attempt(todo=Try(0, k, "peel"), status="straight") for k in range(len(clearances))]
-    attempts.save(directory, tried)
+    workspace = Workspace(directory)
+    tried = [Attempt(trial=Trial(0, k, "peel"), status="straight") for k in range(len(clearances))]
+    workspace.write_history(tried)
     for number, clearance in enumerate(clearances):
-        place = begin(directory, number)
+        place = workspace.begin(number, Chain.from_path(COIL)).directory
         for name in RESULTS:
             if name == TIMELINE:
-                TimelineWriter.create(place / name, Chain.from_path(COIL)).close("failed")
+                TimelineWriter.reopen(place / name).close("failed")
             elif name != CERTIFICATE:
                 (place / name).write_text(str(number))
         if clearance is not None:
@@ -217,7 +211,7 @@ def test_the_attempt_that_came_farthest_is_kept(
     clearances: tuple[float | None, ...], verdicts: tuple[str, ...], best: int, tmp_path: FilePath
 ) -> None:
     attempted(tmp_path, clearances, *verdicts)
-    keep_best(tmp_path)
+    Workspace(tmp_path).keep_best()
     assert numbers(tmp_path) == [best]
     assert folder(tmp_path) == tmp_path / "attempts" / str(best)
 
@@ -227,27 +221,28 @@ def test_keep_best_with_a_preference_stores_the_other_verified_plans(
 ) -> None:
     verdicts = ("verified", "verified", "failed: modules overlap", "verified")
     attempted(tmp_path, (0.1, 0.2, -0.1, 0.3), *verdicts)
-    keep_best(tmp_path, "time")
+    Workspace(tmp_path).keep_best("time")
     assert numbers(tmp_path) == [0]
     stored = {path.name: path for path in (tmp_path / PLANS).iterdir()}
     assert set(stored) == {"1", "3"}
     assert {path.name for path in stored["3"].iterdir()} == set(PLAYABLE)
-    clear(tmp_path)
+    Workspace(tmp_path).clear()
     assert not (tmp_path / PLANS).exists()
 
-    monkeypatch.setattr("planner.pipeline.attempt_folders.MAX_PLANS_BYTES", 0)
+    monkeypatch.setattr("planner.pipeline.workspace.MAX_PLANS_BYTES", 0)
     attempted(tmp_path, (0.1, 0.2), "verified", "verified")
-    keep_best(tmp_path, "time")
+    Workspace(tmp_path).keep_best("time")
     assert (numbers(tmp_path), (tmp_path / PLANS).exists()) == ([0], False)
 
 
 def test_of_explosions_alone_those_that_were_judged_stay(tmp_path: FilePath) -> None:
     attempted(tmp_path, (-0.3, -0.1, None, None))
-    keep_best_explosion(tmp_path)
+    Workspace(tmp_path).keep_best_explosion()
     assert numbers(tmp_path) == [0, 1, 3]
-    begin(tmp_path, 1)
+    Workspace(tmp_path).begin(1, Chain.from_path(COIL))
     assert numbers(tmp_path) == [0, 1]
-    assert not list((tmp_path / "attempts" / "1").iterdir())
+    fresh = {path.name for path in (tmp_path / "attempts" / "1").iterdir()}
+    assert fresh == {"chain.json", TIMELINE}
 
 
 def test_a_result_is_where_it_was_made_last(tmp_path: FilePath) -> None:
@@ -255,8 +250,9 @@ def test_a_result_is_where_it_was_made_last(tmp_path: FilePath) -> None:
     assert result(tmp_path, "chain.json").read_text() == "of the first candidate"
     attempted(tmp_path, (None, None))
     assert result(tmp_path, "chain.json").read_text() == "1"
-    begin(tmp_path, 2)
-    assert result(tmp_path, "chain.json").read_text() == "of the first candidate"
+    Workspace(tmp_path).begin(2, Chain.from_path(COIL))
+    assert Workspace(tmp_path).read_chain().name == "coil"
+    assert not result(tmp_path, "record.npz").exists()
 
 
 @pytest.mark.parametrize("call", range(9))
@@ -281,16 +277,16 @@ def test_what_is_cut_off_while_it_is_published_goes_on(
     with monkeypatch.context() as patched:
         for name in ("rename", "replace"):
             patched.setattr(FilePath, name, cut(getattr(FilePath, name)))
-        patched.setattr("planner.pipeline.attempt_folders.rmtree", cut(shutil.rmtree))
+        patched.setattr("planner.pipeline.workspace.rmtree", cut(shutil.rmtree))
         try:
-            publish(tmp_path)
+            Workspace(tmp_path).publish()
         except KeyboardInterrupt:
             assert result(tmp_path, "playback.npz").read_text() in ("1", "2")
-            publish(tmp_path)
+            Workspace(tmp_path).publish()
     assert calls > 9
     for name in ("chain.json", "record.npz", "playback.npz"):
         assert (tmp_path / name).read_text() == "1"
     assert json.loads((tmp_path / CERTIFICATE).read_text())["number"] == 1
     assert {path.name for path in tmp_path.iterdir()} == {*RESULTS, "attempts.json"}
-    publish(tmp_path)
+    Workspace(tmp_path).publish()
     assert (tmp_path / "playback.npz").read_text() == "1"

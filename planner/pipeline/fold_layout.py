@@ -1,0 +1,111 @@
+"""Layout of a fold's directory: file names, and the place of each result while a fold is computed.
+
+``attempts/2`` holds the chain, timeline, record, playback and certificate of the explosion that is
+entry 2 of ``attempts.json``. When the fold is over, the files of the best attempt are in the fold's
+directory itself. ``plans/2`` holds the files from which a page plays the verified plan of entry 2,
+which was not chosen.
+
+Servers load this module without any that computes; ``planner.pipeline.workspace`` reads and writes
+the files as typed values.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from typing import Final
+
+from planner.certificate.figures import CertificateFigures
+from planner.certificate.table_forces import FILE as FORCES
+from planner.chain.chain import Chain
+from planner.errors import TimelineError
+from planner.motion.frames import Frames
+from planner.motion.timeline import Timeline
+from planner.pipeline.preference import judgement
+from planner.playback.unfolding import START_CHAIN, START_PLAN
+from planner.robot import RECORDED_PLAN
+
+INPUT: Final = "input"
+REQUEST: Final = "request.json"
+CANDIDATES: Final = "candidates.json"
+CHAIN: Final = "chain.json"
+ATTEMPTS: Final = "attempts.json"
+TIMELINE: Final = "timeline.zarr"
+RECORD: Final = "record.npz"
+PLAYBACK: Final = "playback.npz"
+CERTIFICATE: Final = "certificate.json"
+CLEARANCES: Final = "clearances.npy"
+"""Clearance at each frame of a peeled chain's plan, until its curves are written."""
+PLAN: Final = "plan.npz"
+PLAN_TEXT: Final = "plan.json"
+MODEL: Final = "model.xml"
+FIGURES: Final = "figures.zarr"
+PICTURE: Final = "picture.png"
+MANIFEST: Final = "manifest.json"
+FOLDER: Final = "attempts"
+PLANS: Final = "plans"
+TRIES: Final = ".foldback-tries"
+"""Folder with a folder for each try of another process."""
+PLAYABLE: Final = (CHAIN, TIMELINE, CERTIFICATE)
+"""Files of a plan that was not chosen, in its folder in ``PLANS``."""
+RESULTS: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES, FORCES)
+"""Files of an attempt; one that smooths another's plan also has ``RECORDED_PLAN``."""
+EXPORTED: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
+"""Files that are written last."""
+DESCRIBED: Final = (
+    *(INPUT, REQUEST, START_CHAIN, START_PLAN, RECORDED_PLAN, CANDIDATES, CHAIN, ATTEMPTS),
+    *(RECORD, PLAYBACK, CERTIFICATE, FORCES, TIMELINE),
+    *EXPORTED,
+)
+"""Files of a fold's directory that say something of its plan, in the order of the manifest."""
+
+
+def numbers(directory: FilePath) -> list[int]:
+    """Return the numbers of the attempts that have a folder, in order."""
+    try:
+        found = [path.name for path in (directory / FOLDER).iterdir()]
+    except OSError:
+        return []
+    return sorted(int(name) for name in found if name.isdecimal())
+
+
+def place_of(directory: FilePath, number: int) -> FilePath:
+    """Return the folder of an attempt."""
+    return directory / FOLDER / str(number)
+
+
+def folder(directory: FilePath) -> FilePath:
+    """Return the folder of the latest attempt; the fold's directory when there is none."""
+    known = numbers(directory)
+    return place_of(directory, known[-1]) if known else directory
+
+
+def result(directory: FilePath, name: str) -> FilePath:
+    """Return the path of a file of ``RESULTS``, also while the fold is computed.
+
+    The file need not be there.
+    """
+    path = folder(directory) / name
+    return path if path.exists() else directory / name
+
+
+def last_frame(timeline: FilePath) -> tuple[Chain, Frames] | None:
+    """Return a timeline's chain and last frame; None when it has none."""
+    try:
+        opened = Timeline.open(timeline)
+        return (opened.chain, opened.frames(len(opened) - 1)) if len(opened) else None
+    except (TimelineError, OSError, ValueError, KeyError):
+        return None
+
+
+def certificate_values(path: FilePath) -> CertificateFigures | None:
+    """Return the figures of a certificate's file; None when there is none."""
+    return json.loads(path.read_bytes()) if path.exists() else None
+
+
+def any_verified(directory: FilePath) -> bool:
+    """Return True if an attempt of a fold that is not over has a verified plan."""
+    return any(
+        judgement(certificate_values(place_of(directory, number) / CERTIFICATE))[0]
+        for number in numbers(directory)
+    )

@@ -1,0 +1,178 @@
+"""Retry policy: the attempt after an explosion that stalls, or whose plan is refused or improved.
+
+The next attempt depends on the attempts so far and on the reasons why they failed, and on nothing
+else: the same fold always takes the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+from planner.explosion.diagnosis import Diagnosis
+from planner.explosion.strategies import others_for, strategies_for
+from planner.parameters.explosion import ExplosionParameters
+from planner.parameters.parameters import BASELINE
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
+from planner.pipeline.improvements import Improvements
+from planner.pipeline.preference import COMPUTING
+from planner.pipeline.request import LARGEST_SEED, Request
+from planner.robot import MOST_ANGLES, WAYS
+
+MAX_SEEDS: Final = 3
+"""Maximum number of seeds of one fold. Larger values find more plans and fail later. Chosen."""
+Change = Literal["path", "strategy", "end", "forces", "seed"]
+FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
+    "knot": ("path", "strategy"),
+    "buried": ("end", "strategy", "path", "seed"),
+    "contacts": ("forces", "strategy", "path", "seed"),
+    "joints": ("path", "strategy", "end", "seed"),
+    "broken": ("strategy", "path", "seed"),
+    "limit": ("strategy", "path"),
+    "refused": ("path", "seed", "strategy", "forces"),
+    "stopped": ("strategy", "path"),
+}
+"""Changes for each reason of a failure, in the order in which they are tried. Measured."""
+SMOOTHING_FRAMES_FACTOR: Final = 4
+"""Factor of the frames that a plan may get when it is smoothed, peeled ones most. Measured."""
+DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
+"""Usual reason why a strategy stalls; ``joints`` for those not named."""
+
+DIRECTIONAL: Final = ("peel", "one-by-one")
+"""Strategies that begin at one end of the chain, and so may begin at the other."""
+SEED_INDEPENDENT: Final = ("one-by-one",)
+"""Strategies whose result does not depend on forces and seeds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RetryPolicy:
+    """Paths, strategies and seeds that one fold may try.
+
+    Attributes:
+        strategies: Strategies of each path, the best first.
+        seed: First seed of the fold.
+        two_ended: True if a path may be taken from its other end.
+        forces: True if the forces may be others than asked for.
+        seeds: Number of seeds that may be tried.
+        improvements: Attempts after a verified plan; None when that is the end.
+        retries_refused: True if attempts follow a plan that its certificate refuses.
+    """
+
+    strategies: tuple[tuple[str, ...], ...]
+    seed: int
+    two_ended: bool = False
+    forces: bool = False
+    seeds: int = MAX_SEEDS
+    improvements: Improvements | None = None
+    retries_refused: bool = True
+
+    @classmethod
+    def of(cls, request: Request, candidates: Candidates) -> RetryPolicy:
+        """Return the policy of a fold."""
+        if request.smooth:
+            return cls(strategies=(WAYS,), seed=request.seed, seeds=1)
+        parameters, chains = request.parameters(), candidates.chains
+        ours = isinstance(parameters.explosion, ExplosionParameters)
+        improvements = None
+        if request.prefer != COMPUTING:
+            hinges = len(chains[0].folded_rad)
+            improvements = Improvements(
+                prefer=request.prefer,
+                strategies=tuple(
+                    others_for(chain, parameters, refolds=request.refold) for chain in chains
+                ),
+                modules=len(chains[0]),
+                most_frames=0
+                if request.refold
+                else MOST_ANGLES // (SMOOTHING_FRAMES_FACTOR * max(hinges, 1)),
+            )
+        return cls(
+            strategies=tuple(
+                strategies_for(chain, parameters, refolds=request.refold) for chain in chains
+            ),
+            seed=request.seed,
+            two_ended=candidates.two_ended,
+            forces=ours,
+            seeds=MAX_SEEDS if ours else 1,  # as published there is nothing that a seed changes
+            improvements=improvements,
+            retries_refused=ours and parameters.strategy != BASELINE,
+        )
+
+    def next_attempt(self, tried: Sequence[Attempt]) -> Trial | None:
+        """Return the trial after so many attempts; None when enough was tried.
+
+        Args:
+            tried: The attempts so far.
+        """
+        if not tried:
+            return Trial(0, self.seed, self.strategies[0][0])
+        if any(attempt.verified for attempt in tried):
+            return None if self.improvements is None else self.improvements.next_attempt(tried)
+        if sum(attempt.finer == 1 for attempt in tried) >= MAX_EXPLOSIONS:
+            return None
+        done = {attempt.trial for attempt in tried}
+        last = tried[-1]
+        for change in FALLBACKS[last.why]:
+            for other in self._changed(change, last.trial):
+                if other not in done:
+                    return other
+        return None
+
+    def lookahead(
+        self,
+        tried: Sequence[Attempt],
+        here: Trial,
+        known: Mapping[Trial, Attempt] | None = None,
+    ) -> list[Trial]:
+        """Return what may come after a trial that is being computed, the likeliest first.
+
+        A strategy likely fails as it did before. What is known to come straight may be refused.
+        A smoothing is never begun early.
+
+        Args:
+            tried: The attempts before it.
+            here: What is being made.
+            known: What came of others that were made already.
+        """
+        known = known or {}
+        seen: dict[str, Reason] = {attempt.trial.strategy: attempt.why for attempt in tried}
+        found: dict[Trial, None] = {}
+        for reason in (None, *FALLBACKS):
+            trial: Trial | None = here
+            failed = list(tried)
+            while trial is not None:
+                likely = seen.get(trial.strategy) or DEFAULT_REASON.get(trial.strategy, "joints")
+                failed.append(known.get(trial) or _failed(trial, reason or likely))
+                trial = self.next_attempt(failed)
+                if trial is not None and trial.smooths is not None:
+                    trial = None  # of which plan is known only when all explosions are over
+                if trial is not None:
+                    found[trial] = None
+        return list(found)
+
+    def _changed(self, change: Change, here: Trial) -> Iterator[Trial]:
+        """Yield the trials by one change, the nearest first."""
+        if change == "path":
+            for candidate, known in enumerate(self.strategies):
+                strategy = here.strategy if here.strategy in known else known[0]
+                yield replace(here, candidate=candidate, strategy=strategy)
+        elif change == "strategy":
+            for strategy in self.strategies[here.candidate]:
+                yield replace(here, strategy=strategy)
+        elif change == "end":
+            if self.two_ended and here.strategy in DIRECTIONAL:
+                yield replace(here, other_end=not here.other_end)
+        elif change == "forces":
+            if self.forces and here.strategy not in SEED_INDEPENDENT:
+                yield replace(here, gentle=True)
+        elif here.strategy not in SEED_INDEPENDENT:
+            for k in range(self.seeds):
+                yield replace(here, seed=(self.seed + k) % (LARGEST_SEED + 1))
+
+
+def _failed(trial: Trial, reason: Reason) -> Attempt:
+    """An attempt that fails for a reason."""
+    if reason == "refused":
+        return Attempt(trial=trial, status="straight")
+    return Attempt(trial=trial, status="stalled", diagnosis=Diagnosis(kind=reason, modules=()))

@@ -1,0 +1,425 @@
+"""Workspace: a fold's directory as typed values, and the moves that keep it whole at any time.
+
+Each file is written aside and renamed, so that a file that is there is whole. Results of an attempt
+are in a folder of their own until the fold is over: ``planner.pipeline.fold_layout``. Of attempts
+that are over the one that came farthest stays, of verified plans the one that serves the fold's
+preference best.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from pathlib import Path as FilePath
+from shutil import rmtree
+from typing import Any, Final
+
+import numpy as np
+
+from planner.certificate.certificate import Certificate
+from planner.certificate.measure import write_figures
+from planner.certificate.table_forces import FILE as FORCES
+from planner.chain.chain import Chain
+from planner.explosion.diagnosis import stopped
+from planner.exports import mjcf
+from planner.files import write_json, write_whole
+from planner.motion.record import Record
+from planner.motion.timeline import TimelineWriter, chain_attributes, chain_from_attributes
+from planner.pipeline import fold_layout as layout
+from planner.pipeline.attempt import Attempt, Candidates
+from planner.pipeline.fold_layout import last_frame
+from planner.pipeline.job import Job, Result, Search, share_bent
+from planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
+from planner.pipeline.request import SHORT_SEED, Request
+from planner.pipeline.retry_policy import RetryPolicy
+from planner.pipeline.steps import with_joint_errors
+from planner.plan.plan import Plan
+from planner.plan.prepared import FILE as PREPARED
+from planner.plan.prepared import PreparedChains, key_of
+from planner.playback.playback import Playback
+from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
+from planner.robot import RECORDED_PLAN
+
+MAX_PLANS_BYTES: Final = 64 * 2**20
+"""Maximum size of a fold's ``PLANS``; plans beyond it are removed and cannot be played. Chosen."""
+_UNWANTED: Final = "unwanted-"
+"""A folder is renamed so before its files are removed: half of one would pass for an attempt."""
+
+
+@dataclass(frozen=True, slots=True)
+class Workspace:
+    """Files of one fold.
+
+    Attributes:
+        directory: Directory of the fold, or folder of one of its attempts.
+    """
+
+    directory: FilePath
+
+    # What is asked for.
+
+    def write_request(
+        self,
+        request: Request,
+        data: bytes,
+        *,
+        start: Plan | None = None,
+        recorded: Plan | None = None,
+    ) -> None:
+        """Write a request and its input.
+
+        Args:
+            request: The request.
+            data: Bytes of the shape.
+            start: Plan that a refold begins with; None for other folds.
+            recorded: Plan that is smoothed; None for other folds.
+        """
+        if start is not None:
+            self.write_start(start)
+        if recorded is not None:
+            recorded.save_npz(self.directory / RECORDED_PLAN)
+        values = {name: getattr(request, name) for name in Request.__dataclass_fields__}
+        write_whole(self.directory / layout.INPUT, data)
+        write_json(self.directory / layout.REQUEST, values)
+
+    def read_request(self) -> Request:
+        """Return the request."""
+        values = self._json(layout.REQUEST)
+        if values.get("start") is not None:
+            x, y, z = values["start"]
+            values["start"] = (int(x), int(y), int(z))
+        return Request(**values)
+
+    def read_input(self) -> bytes:
+        """Return the bytes of the shape."""
+        return (self.directory / layout.INPUT).read_bytes()
+
+    def write_start(self, start: Plan) -> None:
+        """Write the plan that a refold begins with."""
+        self.write_start_chain(start.chain)
+        start.save_npz(self.directory / START_PLAN)
+
+    def write_start_chain(self, chain: Chain) -> None:
+        """Write only the chain that a refold begins with, which is enough to read the shape."""
+        write_json(self.directory / START_CHAIN, chain_attributes(chain))
+
+    def read_start(self, request: Request) -> Chain | None:
+        """Return the chain as it is folded at the beginning of a refold; None for other folds."""
+        return chain_from_attributes(self._json(START_CHAIN)) if request.refold else None
+
+    def read_unfolding(self, request: Request) -> Unfolding | None:
+        """Return the way of a refold to straight; None for other folds."""
+        return Plan.load(self.directory / START_PLAN).unfolding() if request.refold else None
+
+    def read_recorded(self) -> Plan:
+        """Return the plan that is smoothed: the fold's input, or that of one of its attempts."""
+        return Plan.load(self._result(RECORDED_PLAN))
+
+    def drop_recorded(self) -> None:
+        """Remove the plan that an earlier fold with a preference has smoothed."""
+        self._drop(RECORDED_PLAN)
+
+    def read_prepared(self, request: Request, data: bytes) -> PreparedChains | None:
+        """Return the chains that the preview of this request has found; None without one."""
+        seed = request.seed % SHORT_SEED
+        key = key_of(data, request.filename, request.path_options(), seed)
+        return PreparedChains.load(self.directory, key)
+
+    def drop_prepared(self) -> None:
+        """Remove the chains of the preview, which the candidates repeat."""
+        self._drop(PREPARED)
+
+    def read_job(self) -> Job:
+        """Return what is known of the fold before it is computed."""
+        request, candidates = self.read_request(), self.read_candidates()
+        policy, start = RetryPolicy.of(request, candidates), self.read_start(request)
+        return Job(request=request, candidates=candidates, policy=policy, start=start)
+
+    # What may be tried, and what was.
+
+    def write_candidates(self, candidates: Candidates) -> None:
+        """Write the chains that may be folded; the first is the fold's."""
+        write_json(self.directory / layout.CANDIDATES, candidates.as_dict())
+        self._write_chain(candidates.chains[0])
+
+    def read_candidates(self) -> Candidates:
+        """Return the chains that may be folded."""
+        return Candidates.from_values(self._json(layout.CANDIDATES))
+
+    def write_history(self, history: Sequence[Attempt]) -> None:
+        """Write the attempts so far."""
+        values = [attempt.as_dict() for attempt in history if attempt.status != "none"]
+        write_json(self.directory / layout.ATTEMPTS, values)
+
+    def read_history(self) -> tuple[Attempt, ...]:
+        """Return the attempts so far."""
+        if not (self.directory / layout.ATTEMPTS).exists():
+            return ()
+        return tuple(Attempt.from_dict(values) for values in self._json(layout.ATTEMPTS))
+
+    # Results: of the latest attempt, or of the fold when it is over.
+
+    @property
+    def attempt(self) -> Workspace:
+        """Folder of the latest attempt; the fold's directory when there is none."""
+        return Workspace(layout.folder(self.directory))
+
+    def attempt_of(self, number: int) -> Workspace:
+        """Return the folder of an attempt."""
+        return Workspace(layout.place_of(self.directory, number))
+
+    @property
+    def number(self) -> int | None:
+        """Number of the latest attempt that has a folder; None when there is none."""
+        known = layout.numbers(self.directory)
+        return known[-1] if known else None
+
+    @property
+    def timeline(self) -> FilePath:
+        """Path of the timeline in this very directory."""
+        return self.directory / layout.TIMELINE
+
+    def read_chain(self) -> Chain:
+        """Return the chain that is folded."""
+        return chain_from_attributes(json.loads(self._result(layout.CHAIN).read_bytes()))
+
+    def write_explosion(self, result: Result) -> None:
+        """Write the record of an explosion or smoothing, and the plan that was smoothed."""
+        if result.recorded is not None:
+            result.recorded.save_npz(self.directory / RECORDED_PLAN)
+        if result.record is not None:
+            result.record.save(self.directory / layout.RECORD)
+
+    def read_record(self) -> Record | None:
+        """Return the record; None where nothing has exploded."""
+        path = self._result(layout.RECORD)
+        return Record.load(path) if path.exists() else None
+
+    def write_playback(self, playback: Playback) -> None:
+        """Write a playback."""
+        playback.save(self.directory / layout.PLAYBACK)
+
+    def drop_playback(self) -> None:
+        """Remove the playback, which is about to be made anew."""
+        self._drop(layout.PLAYBACK)
+
+    def read_playback(self) -> Playback | None:
+        """Return the playback; None where there is none."""
+        path = self._result(layout.PLAYBACK)
+        return Playback.load(path) if path.exists() else None
+
+    def write_judgement(self, result: Result) -> None:
+        """Write a certificate, after the curves that belong to it."""
+        if result.clearances is not None:
+            np.save(self.directory / layout.CLEARANCES, result.clearances)
+        if result.forces is not None:
+            result.forces.save(self.directory / FORCES)
+        assert result.certificate is not None
+        write_json(self.directory / layout.CERTIFICATE, result.certificate.as_dict())
+
+    def drop_curves(self) -> None:
+        """Remove the curves of a certificate, which is about to be made anew."""
+        self._drop(layout.CLEARANCES, FORCES)
+
+    def read_certificate(self) -> Certificate | None:
+        """Return the certificate; None where there is none."""
+        path = self._result(layout.CERTIFICATE)
+        if not path.exists():
+            return None
+        return Certificate.from_dict(json.loads(path.read_bytes()))
+
+    def read_result(self) -> Result:
+        """Return what has been computed of the latest attempt, or of the fold when it is over."""
+        return Result(
+            chain=self.read_chain(),
+            record=self.read_record(),
+            playback=self.read_playback(),
+            certificate=self.read_certificate(),
+        )
+
+    def read_search(self, job: Job) -> Search:
+        """Return the attempts so far, with the results of the latest."""
+        history = self.read_history()
+        if not history:  # nothing explodes
+            first = job.policy.next_attempt(())
+            assert first is not None
+            history = (Attempt(trial=first, status="none"),)
+        last = max((k for k, attempt in enumerate(history) if attempt.finer == 1), default=0)
+        number = last if self.number is None else self.number
+        return Search(history=history, results={number: self.read_result()})
+
+    def read_plan(self) -> Plan:
+        """Return the plan of a fold that is over, with the joint errors that its file omits."""
+        return with_joint_errors(Plan.load(self.directory / layout.PLAN), self.read_playback())
+
+    def write_plan(self, plan: Plan) -> dict[str, str]:
+        """Write the plan of a fold and its model; return the text of each value of the plan."""
+        write_whole(self.directory / layout.MODEL, mjcf.write(plan))
+        plan.save_npz(self.directory / layout.PLAN)
+        return plan.save_json(self.directory / layout.PLAN_TEXT)
+
+    def write_figures(self) -> FilePath:
+        """Write the figures of the timeline, as far as it goes; return their path.
+
+        Raises:
+            TimelineError: When the fold has no timeline.
+        """
+        path, clearances = self.directory / layout.FIGURES, self._result(layout.CLEARANCES)
+        write_figures(
+            self._result(layout.TIMELINE),
+            path,
+            self.read_request().parameters(),
+            certificate=self.read_certificate(),
+            clearances=np.load(clearances) if clearances.exists() else None,
+        )
+        clearances.unlink(missing_ok=True)
+        return path
+
+    def drop_manifest(self) -> None:
+        """Remove the digests of files that are about to change."""
+        self._drop(layout.MANIFEST)
+
+    def settle(self) -> dict[str, Any]:
+        """Keep the attempt of an unfinished fold that came farthest, and return where it was.
+
+        Nothing computes the fold any more.
+
+        Returns:
+            ``stuck``, as of ``Plan.summary``; of a plan that its certificate refuses ``explosion``
+            and ``certificate``. Empty when nothing was recorded.
+        """
+        asked = (self.directory / layout.REQUEST).exists()
+        self.publish(self.read_request().prefer if asked else COMPUTING)
+        certificate = layout.certificate_values(self.directory / layout.CERTIFICATE)
+        verified, clearance = judgement(certificate)
+        if isfinite(clearance) and not verified:
+            record = self.read_record()
+            return {"explosion": record and record.summary(), "certificate": certificate}
+        return self.stopped_where()
+
+    def stopped_where(self) -> dict[str, Any]:
+        """Return where a fold ends that came to no plan, as ``settle`` does; changes nothing."""
+        last = last_frame(self._result(layout.TIMELINE))
+        return {} if last is None else {"stuck": stopped(*last).as_dict()}
+
+    # Moves.
+
+    def begin(self, number: int, chain: Chain) -> Workspace:
+        """Make the folder of an attempt, with its chain and an empty timeline.
+
+        Folders that an earlier run made from there on are removed.
+        """
+        self._remove([known for known in layout.numbers(self.directory) if known >= number])
+        place = self.attempt_of(number)
+        place.directory.mkdir(parents=True)
+        place._write_chain(chain)
+        TimelineWriter.create(place.timeline, chain)
+        return place
+
+    def clear(self) -> None:
+        """Remove all that earlier attempts have made: a fold begins anew."""
+        # The chain is the first candidate's.
+        self._drop(layout.FOLDER, layout.PLANS, layout.ATTEMPTS, *layout.RESULTS[1:])
+
+    def drop_pictures(self) -> None:
+        """Remove what shows an earlier fold in this directory."""
+        self._drop(layout.PICTURE, layout.FIGURES)
+
+    def keep_best_explosion(self) -> None:
+        """Keep the explosion that came farthest, of those that no certificate has judged."""
+        self._keep_best(
+            [
+                number
+                for number in layout.numbers(self.directory)
+                if not (self.attempt_of(number).directory / layout.CERTIFICATE).exists()
+            ]
+        )
+
+    def keep_best(self, prefer: Preference = COMPUTING) -> int | None:
+        """Keep the best attempt: a verified plan, the clearest one, or the straightest explosion.
+
+        Args:
+            prefer: Decides which of several verified plans is the best; the earliest of equal ones.
+
+        Returns:
+            Its number; None when there is none.
+        """
+        self._keep_best(layout.numbers(self.directory), prefer)
+        return next(iter(layout.numbers(self.directory)), None)
+
+    def publish(self, prefer: Preference = COMPUTING) -> None:
+        """Move the best attempt's files to the fold's directory; one that was cut off goes on."""
+        self.keep_best(prefer)
+        place = layout.folder(self.directory)
+        if place == self.directory:
+            return
+        for name in (*layout.RESULTS, RECORDED_PLAN):
+            there = place / name
+            if there.is_dir():
+                rmtree(self.directory / name, ignore_errors=True)
+            if there.exists():
+                there.replace(self.directory / name)
+        rmtree(self.directory / layout.FOLDER)
+
+    def _keep_best(self, among: Sequence[int], prefer: Preference = COMPUTING) -> None:
+        if len(among) > 1:
+            best = max(among, key=lambda number: self._rank(number, prefer))
+            unwanted = [number for number in among if number != best]
+            if prefer != COMPUTING:
+                unwanted = [number for number in unwanted if not self._moved_to_plans(number)]
+            self._remove(unwanted)
+
+    def _moved_to_plans(self, number: int) -> bool:
+        """Move a verified plan to ``PLANS`` if there is room; return True if it was moved."""
+        place = layout.place_of(self.directory, number)
+        if not judgement(layout.certificate_values(place / layout.CERTIFICATE))[0]:
+            return False
+        for path in place.iterdir():
+            if path.name not in layout.PLAYABLE:
+                path.unlink()
+        plans = self.directory / layout.PLANS
+        files = [path for root in (plans, place) for path in root.rglob("*") if path.is_file()]
+        if sum(path.stat().st_size for path in files) > MAX_PLANS_BYTES:
+            return False
+        plans.mkdir(exist_ok=True)
+        place.rename(plans / str(number))
+        return True
+
+    def _rank(self, number: int, prefer: Preference) -> Rank:
+        """Return how far an attempt came, from its files: it may have been cut off."""
+        place = layout.place_of(self.directory, number)
+        attempts: list[dict[str, Any]] = self._json(layout.ATTEMPTS)
+        last = last_frame(place / layout.TIMELINE)
+        return rank(
+            layout.certificate_values(place / layout.CERTIFICATE),
+            straight=number < len(attempts) and attempts[number]["status"] == "straight",
+            bent=inf if last is None else share_bent(*last),
+            number=number,
+            prefer=prefer,
+        )
+
+    def _remove(self, unwanted: Sequence[int]) -> None:
+        folders = self.directory / layout.FOLDER
+        for number in unwanted:
+            (folders / str(number)).rename(folders / f"{_UNWANTED}{number}")
+        for path in folders.glob(f"{_UNWANTED}*"):
+            rmtree(path)
+
+    def _write_chain(self, chain: Chain) -> None:
+        write_json(self.directory / layout.CHAIN, chain_attributes(chain))
+
+    def _drop(self, *names: str) -> None:
+        for name in names:
+            path = self.directory / name
+            if path.is_dir():
+                rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
+
+    def _result(self, name: str) -> FilePath:
+        return layout.result(self.directory, name)
+
+    def _json(self, name: str) -> Any:
+        return json.loads((self.directory / name).read_bytes())
