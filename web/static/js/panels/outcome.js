@@ -12,7 +12,7 @@ const ICON = "/static/icon.svg";
  * @param {string} stage
  */
 export function titleOf({ status, fraction, preparing }, name, stage) {
-  const percent = (/** @type {number | null} */ share) => `${Math.floor(100 * (share ?? 0))} %`;
+  const percent = (/** @type {number | undefined} */ share) => `${Math.floor(100 * (share ?? 0))} %`;
   const waiting = status === "queued" ? "Waiting" : `${stage} ${percent(fraction)}`;
   const share = preparing ? `Preparing ${percent(preparing.fraction)}` : waiting;
   return `${share} · ${name} · foldback`;
