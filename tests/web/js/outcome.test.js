@@ -11,6 +11,12 @@ test("title_while_a_fold_runs_shows_the_progress", () => {
   assert.equal(titleOf({ status: "queued", stage: "read", fraction: 0.4 }, "torus", "Reading"), "Waiting · torus · foldback");
 });
 
+test("title_while_the_solvers_are_prepared_shows_their_progress", () => {
+  for (const status of ["queued", "running"]) {
+    assert.equal(titleOf({ status, fraction: 0, preparing: { fraction: 0.478, remaining_s: 90 } }, "torus", "Reading"), "Preparing 47 % · torus · foldback");
+  }
+});
+
 test("title_at_the_verdict_shows_a_mark", () => {
   assert.deepEqual(["good", "bad", "soft"].map((tone) => headingOf(facts(tone))), ["✓ torus", "✕ torus", "torus"]);
 });

@@ -7,12 +7,14 @@ const ICON = "/static/icon.svg";
 
 // The title of the tab while a fold runs. Each stage counts from 0.
 /**
- * @param {Pick<ProgressTold, "status" | "fraction">} now
+ * @param {Pick<ProgressTold, "status" | "fraction" | "preparing">} now
  * @param {string} name
  * @param {string} stage
  */
-export function titleOf({ status, fraction }, name, stage) {
-  const share = status === "queued" ? "Waiting" : `${stage} ${Math.floor(100 * (fraction ?? 0))} %`;
+export function titleOf({ status, fraction, preparing }, name, stage) {
+  const percent = (/** @type {number | undefined} */ share) => `${Math.floor(100 * (share ?? 0))} %`;
+  const waiting = status === "queued" ? "Waiting" : `${stage} ${percent(fraction)}`;
+  const share = preparing ? `Preparing ${percent(preparing.fraction)}` : waiting;
   return `${share} · ${name} · foldback`;
 }
 

@@ -82,9 +82,9 @@ export class Progress {
     if (now.status === "running") advance.note(now);
     if (now.status === "running" && now.stage === WRITING) this.checked();
     else this.verdict = null;
-    this.onProgress(now.status === "running" ? { ...now, fraction: advance.fraction } : now, advance.name());
     const compiling = now.message === COMPILING ? { fraction: now.fraction ?? 0, remaining_s: null } : null;
     const preparing = now.preparing ?? compiling;
+    this.onProgress({ ...now, preparing, ...(now.status === "running" && { fraction: advance.fraction }) }, advance.name());
     const queue = now.queue_position ?? 0;
     let text = advance.name();
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;

@@ -87,12 +87,34 @@
     watching = pictures < due;
     if (!watching) return;
     notice();
+    releaseCamera();
     if (performance.now() - spoken > PAINTS_MS) tell([NOTHING]);
     paintNext(watch);
   }
   function owe() {
     due = pictures + PICTURES;
     if (!watching) watch();
+  }
+
+  // The client moves its camera before the next picture, but its modules only after it. The camera waits
+  // for that picture: otherwise a chain that moves fast would leave the view that follows it.
+  const CAMERA = new Set(["SetCameraLookAtMessage", "SetCameraPositionMessage"]);
+  /** @type {SceneMessage[]} */
+  let waitingCamera = [];
+  let waitsSince = 0; // number of pictures when the camera began to wait
+  function releaseCamera() {
+    if (!waitingCamera.length || pictures === waitsSince) return;
+    tell(waitingCamera);
+    waitingCamera = [];
+  }
+
+  /** @param {SceneMessage[]} messages */
+  function show(messages) {
+    releaseCamera();
+    const camera = messages.filter(({ type }) => CAMERA.has(type));
+    if (camera.length) [waitingCamera, waitsSince] = [camera, pictures];
+    tell(messages.filter(({ type }) => !CAMERA.has(type)));
+    owe();
   }
 
   const say = (/** @type {Record<string, unknown>} */ message) => port?.postMessage(message);
@@ -105,8 +127,7 @@
       const messages = data.messages.filter((message) => SHOWN.has(message?.type));
       for (const message of messages) if ("titlebar_content" in message) message.titlebar_content = null; // links
       if (messages.some(({ type }) => type === "BatchedMeshesMessage")) missing = true;
-      tell(messages);
-      owe();
+      show(messages);
     } else if (data?.do === "pass") {
       twice(() => say({ is: "done", id: data.id }));
     } else if (data?.do === "paint") {
