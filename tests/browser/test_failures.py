@@ -103,7 +103,7 @@ def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
         box, bar = tab.bounding_box(), page.locator(".drawer").bounding_box()
         assert box and bar and box["x"] + box["width"] <= bar["x"] + bar["width"] - 36
     page.locator("#panel-attempts .inline").first.click()
-    expect(page.locator("#panel-module h2")).to_contain_text(f"Module {place['modules'][0]}")
+    expect(page.locator("#panel-module h2")).to_contain_text(f"Module {place['modules'][0] + 1} ")
     # The whole chain is followed again once somebody asks for it.
     near = page.evaluate(INSIDE, place["modules"])["distance"]
     page.locator("#follow").click()

@@ -96,7 +96,7 @@ def test_every_module_of_a_long_fold_can_be_clicked(
         way = _free_way(positions, module)
         page.evaluate("() => window.foldback.player.send({ do: 'select', module: null })")
         page.evaluate(CLICK, [module, way.tolist()])
-        expect(page.locator("#panel-module h2")).to_contain_text(f"Module {module}")
+        expect(page.locator("#panel-module h2")).to_contain_text(f"Module {module + 1} of ")
         carried = 2 * (module - CHAIN.module.rigid_links)
         for k, angle in enumerate(angles[carried : carried + 2] if carried >= 0 else ()):
             assert _shown(page, k) == pytest.approx(np.rad2deg(angle), abs=0.06)

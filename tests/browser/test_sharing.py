@@ -40,7 +40,7 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
     expect(page.locator("#range-to")).to_have_attribute("aria-valuenow", "20")
     assert page.evaluate("() => window.foldback.player.selected") is None
     page.evaluate("() => { location.hash = '#frame=31&module=8'; }")
-    expect(page.locator("#panel-module h2")).to_contain_text("Module 7")
+    expect(page.locator("#panel-module h2")).to_contain_text("Module 8 of ")
     expect(page.locator("#range")).to_be_hidden()
     page.locator("#share").click()
     page.locator("#share-here").uncheck()
@@ -48,7 +48,7 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
 
     other = visit(link, view=False)
     expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
-    expect(other.locator("#panel-module h2")).to_contain_text("Module 7")
+    expect(other.locator("#panel-module h2")).to_contain_text("Module 8 of ")
     expect(other.locator("#cancel")).to_be_hidden()
 
 
@@ -131,7 +131,8 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
     sides = [page.locator(f"#side-{k}") for k in range(2)]
     for side in sides:
         side.locator(".sketch.gone").wait_for(state="attached")
-    expect(sides[1].locator(".side-preset")).to_contain_text("Direct servoing")
+    expect(sides[1].locator("h2 a")).to_have_attribute("href", f"/folds/{direct}")
+    assert service.state(direct)["preset"] == "direct"
     expect(page.locator("#colour-by")).to_be_in_viewport()
     told = page.locator("#keys-table").text_content()
     assert told

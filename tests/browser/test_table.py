@@ -38,7 +38,7 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
     page.locator("[name=world][value=table]").check(force=True)
     answered(page)
     expect(page).to_have_url(re.compile("world=table"))
-    expect(page.locator("#world-hint")).to_contain_text("Stays supported by the table throughout")
+    expect(page.locator("#world-hint")).to_contain_text("table")
     expect(page.locator("#what")).to_be_hidden()
     expect(page.locator("#prefer-part")).to_be_hidden()
     page.locator("details.more summary").first.click()
