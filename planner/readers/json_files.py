@@ -18,19 +18,19 @@ from planner.shapes.solid import Solid
 PATH_FORMAT: Final = "foldback-path/1"
 CHAIN_FORMAT: Final = "foldback-chain/1"
 VOXELS_FORMAT: Final = "foldback-voxels/1"
-FORMATS: Final = (PATH_FORMAT, CHAIN_FORMAT, VOXELS_FORMAT)
+JSON_FORMATS: Final = (PATH_FORMAT, CHAIN_FORMAT, VOXELS_FORMAT)
 
 
 def is_json(text: str) -> bool:
-    """Whether the first character is that of a JSON object or list."""
+    """Return True if the first character begins a JSON object or list."""
     return text.lstrip()[:1] in ("{", "[")
 
 
 def read_json(text: str, source: Source) -> Path | Chain | Shape | Solid:
-    """What a JSON file holds: a path, a chain, voxels, or a glTF scene.
+    """Read a path, a chain, voxels or a glTF scene from JSON.
 
     Raises:
-        InputError: Naming the line, the key or the cell.
+        InputError: The JSON cannot be read; names the line, the key or the cell.
     """
     value = parse(text, source.most_cells)
     if isinstance(value, list):
@@ -56,7 +56,7 @@ def _wrong_format(document: dict[str, Any], found: object) -> InputError:
             "no-format", f'got an object with the keys: {keys}; {expected} under "format".'
         )
     family, slash, version = found.partition("/") if isinstance(found, str) else ("", "", "")
-    if slash and family in {f.partition("/")[0] for f in FORMATS}:
+    if slash and family in {f.partition("/")[0] for f in JSON_FORMATS}:
         return InputError(
             "wrong-version",
             f"got version {quote(version)!r} of {family}, {expected}.",

@@ -1,4 +1,4 @@
-"""Meshes as trimesh reads them, once a format's own check has counted what is announced.
+"""Meshes read by trimesh after a format's own check of the declared counts.
 
 trimesh gets bytes and no resolver: it can neither find nor fetch another file. It is loaded with
 the first mesh, since most inputs are paths.
@@ -26,7 +26,7 @@ Triangles: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64]]"
 
 
 def triangles_in(data: bytes, kind: Format) -> Triangles:
-    """The triangles of all parts of a mesh or a scene, each where the scene puts it.
+    """Return the triangles of all parts of a mesh or a scene, in the scene's frame.
 
     Args:
         data: A whole file whose announced counts are checked.
@@ -96,7 +96,7 @@ def incomplete(kind: Format, found: str) -> InputError:
 
 
 def _parts(scene: Scene) -> list[Triangles]:
-    """Points and triangles of each instance of a mesh, in the scene's frame."""
+    """Return points and triangles of each instance of a mesh, in the scene's frame."""
     import trimesh
 
     found: list[Triangles] = []

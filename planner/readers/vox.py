@@ -12,14 +12,19 @@ from planner.errors import InputError
 from planner.readers.limits import Source, quote, too_many
 from planner.shapes.shape import Shape
 
-MAGIC: Final = b"VOX "
-MOST_CHUNKS: Final = 100_000
-MOST_PLACED: Final = 10_000
-HEAD_BYTES: Final = 8
+VOX_MAGIC: Final = b"VOX "
+MAX_CHUNKS: Final = 100_000
+"""Maximum number of chunks of a file. Chosen; bounds time."""
+MAX_SCENE_NODES: Final = 10_000
+"""Maximum number of visited nodes of the scene. Chosen; bounds time."""
+FILE_HEADER_BYTES: Final = 8
+"""Size of the signature and version before the first chunk."""
 COLOURLESS: Final = "voxels of colour 0, which means empty, were ignored."
 HIDDEN: Final = "hidden objects were ignored."
-CHUNK_BYTES: Final = 12
-DIGITS_OF_A_FRAME: Final = 9
+CHUNK_HEADER_BYTES: Final = 12
+"""Size of a chunk's header: its type and the sizes of content and children."""
+MAX_FRAME_DIGITS: Final = 9
+"""Digits of a frame number that are read; further ones are cut off. Chosen."""
 
 Ints = NDArray[np.int64]
 
@@ -34,7 +39,7 @@ class _Placed:
 
 @dataclass(slots=True, kw_only=True)
 class _File:
-    """What the chunks hold: models as (size, voxels), and the scene's nodes, some hidden."""
+    """Content of the chunks: models as (size, voxels), and the scene's nodes, some hidden."""
 
     sizes: list[Ints] = field(default_factory=list[Ints])
     models: list[Ints] = field(default_factory=list[Ints])
@@ -49,17 +54,17 @@ class _File:
 
 
 def is_vox(data: bytes) -> bool:
-    """Whether the bytes begin as .vox files do."""
-    return data.startswith(MAGIC)
+    """Return True if the bytes begin with the signature of .vox."""
+    return data.startswith(VOX_MAGIC)
 
 
 def read_vox(data: bytes, source: Source) -> Shape:
-    """Return a shape from the models in sight of a .vox file, as its scene places them; z is up.
+    """Return the shape of the visible models of a .vox file in its scene; z is up.
 
     Raises:
-        InputError: When chunks and their headers disagree.
+        InputError: Chunks and their headers disagree.
     """
-    if len(data) < HEAD_BYTES + CHUNK_BYTES or data[8:12] != b"MAIN":
+    if len(data) < FILE_HEADER_BYTES + CHUNK_HEADER_BYTES or data[8:12] != b"MAIN":
         raise _damaged("its first chunk is not MAIN")
     found = _chunks(data)
     if not found.models:
@@ -95,15 +100,15 @@ def _damaged(found: str) -> InputError:
 
 def _chunks(data: bytes) -> _File:
     found = _File()
-    at = HEAD_BYTES + CHUNK_BYTES + int.from_bytes(data[12:16], "little")
-    for _ in range(MOST_CHUNKS):
+    at = FILE_HEADER_BYTES + CHUNK_HEADER_BYTES + int.from_bytes(data[12:16], "little")
+    for _ in range(MAX_CHUNKS):
         if at == len(data):
             break
-        if at + CHUNK_BYTES > len(data):
+        if at + CHUNK_HEADER_BYTES > len(data):
             raise InputError("truncated", "the file ends within a chunk; save or send it again.")
         kind = data[at : at + 4]
         size = int.from_bytes(data[at + 4 : at + 8], "little")
-        start = at + CHUNK_BYTES
+        start = at + CHUNK_HEADER_BYTES
         if start + size > len(data):
             raise InputError(
                 "truncated",
@@ -113,7 +118,7 @@ def _chunks(data: bytes) -> _File:
         _take(kind, _Reader(data[start : start + size]), found)
         at = start + size
     else:
-        raise InputError("too-large", f"got more than {MOST_CHUNKS} chunks.")
+        raise InputError("too-large", f"got more than {MAX_CHUNKS} chunks.")
     if len(found.sizes) != len(found.models):
         raise _damaged("its models and their sizes do not match")
     return found
@@ -173,7 +178,7 @@ def _frame(words: dict[bytes, bytes]) -> int:
     word = words.get(b"_f", b"0")
     if not word.isdigit():
         raise _damaged("a frame has no valid number")
-    return int(word[:DIGITS_OF_A_FRAME])
+    return int(word[:MAX_FRAME_DIGITS])
 
 
 def _frame_of_model(model: tuple[int, dict[bytes, bytes]]) -> int:
@@ -186,7 +191,7 @@ def _note(found: _File, note: str) -> None:
 
 
 class _Reader:
-    """Numbers and words of a chunk, one after the other."""
+    """Sequential reader of the numbers and words of a chunk."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -194,37 +199,37 @@ class _Reader:
 
     @property
     def left(self) -> int:
-        """Bytes that are not read yet."""
+        """Number of unread bytes."""
         return len(self._data) - self._at
 
     def skip(self, size: int) -> bytes:
-        """The next bytes."""
+        """Read the next bytes."""
         if not 0 <= size <= self.left:
             raise _damaged("a chunk ends too early")
         self._at += size
         return self._data[self._at - size : self._at]
 
     def number(self) -> int:
-        """A signed whole number."""
+        """Read a signed 32-bit integer."""
         return int.from_bytes(self.skip(4), "little", signed=True)
 
     def counted(self, least: int) -> int:
-        """A number of things that take ``least`` bytes each."""
+        """Read a number of items of at least ``least`` bytes each."""
         count = self.number()
         if count < 0 or count * least > self.left:
             raise _damaged(f"a chunk announces {count} items but has fewer")
         return count
 
     def numbers(self) -> list[int]:
-        """A counted list of numbers."""
+        """Read a list of numbers with its length."""
         return [self.number() for _ in range(self.counted(4))]
 
     def words(self) -> dict[bytes, bytes]:
-        """Pairs of words."""
+        """Read a dictionary of byte strings."""
         return {self.skip(self.number()): self.skip(self.number()) for _ in range(self.counted(8))}
 
     def voxels(self, count: int) -> tuple[Ints, Ints]:
-        """Return (count, 3) cells and (count,) their colours."""
+        """Read (count, 3) cells and their (count,) colours."""
         rows = np.frombuffer(self.skip(4 * count), dtype=np.uint8).reshape(-1, 4).astype(np.int64)
         return rows[:, :3], rows[:, 3]
 
@@ -250,7 +255,7 @@ def _placed(words: dict[bytes, bytes]) -> _Placed:
 
 
 def _placements(found: _File) -> list[tuple[int, _Placed]]:
-    """Return the models in sight and where they go; without a scene, the first one."""
+    """Return the visible models and their transforms; without a scene, the first one."""
     nodes = len(found.moves) + len(found.groups) + len(found.shapes)
     if not nodes or not found.moves:
         if len(found.models) > 1:
@@ -261,7 +266,7 @@ def _placements(found: _File) -> list[tuple[int, _Placed]]:
     seen: set[int] = set()
     while waiting:
         node, above = waiting.pop()
-        if node in seen or len(seen) > MOST_PLACED:
+        if node in seen or len(seen) > MAX_SCENE_NODES:
             raise _damaged(f"its scene uses node {node} twice, or has too many nodes")
         seen.add(node)
         if node in found.hidden or found.layers.get(node) in found.hidden_layers:
