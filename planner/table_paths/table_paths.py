@@ -1,4 +1,4 @@
-"""Paths for a table: the best that are found through a shape, over the sides it can lie on."""
+"""Paths for a table: the best paths through a shape over the sides on which it can lie."""
 
 from __future__ import annotations
 
@@ -27,13 +27,15 @@ from planner.table_paths.score import WEIGHTS, Parts, parts_of
 
 Ints = NDArray[np.int64]
 
-MOST: Final = 8
-WORK: Final = 60_000
-"""Steps of the search through layers, for all sides of a shape together."""
-LOOKED_AT: Final = 6
-"""Paths that are scored in full for each one that is kept."""
-ALIKE: Final = 0.9
-"""Two paths with more than this share of their links in common count as one, where others are."""
+MAX_TABLE_PATHS: Final = 8
+"""Maximum number of returned paths. Chosen."""
+LAYER_WORK_STEPS: Final = 60_000
+"""Number of steps of the search through layers, all sides of a shape together. Larger values find
+better paths, more slowly. Chosen."""
+SCORED_PER_PATH: Final = 6
+"""Number of paths that are scored in full for each returned one. Chosen."""
+MAX_SHARED_LINKS: Final = 0.9
+"""Share of common links above which two paths count as alike; alike paths come last. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,12 +44,12 @@ class TablePath:
 
     Attributes:
         cells: (n, 3) int64, read-only, in the order of the chain; the floor is under z = 0.
-        down: The side of the shape that is down: ``-z`` as it was given, ``+x`` and so on.
+        down: Side of the shape that is down: ``-z`` as given, ``+x`` and so on.
         turn: (3, 3) the rotation of the shape: cell c of it lies at ``turn @ c + shift``.
-        shift: (3,) see ``turn``.
-        rule: ``layers``: never goes down; ``falls``: goes down where it has to.
-        score: How easily it is expected to fold; the lower, the easier.
-        parts: What the score is made of.
+        shift: (3,) shift after the rotation, see ``turn``.
+        rule: ``layers``: never goes down; ``falls``: goes down if it has to.
+        score: Expected difficulty of the fold; lower is easier.
+        parts: Parts of the score.
     """
 
     cells: Ints
@@ -63,12 +65,12 @@ def table_paths(
     cells: ArrayLike,
     *,
     seed: int = 0,
-    most: int = MOST,
+    most: int = MAX_TABLE_PATHS,
     turned: bool = True,
-    work: int = WORK,
+    work: int = LAYER_WORK_STEPS,
     weights: Parts = WEIGHTS,
 ) -> tuple[TablePath, ...]:
-    """Looks for paths in which a chain of cubes can fold while it rests on a table.
+    """Search for paths in which a chain of cubes can fold while it rests on a table.
 
     They visit layer after layer from the floor up, begin with a flat link, have no vertical
     hairpin, and each of their beginnings stands on the floor by itself. Only where no side of the
@@ -77,14 +79,14 @@ def table_paths(
 
     Args:
         cells: (n, 3) whole numbers: the shape, in any order.
-        seed: Of all choices; the same seed gives the same paths.
-        most: How many paths at most.
-        turned: Also lay the shape on its other sides; else it stands as it is.
+        seed: Seed of all random choices.
+        most: Maximum number of paths.
+        turned: True to try all sides of the shape, False to keep it as it stands.
         work: Steps of the search.
-        weights: How much each part of the score counts.
+        weights: Weight of each part of the score.
 
     Returns:
-        At least one path, the most promising first.
+        One or more paths, the most promising first.
 
     Raises:
         InputError: ``overhang``, ``parts``, ``hairpins-only``, ``not-stable`` or ``no-path`` when
@@ -99,9 +101,9 @@ def table_paths(
 
 
 def why_none(
-    cells: ArrayLike, *, seed: int = 0, turned: bool = True, work: int = WORK
+    cells: ArrayLike, *, seed: int = 0, turned: bool = True, work: int = LAYER_WORK_STEPS
 ) -> tuple[NoPath, ...]:
-    """Why a shape has no path for a table, for each side that it could lie on; empty if it has one.
+    """Return the reason for each side of a shape without a path for a table; empty if it has one.
 
     Args:
         cells: As ``table_paths`` takes them, and so are the others.
@@ -114,12 +116,12 @@ def paths_or_reasons(
     cells: ArrayLike,
     *,
     seed: int = 0,
-    most: int = MOST,
+    most: int = MAX_TABLE_PATHS,
     turned: bool = True,
-    work: int = WORK,
+    work: int = LAYER_WORK_STEPS,
     weights: Parts = WEIGHTS,
 ) -> tuple[tuple[TablePath, ...], tuple[NoPath, ...]]:
-    """The paths that ``table_paths`` gives, and why sides have none; of no paths, all reasons.
+    """Return the paths of ``table_paths``, and the reasons of sides without a path.
 
     Args:
         cells: As ``table_paths`` takes them, and so are the others.
@@ -159,7 +161,7 @@ def paths_or_reasons(
 
 
 def _made(climb: Climb, side: Side, most: int, weights: Parts) -> list[TablePath]:
-    orders = climb.best(LOOKED_AT * most)
+    orders = climb.best(SCORED_PER_PATH * most)
     return [_path(side, order, LAYERS, weights) for order in orders]
 
 
@@ -179,7 +181,7 @@ def _path(side: Side, order: Ints, rule: Rule, weights: Parts) -> TablePath:
 
 
 def _chosen(found: list[TablePath], most: int) -> tuple[TablePath, ...]:
-    """The best paths; those that are almost another one, or its mirror image, come last."""
+    """Return the best paths; those almost equal to another or its mirror image come last."""
     different = {(path.down, path.cells.tobytes()): path for path in found}.values()
     ranked = sorted(different, key=lambda path: (path.score, path.down, path.cells.tobytes()))
     chosen: list[TablePath] = []
@@ -188,7 +190,7 @@ def _chosen(found: list[TablePath], most: int) -> tuple[TablePath, ...]:
     for path in ranked:
         links = [_links(image) for image in images(path.cells)]
         shared = max((len(a & b) for a in links for b in looks), default=0)
-        if shared > ALIKE * (len(path.cells) - 1):
+        if shared > MAX_SHARED_LINKS * (len(path.cells) - 1):
             alike.append(path)
         else:
             chosen.append(path)
