@@ -30,7 +30,7 @@ from planner.parameters.explosion import Base
 from planner.statics.balance import MIN_TORQUE_WP, Balance, Standing
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, floor_clearances
 from planner.statics.friction import CONE_SIDES, DIRECTION_SPREADS_RAD, Friction
-from planner.statics.resting import resting_poses
+from planner.statics.stable_poses import resting_poses
 
 Array = NDArray[np.float64]
 ENTERED: Final = 0.02

@@ -10,7 +10,7 @@ from typing import Final, TypeAlias
 
 Cell: TypeAlias = tuple[int, int, int]
 
-METHODS: Final = ("auto", "blocks", "exact", "snake")
+PATH_METHODS: Final = ("auto", "blocks", "exact", "snake")
 """Methods that a request may name."""
-ENDS: Final = ("any", "surface")
+PATH_ENDS: Final = ("any", "surface")
 """Allowed ends of a path: any cell, or cells with a free face."""

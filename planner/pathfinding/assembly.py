@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.pathfinding.lattice import neighbours
-from planner.pathfinding.peelability import peelable
+from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
 from planner.shapes.layers import layered_path
 

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from planner.chain.module import LONG_CHAIN
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.pathfinding import ENDS, METHODS, Cell
+from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
 from planner.pathfinding.assembly import layered_snake, solid_paths
 from planner.pathfinding.blocks import aligned_blocks, block_cycle, cut, cut_costs
 from planner.pathfinding.exact import exact_path
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import index_of, parts, spread, spreads_of_cuts, surface
 from planner.pathfinding.loose_blocks import loose_block_cycle
-from planner.pathfinding.peelability import peelable
+from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import is_box, snake_path
 from planner.shapes.shape import Shape
 
@@ -100,11 +100,12 @@ def find_paths(
     Raises:
         InputError: An option is unknown, or the start is none of the cells.
     """
-    if method not in (*METHODS, ASSEMBLY):
+    if method not in (*PATH_METHODS, ASSEMBLY):
         raise InputError(
-            "unknown-method", f"got the method {method!r}, expected one of: {', '.join(METHODS)}."
+            "unknown-method",
+            f"got the method {method!r}, expected one of: {', '.join(PATH_METHODS)}.",
         )
-    if ends not in ENDS:
+    if ends not in PATH_ENDS:
         raise InputError("unknown-ends", f"got the ends {ends!r}, expected any or surface.")
     index_of(shape.cells, start)
     options = _Options(

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from planner.kernels.backbite import ease, grow
 from planner.pathfinding import Cell
-from planner.pathfinding.circuits import circuit
+from planner.pathfinding.infeasibility import obstacles
 from planner.pathfinding.lattice import colours, index_of, neighbours, surface
-from planner.pathfinding.obstacles import obstacles
+from planner.pathfinding.sat_paths import circuit
 from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]

@@ -15,8 +15,8 @@ from planner.chain.path import FEWEST_CELLS
 from planner.pathfinding import Cell
 from planner.pathfinding.blocks import halved
 from planner.pathfinding.exact import exact_path
+from planner.pathfinding.infeasibility import Problem, obstacles
 from planner.pathfinding.lattice import STEPS, colours, neighbours, parts
-from planner.pathfinding.obstacles import Problem, obstacles
 from planner.pathfinding.snake import is_box
 from planner.shapes.shape import Shape
 

@@ -9,9 +9,9 @@ from planner.chain.honeycomb import RING, ring_of
 from planner.errors import InputError
 from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair
 from planner.pathfinding.filled import Filled
+from planner.pathfinding.infeasibility import Problem
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
-from planner.pathfinding.obstacles import Problem
 from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.pathfinding.tetrahedra import find_trails
 from planner.shapes.shape import Shape

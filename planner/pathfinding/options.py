@@ -8,7 +8,7 @@ from typing import Final
 from planner.chain.module import CUBE, MODULES
 from planner.errors import InputError
 from planner.parameters.parameters import WORLDS, World
-from planner.pathfinding import ENDS, METHODS, Cell
+from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
 
 DEFAULT_MODULES: Final = 160
 """Number of modules of a mesh if the request names none. Chosen."""
@@ -64,8 +64,8 @@ class PathOptions:
             )
         for name, value, known in (
             ("module", self.module, tuple(MODULES)),
-            ("method", self.method, METHODS),
-            ("ends", self.ends, ENDS),
+            ("method", self.method, PATH_METHODS),
+            ("ends", self.ends, PATH_ENDS),
             ("world", self.world, WORLDS),
         ):
             if value not in known:

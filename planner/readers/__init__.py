@@ -16,9 +16,9 @@ from planner.names import clean_name
 from planner.readers.angle_strings import is_angle_string, read_angle_string, refuse_digits
 from planner.readers.binvox import is_binvox, read_binvox
 from planner.readers.csv_cells import is_csv, read_csv
+from planner.readers.file_signatures import refuse_other_kinds, unknown_kind
 from planner.readers.gltf import is_glb, read_glb
 from planner.readers.json_files import is_json, read_json
-from planner.readers.kinds import refuse_other_kinds, unknown_kind
 from planner.readers.limits import (
     MAX_CELLS,
     MAX_FILE_BYTES,

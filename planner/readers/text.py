@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.chain.path import DEFAULT_PITCH_M, LARGEST_COORDINATE, Path
 from planner.errors import InputError
-from planner.readers.kinds import wrong_kind
+from planner.readers.file_signatures import wrong_kind
 from planner.readers.limits import Source, quote
 from planner.shapes.shape import Shape
 

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from planner.chain.path import check_coordinates
 from planner.errors import InputError
 from planner.shapes.bodies import MIN_FILLED_SHARE, orient_bodies
-from planner.shapes.seams import closed_holes, edges_of, is_surface, welded
+from planner.shapes.mesh_repair import closed_holes, edges_of, is_surface, welded
 
 MAX_TRIANGLES: Final = 2_000_000
 """Maximum number of triangles of a mesh. Larger values take more memory and time. Chosen."""
-MAX_LENGTH: Final = 1e9
+MAX_VERTEX_COORDINATE: Final = 1e9
 """Largest coordinate of a vertex, in the file's unit. Chosen; larger ones are damage."""
 MIN_THICKNESS_SHARE: Final = 1e-6
 """Smallest over largest extent below which a mesh is flat and is refused. Chosen."""
@@ -140,9 +140,10 @@ def _check_lengths(points: Floats) -> None:
         (
             (~np.isfinite(points), "not-finite", "a finite length"),
             (
-                np.abs(points) > MAX_LENGTH,
+                np.abs(points) > MAX_VERTEX_COORDINATE,
                 "too-far",
-                f"at most {MAX_LENGTH:g} in size; scale the mesh and move it to the origin",
+                f"at most {MAX_VERTEX_COORDINATE:g} in size; scale the mesh and move it to the "
+                "origin",
             ),
         ),
         row="vertex",

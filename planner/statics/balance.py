@@ -7,7 +7,7 @@ program. That is a lower bound of limit analysis: right for motors that saturate
 optimistic for servos that hold their position stiffly.
 
 The joints' forces are eliminated: a hinge bears the moment of all that acts beyond it, and what is
-left are unknown pushes along rays (``program``).
+left are unknown pushes along rays (``equilibrium_lp``).
 
 Weights are 1 and lengths in pitches: torques are in w·p, the weight of a module times the pitch.
 """
@@ -25,8 +25,8 @@ from planner.chain.kinematics import Poses
 from planner.chain.statics import hinge_frames
 from planner.kernels.statics import EQUATIONS, Hinges, columns
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
+from planner.statics.equilibrium_lp import Columns, Program
 from planner.statics.friction import Friction, drifting, rays, wider
-from planner.statics.program import Columns, Program
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -12,13 +12,13 @@ from planner.pathfinding.blocks import halved
 from planner.pathfinding.feasibility import Feasibility, Problem
 from planner.pathfinding.fill_cubes import BLOCK_CELLS, doubled
 from planner.pathfinding.filled import Filled
+from planner.pathfinding.infeasibility import tuples
 from planner.pathfinding.knots import knot_of
-from planner.pathfinding.obstacles import tuples
 from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
+from planner.table_paths.base_sides import sides_of
+from planner.table_paths.infeasibility import NoPath, closest, most_telling, ruled_out
 from planner.table_paths.mending import added_words, cells_to_add, with_cells
-from planner.table_paths.reasons import NoPath, closest, most_telling, ruled_out
-from planner.table_paths.resting import sides_of
 from planner.table_paths.table_paths import paths_or_reasons
 
 SIDE_NAMES: dict[str, str] = {

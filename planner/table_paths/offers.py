@@ -18,9 +18,9 @@ from planner.pathfinding.options import (
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import voxelise
+from planner.table_paths.base_sides import sides_of
+from planner.table_paths.infeasibility import ruled_out
 from planner.table_paths.mending import cells_to_add
-from planner.table_paths.reasons import ruled_out
-from planner.table_paths.resting import sides_of
 from planner.table_paths.table_paths import paths_or_reasons
 
 Kind = Literal["repair", "modules", "blocks"]

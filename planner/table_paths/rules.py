@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.chain.path import Path
 from planner.pathfinding import Cell
-from planner.table_paths.resting import MIN_BALANCE_MARGIN_PITCH, prefix_margins
+from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, prefix_margins
 
 Ints = NDArray[np.int64]
 

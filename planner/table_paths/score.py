@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.table_paths.resting import prefix_margins
+from planner.table_paths.base_sides import prefix_margins
 from planner.table_paths.rules import FLAT_STEPS
 
 Ints = NDArray[np.int64]

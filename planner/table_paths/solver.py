@@ -1,7 +1,7 @@
-"""Paths that climb, by a SAT solver: for layers where trying does not do, and as proof.
+"""Ascending paths by a SAT solver: a search for hard layers, and proofs that there is none.
 
-A circuit through a dummy node, as ``planner/pathfinding/circuits.py`` has it, with links that go up
-or lie flat, and three links each that may not come together.
+A circuit through a dummy node, as in ``planner/pathfinding/sat_paths.py``, with links that go
+up or lie flat, and forbidden triples of links.
 """
 
 from __future__ import annotations

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from planner.chain.path import FEWEST_CELLS
 from planner.errors import InputError
 from planner.shapes.shape import Shape
-from planner.table_paths.climb import Climb
-from planner.table_paths.layer import Work
-from planner.table_paths.reasons import (
+from planner.table_paths.base_sides import Side, images, sides_of
+from planner.table_paths.infeasibility import (
     FALLING_EFFORT,
     NoPath,
     falling,
@@ -21,7 +20,8 @@ from planner.table_paths.reasons import (
     ruled_out,
     unsolved,
 )
-from planner.table_paths.resting import Side, images, sides_of
+from planner.table_paths.layer import Work
+from planner.table_paths.layer_path_search import Climb
 from planner.table_paths.rules import FALLS, LAYERS, Rule
 from planner.table_paths.score import WEIGHTS, Parts, parts_of
 

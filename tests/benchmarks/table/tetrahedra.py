@@ -30,7 +30,7 @@ from planner.simulation.model import SOLIMP, Material, compiled, tree_spec
 from planner.simulation.mujoco import mujoco
 from planner.statics.balance import Balance
 from planner.statics.contacts import floor_clearances
-from planner.statics.resting import resting_poses
+from planner.statics.stable_poses import resting_poses
 from server.store.gallery import Gallery
 from tests.benchmarks.tables import Section
 

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, images, margins_within, support
 from planner.table_paths.layer import MAX_EXHAUSTIVE_CELLS, Layer, Work, ways
-from planner.table_paths.resting import MIN_BALANCE_MARGIN_PITCH, images, margins_within, support
 from planner.table_paths.score import WEIGHTS, Parts
 
 Ints = NDArray[np.int64]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.pathfinding import Cell
+from planner.pathfinding.infeasibility import obstacles, tuples
 from planner.pathfinding.lattice import parts
-from planner.pathfinding.obstacles import obstacles, tuples
-from planner.table_paths.resting import MIN_BALANCE_MARGIN_PITCH, Side, stands
+from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, Side, stands
 from planner.table_paths.rules import FALLS, faults_of
 from planner.table_paths.solver import climbed
 
@@ -23,7 +23,9 @@ REASON_RANKS: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
 FALLING_EFFORT: Final = 1.5
 """Deterministic effort of the solver for descending paths, all sides of a shape together, about
 seconds. Chosen."""
-TABLE_REMEDY: Final = "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
+NO_TABLE_PATH_REMEDY: Final = (
+    "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
+)
 LAY: Final = "Lay it on another side, or give it a wider foot."
 
 
@@ -47,7 +49,7 @@ class NoPath:
     down: str
     code: Code
     detail: str
-    remedy: str = TABLE_REMEDY
+    remedy: str = NO_TABLE_PATH_REMEDY
     cells: tuple[Cell, ...] = ()
     may_fall: bool = False
     cause: str = ""
@@ -201,7 +203,7 @@ def _no_path(
     cells: tuple[Cell, ...] = (),
     *,
     may_fall: bool = False,
-    remedy: str = TABLE_REMEDY,
+    remedy: str = NO_TABLE_PATH_REMEDY,
 ) -> NoPath:
     return NoPath(
         down=side.down, code=code, detail=detail, remedy=remedy, cells=cells, may_fall=may_fall
