@@ -21,7 +21,7 @@ def read_path(document: dict[str, Any], source: Source) -> Path | Shape:
     """Return a path from a ``foldback-path/1`` object.
 
     Raises:
-        InputError: Naming the key or the cell.
+        InputError: The input is invalid; names the key or the cell.
     """
     refuse_unread_keys(document, PATH_KEYS)
     rows = document.get("cells")
@@ -41,7 +41,7 @@ def read_voxels(document: dict[str, Any], source: Source) -> Shape:
     """Return a shape from a ``foldback-voxels/1`` object.
 
     Raises:
-        InputError: Naming the key or the cell.
+        InputError: The input is invalid; names the key or the cell.
     """
     found = read_path(document, replace(source, as_voxels=True))
     assert isinstance(found, Shape)
@@ -54,7 +54,7 @@ def path_from_rows(
     """Return a path from parsed JSON rows, or a shape if ``source.as_voxels`` is set.
 
     Raises:
-        InputError: Naming the cell.
+        InputError: The input is invalid; names the cell.
     """
     if len(rows) > source.most_cells:
         raise too_many(len(rows), source.most_cells)

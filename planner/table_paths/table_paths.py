@@ -106,7 +106,7 @@ def why_none(
     """Return the reason for each side of a shape without a path for a table; empty if it has one.
 
     Args:
-        cells: As ``table_paths`` takes them, and so are the others.
+        cells: (n, 3) cells; all arguments are those of ``table_paths``.
     """
     found, reasons = paths_or_reasons(cells, seed=seed, most=1, turned=turned, work=work)
     return () if found else reasons
@@ -124,7 +124,7 @@ def paths_or_reasons(
     """Return the paths of ``table_paths``, and the reasons of sides without a path.
 
     Args:
-        cells: As ``table_paths`` takes them, and so are the others.
+        cells: (n, 3) cells; all arguments are those of ``table_paths``.
     """
     given = Shape.from_cells(cells).cells
     if len(given) < FEWEST_CELLS:
