@@ -153,15 +153,15 @@ class _Search:
         free = [b for b in self.near[block] if not self.placed[b]]
         # A neighbour whose only way in is from here must come next, or be the end.
         lonely = [b for b in free if self.degree[b] == 0]
-        left = self.count - sum(self.placed) if lonely else 0
-        if lonely and left > 1:
+        remaining = self.count - sum(self.placed) if lonely else 0
+        if lonely and remaining > 1:
             return []
         tight = [b for b in free if self.degree[b] == 1]
         if len(tight) > 2:
             return []
-        found = [b for b in free if self._has_way(b)]
-        found.sort(key=lambda b: -(self.key[b] + self.degree[b]))
-        return found
+        choices = [b for b in free if self._has_way(b)]
+        choices.sort(key=lambda b: -(self.key[b] + self.degree[b]))
+        return choices
 
     def _has_way(self, block: int) -> bool:
         """Return True if a straight line leads from a block outside past all placed blocks."""
@@ -173,15 +173,15 @@ def _lines(blocks: Ints) -> list[list[list[int]]]:
     low = blocks.min(axis=0)
     grid = np.full(blocks.max(axis=0) - low + 1, -1, dtype=np.int64)
     grid[tuple((blocks - low).T)] = np.arange(len(blocks))
-    found: list[list[list[int]]] = []
+    lines: list[list[list[int]]] = []
     for x, y, z in (blocks - low).tolist():
         rows = (
             (grid[x + 1 :, y, z], grid[:x, y, z]),
             (grid[x, y + 1 :, z], grid[x, :y, z]),
             (grid[x, y, z + 1 :], grid[x, y, :z]),
         )
-        found.append([[b for b in way.tolist() if b >= 0] for row in rows for way in row])
-    return found
+        lines.append([[b for b in way.tolist() if b >= 0] for row in rows for way in row])
+    return lines
 
 
 def filled_blocks(order: Ints, side: int) -> Ints:

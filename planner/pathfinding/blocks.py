@@ -47,8 +47,8 @@ def halved(shape: Shape) -> Ints | None:
     Cell ``c`` of the shape lies in block ``(c − offset) // 2``; the offset is the least cell of the
     shape's bounding box, or one less on some axes.
     """
-    found = aligned_blocks(shape.cells)
-    return None if found is None else found[0]
+    aligned = aligned_blocks(shape.cells)
+    return None if aligned is None else aligned[0]
 
 
 def aligned_blocks(cells: Ints) -> tuple[Ints, Ints] | None:
@@ -110,24 +110,24 @@ def block_cycle(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") -
     faces = (2 * axes + (steps.sum(axis=1) < 0)).tolist()  # the child's face to its parent
     parent_of = parents.tolist()
     for rank, block in enumerate(order.tolist()):
-        there, parent = None, -1
+        parent_edge, parent = None, -1
         if rank:
             parent = parent_of[block]
             face = faces[rank - 1]
-            there = chosen[parent][face ^ 1]
+            parent_edge = chosen[parent][face ^ 1]
             bit = 4 >> (face >> 1)
-            here = (there[0] ^ bit, there[1] ^ bit)
+            own_edge = (parent_edge[0] ^ bit, parent_edge[1] ^ bit)
         else:
-            face, here = first
-        found = options[face, here]
-        ring, edges_of_faces = found[picks[rank] % len(found)]
+            face, own_edge = first
+        fitting = options[face, own_edge]
+        ring, edges_of_faces = fitting[picks[rank] % len(fitting)]
         chosen[block] = edges_of_faces
         links[block, :, :, 0] = block
         links[block, :, :, 1] = ring
-        if there is not None:
-            for a, b in zip(there, here, strict=True):
-                _relink(links, (parent, a), there, (block, b))
-                _relink(links, (block, b), here, (parent, a))
+        if parent_edge is not None:
+            for a, b in zip(parent_edge, own_edge, strict=True):
+                _relink(links, (parent, a), parent_edge, (block, b))
+                _relink(links, (block, b), own_edge, (parent, a))
     return _cells_of(blocks, _walk(links))
 
 
@@ -145,13 +145,13 @@ def _walk(links: Ints) -> Ints:
     flat = (8 * links[..., 0] + links[..., 1]).reshape(-1, 2)
     one, two = flat[:, 0].tolist(), flat[:, 1].tolist()
     before, at = one[0], 0
-    found = [0] * len(flat)
+    walk = [0] * len(flat)
     for place in range(len(flat)):
-        found[place] = at
+        walk[place] = at
         before, at = at, (two[at] if one[at] == before else one[at])
-    if at != 0 or len(set(found)) != len(found):
+    if at != 0 or len(set(walk)) != len(walk):
         raise AssertionError("the blocks did not join into one cycle")
-    return np.array(found, dtype=np.int64)
+    return np.array(walk, dtype=np.int64)
 
 
 def _cells_of(blocks: Ints, walk: Ints) -> Ints:
@@ -165,11 +165,11 @@ def _spanning_tree(blocks: Ints, rng: np.random.Generator, tree: Tree) -> tuple[
     # Weights are above zero, which a sparse matrix needs; only a random tree looks at them.
     weights = 1.0 + rng.random(len(pairs))
     graph = csr_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    found, _ = connected_components(graph, directed=False)
-    if found > 1:
+    part_count, _ = connected_components(graph, directed=False)
+    if part_count > 1:
         raise InputError(
             "disconnected",
-            f"got blocks in {found} parts, expected one; keep the largest part or join them.",
+            f"got blocks in {part_count} parts, expected one; keep the largest part or join them.",
         )
     if tree == "random":
         graph = minimum_spanning_tree(graph)

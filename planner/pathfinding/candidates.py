@@ -262,12 +262,12 @@ def _exact(shape: Shape, options: _Options, candidates: int) -> PathSearch:
     found: list[Ints] = []
     outside = options.ends == "surface"
     for attempt in range(options.tries):
-        left = options.deadline - time.monotonic()
-        if attempt and left <= 0:
+        remaining_s = options.deadline - time.monotonic()
+        if attempt and remaining_s <= 0:
             break
         search = exact_path(
             shape,
-            time_limit_s=max(left, 0.0),
+            time_limit_s=max(remaining_s, 0.0),
             seed=options.seed * 1000 + attempt,
             start=options.start,
             ends_on_surface=outside,

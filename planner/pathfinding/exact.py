@@ -148,17 +148,17 @@ class _Search:
                     return "found", order
                 if time.monotonic() > deadline:
                     return "undecided", None
-            left = deadline - time.monotonic()
-            found = circuit(
+            remaining_s = deadline - time.monotonic()
+            result = circuit(
                 self.cells,
                 self.rng,
                 ends=self.ends,
                 start=self.start,
                 effort=effort,
-                time_limit_s=max(0.1, left),
+                time_limit_s=max(0.1, remaining_s),
             )
-            if found.status != "undecided":
-                return found.status, found.order
+            if result.status != "undecided":
+                return result.status, result.order
             effort *= 2.0
 
     def grown(self, moves: int) -> Ints | None:

@@ -122,14 +122,14 @@ def _repairs(
     bases = [before]
     if any(problem.code == "disconnected" for problem in problems):
         bases = [_bridged(shape.cells), _largest_part(shape.cells)]
-    found = [
+    repairs = [
         repair
         for base in bases
         if base is not None
         for adding in (False, True)
         if (repair := _mended(before, base, adding, seed, deadline)) is not None
     ]
-    different = {(repair.add, repair.drop): repair for repair in found}
+    different = {(repair.add, repair.drop): repair for repair in repairs}
     yield from sorted(different.values(), key=lambda r: (len(r.add) + len(r.drop), len(r.drop)))
     whole = bases[0] if bases[0] is not None else bases[-1] or before
     yield _doubling(before, whole)
@@ -151,12 +151,12 @@ def _mended(before: Cells, base: Cells, adding: bool, seed: int, deadline: float
         best: tuple[int, int, Cell] | None = None
         for rank, cell in enumerate(_choices(now, problems, adding)):
             after = now | {cell} if adding else now - {cell}
-            left = sum(problem.amount for problem in obstacles(_array(after)))
+            remaining = sum(problem.amount for problem in obstacles(_array(after)))
             if not problems:
-                if left == 0 and _has_path(after, seed):
+                if remaining == 0 and _has_path(after, seed):
                     return _repair(before, after)
-            elif left < amount and (best is None or (left, rank, cell) < best):
-                best = left, rank, cell
+            elif remaining < amount and (best is None or (remaining, rank, cell) < best):
+                best = remaining, rank, cell
             if time.monotonic() > deadline:
                 break
         if best is None:

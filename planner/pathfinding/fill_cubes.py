@@ -140,9 +140,9 @@ def _searched(
     if options.start is None or search.paths:
         return search, ""
     why = f"No path that starts in the cell {options.start} was found. {search.reason}".strip()
-    left = time_limit_s - (time.monotonic() - begun)
+    remaining_s = time_limit_s - (time.monotonic() - begun)
     return find_paths(
-        shape, method=method, ends=options.ends, seed=seed, time_limit_s=max(0.5, left)
+        shape, method=method, ends=options.ends, seed=seed, time_limit_s=max(0.5, remaining_s)
     ), why
 
 

@@ -219,8 +219,10 @@ def _told(
     arms: list[list[int]] = []
     for piece, found in zip(members, cuts, strict=True):
         # The piece lies below its own first cell and above what hangs on the others.
-        here = [counts[piece[1]] if cell == piece[0] else sizes[cell][-1] for cell in found]
-        arms.append([counts[0] - 1 - count for count in here])
+        counts_of_cuts = [
+            counts[piece[1]] if cell == piece[0] else sizes[cell][-1] for cell in found
+        ]
+        arms.append([counts[0] - 1 - count for count in counts_of_cuts])
     return _Pieces(sums=sums, sizes=sizes, cuts=cuts, arms=arms)
 
 

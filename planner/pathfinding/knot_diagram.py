@@ -66,9 +66,9 @@ def diagram_of(centres: ArrayLike) -> Diagram | None:
     sight, places, signs = best_view(best, rng)
     for k in range(MAX_SHORTENINGS if len(best) <= MAX_SHORTENED_VERTICES else 0):
         shorter = reduced(tightened(best, PULLS[k % len(PULLS)]))
-        found = best_view(shorter, rng)
-        if len(found[2]) <= len(signs):
-            sight, places, signs = found
+        view = best_view(shorter, rng)
+        if len(view[2]) <= len(signs):
+            sight, places, signs = view
             best = shorter
     return Diagram(
         knot=knot,

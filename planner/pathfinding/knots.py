@@ -99,10 +99,10 @@ def knot_of(cells: ArrayLike, *, closed: bool = False) -> Knot:
         return UNKNOT
     rng = np.random.default_rng(len(points))
     polygons = closed_polygons(points - points.mean(axis=0), rng, closed=closed)
-    found = [knot_of_polygon(polygon, rng) for polygon in polygons]
-    if len({(knot.verdict, knot.determinant) for knot in found}) == 1:
-        return found[0]
-    return Knot(verdict="undecided", determinant=None, crossings=min(k.crossings for k in found))
+    knots = [knot_of_polygon(polygon, rng) for polygon in polygons]
+    if len({(knot.verdict, knot.determinant) for knot in knots}) == 1:
+        return knots[0]
+    return Knot(verdict="undecided", determinant=None, crossings=min(k.crossings for k in knots))
 
 
 def knot_of_polygon(polygon: Array, rng: np.random.Generator) -> Knot:
@@ -279,13 +279,13 @@ def _is_unit(places: Array, signs: NDArray[np.int64]) -> bool:
 
 def _primes(count: int) -> list[int]:
     """Return the largest primes below 2^31."""
-    found: list[int] = []
+    primes: list[int] = []
     number = 2**31 - 1
-    while len(found) < count:
+    while len(primes) < count:
         if _is_prime(number):
-            found.append(number)
+            primes.append(number)
         number -= 2
-    return found
+    return primes
 
 
 def _is_prime(number: int) -> bool:

@@ -32,12 +32,12 @@ def neighbours(cells: Ints) -> Ints:
     keys = keys_of(cells, low, size)
     order = np.argsort(keys)
     ranked = keys[order]
-    found = np.empty((len(cells), 6), dtype=np.int64)
+    indices = np.empty((len(cells), 6), dtype=np.int64)
     for k, step in enumerate(STEPS):
         wanted = keys_of(cells + np.array(step), low, size)
         place = np.minimum(np.searchsorted(ranked, wanted), len(cells) - 1)
-        found[:, k] = np.where(ranked[place] == wanted, order[place], -1)
-    return found
+        indices[:, k] = np.where(ranked[place] == wanted, order[place], -1)
+    return indices
 
 
 def index_of(cells: Ints, start: Cell | None) -> int | None:
@@ -48,10 +48,10 @@ def index_of(cells: Ints, start: Cell | None) -> int | None:
     """
     if start is None:
         return None
-    found = np.flatnonzero((cells == np.array(start)).all(axis=1))
-    if not len(found):
+    matches = np.flatnonzero((cells == np.array(start)).all(axis=1))
+    if not len(matches):
         raise InputError("not-a-cell", f"got {start} to start with, expected a cell of the shape.")
-    return int(found[0])
+    return int(matches[0])
 
 
 def contacts(cells: Ints) -> Ints:

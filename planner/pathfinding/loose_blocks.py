@@ -23,13 +23,13 @@ CORNER_OFFSETS: Final = tuple(product((0, 1), (0, 1), (0, 1)))
 
 def block_corners(cells: frozenset[Cell]) -> list[Cell] | None:
     """Split cells into 2×2×2 blocks, lowest cell first; None if that fails."""
-    left, corners = set(cells), list[Cell]()
+    remaining, corners = set(cells), list[Cell]()
     for corner in sorted(cells, key=lambda c: (c[2], c[1], c[0])):
-        if corner in left:
+        if corner in remaining:
             block = {_plus(corner, place) for place in CORNER_OFFSETS}
-            if not block <= left:
+            if not block <= remaining:
                 return None
-            left -= block
+            remaining -= block
             corners.append(corner)
     return corners
 

@@ -28,8 +28,8 @@ def snake_path(sides: tuple[int, int, int], *, axes: tuple[int, int, int] = (0, 
     index = np.arange(rows * lines * layers)
     line, along = np.divmod(index, rows)
     layer, across = np.divmod(line, lines)
-    found = np.empty((len(index), 3), dtype=np.int64)
-    found[:, axes[0]] = np.where(line % 2 == 0, along, rows - 1 - along)
-    found[:, axes[1]] = np.where(layer % 2 == 0, across, lines - 1 - across)
-    found[:, axes[2]] = layer
-    return found
+    cells = np.empty((len(index), 3), dtype=np.int64)
+    cells[:, axes[0]] = np.where(line % 2 == 0, along, rows - 1 - along)
+    cells[:, axes[1]] = np.where(layer % 2 == 0, across, lines - 1 - across)
+    cells[:, axes[2]] = layer
+    return cells

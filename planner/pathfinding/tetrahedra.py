@@ -67,7 +67,7 @@ def find_trails(
         )
     pairs = ring_pairs(shape.cells)
     made = TRAILS_PER_SHAPE if len(pairs) <= MAX_CHOICE_MODULES else 1
-    found: dict[bytes, tuple[tuple[int, int, int], Trail]] = {}
+    ranked_trails: dict[bytes, tuple[tuple[int, int, int], Trail]] = {}
     for k in range(made):
         # Merging along a direction gives a tidy tree; at random, the chain takes twice the steps.
         along = np.random.default_rng((seed, k)).normal(size=3) if k else None
@@ -80,8 +80,8 @@ def find_trails(
         if len(trail) <= MAX_KNOT_CELLS:
             knotted = 0 if knot_of(trail.nodes).verdict == "unknot" else 1
         rank = (knotted, int(not free[cut]), k)
-        found[trail.nodes.tobytes()] = (rank, trail)
-    ranked = sorted(found.values(), key=lambda entry: entry[0])
+        ranked_trails[trail.nodes.tobytes()] = (rank, trail)
+    ranked = sorted(ranked_trails.values(), key=lambda entry: entry[0])
     return TrailSearch(trails=tuple(trail for _, trail in ranked))
 
 

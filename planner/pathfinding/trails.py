@@ -60,11 +60,11 @@ def circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> Nodes:
             f"the tetrahedra are in {parts} parts that share no hinge, expected one; join the "
             "cells by their faces or keep one part.",
         )
-    left = np.empty(n, dtype=np.int64)
-    circuit_order(partner, 0, left)
-    entered = left ^ 1
+    exits = np.empty(n, dtype=np.int64)
+    circuit_order(partner, 0, exits)
+    entered = exits ^ 1
     flat = pairs.reshape(-1, 3)
-    return np.concatenate([flat[entered[:1]], flat[left]])
+    return np.concatenate([flat[entered[:1]], flat[exits]])
 
 
 def opened(nodes: Nodes, start: int) -> Nodes:

@@ -130,7 +130,7 @@ def _chunks(data: bytes) -> dict[int, bytes]:
             f"the header announces {length} bytes and the file has {len(data)}; save or send it "
             "again.",
         )
-    found: dict[int, bytes] = {}
+    chunks: dict[int, bytes] = {}
     at = 12
     while at + 8 <= length:
         size = int.from_bytes(data[at : at + 4], "little")
@@ -139,9 +139,9 @@ def _chunks(data: bytes) -> dict[int, bytes]:
             raise InputError(
                 "truncated", f"a chunk of {size} bytes reaches beyond the end of the file."
             )
-        found.setdefault(kind, data[at + 8 : at + 8 + size])
+        chunks.setdefault(kind, data[at + 8 : at + 8 + size])
         at += 8 + size
-    return found
+    return chunks
 
 
 def _decoded(entry: Document, binary: bytes | None) -> bytes:
@@ -215,10 +215,10 @@ class _Scene:
             )
         parts = {mesh: [self._part(p) for p in every] for mesh, every in primitives.items()}
         # The last part comes first, as trimesh has it: how a solid is oriented depends on it.
-        found = [placed(part, where) for mesh, where in nodes[::-1] for part in parts[mesh]]
-        if not found:
+        placed_parts = [placed(part, where) for mesh, where in nodes[::-1] for part in parts[mesh]]
+        if not placed_parts:
             raise incomplete("glb", "no triangles")
-        return joined(found)
+        return joined(placed_parts)
 
     def _nodes(self) -> list[tuple[int, Floats]]:
         """Return the meshes that the scene reaches, each with its (4, 4) transform.
@@ -241,7 +241,7 @@ class _Scene:
         else:
             children = {c for node in nodes for c in node.get("children", [])}
             roots = [i for i in range(len(nodes)) if i not in children]
-        found: list[tuple[int, Floats]] = []
+        meshes: list[tuple[int, Floats]] = []
         seen: set[int] = set()
         waiting = [(int(root), np.eye(4), True) for root in roots]
         while waiting:
@@ -262,15 +262,15 @@ class _Scene:
                 places = [transform]
                 if INSTANCING in extensions:
                     places = self._instances(extensions[INSTANCING]["attributes"], transform)
-                found += [(int(node["mesh"]), place) for place in places]
+                meshes += [(int(node["mesh"]), place) for place in places]
                 self._note_deformation(node)
-            if len(found) > MAX_NODES:
+            if len(meshes) > MAX_NODES:
                 raise InputError(
-                    "too-large", f"got {len(found)} parts, expected {MAX_NODES} at most."
+                    "too-large", f"got {len(meshes)} parts, expected {MAX_NODES} at most."
                 )
             waiting += [(int(child), transform, visible) for child in node.get("children", [])]
         self._note_unreached(seen)
-        return found
+        return meshes
 
     def _note_unreached(self, seen: set[int]) -> None:
         """Note that the file has meshes outside of its scene.

@@ -36,16 +36,16 @@ def read_json(text: str, source: Source) -> Path | Chain | Shape | Solid:
     if isinstance(value, list):
         return path_from_rows(cast("list[Any]", value), source, name="", where="the list")
     document = cast("dict[str, Any]", value)
-    found = document.get("format")
-    if found == PATH_FORMAT:
+    format_name = document.get("format")
+    if format_name == PATH_FORMAT:
         return read_path(document, source)
-    if found == CHAIN_FORMAT:
+    if format_name == CHAIN_FORMAT:
         return read_chain(document, source)
-    if found == VOXELS_FORMAT:
+    if format_name == VOXELS_FORMAT:
         return read_voxels(document, source)
     if is_gltf(document):
         return read_gltf(document, source)
-    raise _wrong_format(document, found)
+    raise _wrong_format(document, format_name)
 
 
 def _wrong_format(document: dict[str, Any], found: object) -> InputError:

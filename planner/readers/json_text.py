@@ -72,16 +72,16 @@ def _integer(digits: str) -> int | float:
 
 
 def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for key, value in pairs:
-        if key in found:
+        if key in result:
             raise InputError(
                 "duplicate-key",
                 f"the key {quote(key)!r} occurs twice; remove one of them.",
                 where=f"key {quote(key)!r}",
             )
-        found[key] = value
-    return found
+        result[key] = value
+    return result
 
 
 def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None:

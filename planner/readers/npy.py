@@ -58,12 +58,12 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
     if not is_grid and shape[0] > source.most_cells:
         raise too_many(shape[0], source.most_cells)
     expected = math.prod(shape) * dtype.itemsize
-    found = len(data) - start
-    if found != expected:
-        code, word = ("truncated", "fewer") if found < expected else ("damaged", "more")
+    data_size = len(data) - start
+    if data_size != expected:
+        code, word = ("truncated", "fewer") if data_size < expected else ("damaged", "more")
         raise InputError(
             code,
-            f"got {found} bytes of data, {word} than the {expected} that its header announces; "
+            f"got {data_size} bytes of data, {word} than the {expected} that its header announces; "
             "save the file again.",
         )
     flat = np.frombuffer(data, dtype=dtype, offset=start)

@@ -91,17 +91,17 @@ def _truncated(lines: int, vertices: int, polygons: int) -> InputError:
 
 def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
     """Parse all lines at once; None if they hold anything but numbers."""
-    found: list[Table] = []
+    tables: list[Table] = []
     for chunk in chunks(body):
         ended = chunk if chunk.endswith(b"\n") else chunk + b"\n"
         part = table(np.frombuffer(ended, dtype=np.uint8))
         if part is None:
             return None
-        found.append(part)
-    values = np.concatenate([part.values for part in found])
-    counts = np.concatenate([part.counts for part in found])
+        tables.append(part)
+    values = np.concatenate([part.values for part in tables])
+    counts = np.concatenate([part.counts for part in tables])
     counts = counts[counts > 0]
-    del found
+    del tables
     if len(counts) < vertices + polygons:
         return None
     cut = int(counts[:vertices].sum())

@@ -66,32 +66,36 @@ def read_vox(data: bytes, source: Source) -> Shape:
     """
     if len(data) < FILE_HEADER_BYTES + CHUNK_HEADER_BYTES or data[8:12] != b"MAIN":
         raise _damaged("its first chunk is not MAIN")
-    found = _chunks(data)
-    if not found.models:
+    content = _chunks(data)
+    if not content.models:
         raise InputError("empty", "got a .vox file without voxels.")
     cells: list[Ints] = []
     total = 0
-    placements = _placements(found)
+    placements = _placements(content)
     for model, placed in placements:
-        if not 0 <= model < len(found.models):
-            raise _damaged(f"its scene refers to model {model}, but there are {len(found.models)}")
-        total += len(found.models[model])
+        if not 0 <= model < len(content.models):
+            raise _damaged(
+                f"its scene refers to model {model}, but there are {len(content.models)}"
+            )
+        total += len(content.models[model])
         if total > source.most_cells:
             raise too_many(total, source.most_cells)
         # A model turns about its middle, and the middle of an even side is a corner: so in halves.
-        doubled = 2 * found.models[model] + 1 - 2 * (found.sizes[model] // 2)
+        doubled = 2 * content.models[model] + 1 - 2 * (content.sizes[model] // 2)
         cells.append((doubled @ placed.turn.T - 1) // 2 + placed.shift)
     if total == 0:
         sight = (
-            " that are visible: show its objects and save it again" if HIDDEN in found.notes else ""
+            " that are visible: show its objects and save it again"
+            if HIDDEN in content.notes
+            else ""
         )
         sight = sight or (
-            " that have a colour (0 means empty)" if COLOURLESS in found.notes else ""
+            " that have a colour (0 means empty)" if COLOURLESS in content.notes else ""
         )
         raise InputError("empty", f"got a .vox file without voxels{sight}.")
     joined = np.concatenate(cells)
     shape = Shape.from_cells(joined - joined.min(axis=0), name=source.name or "shape")
-    return replace(shape, notes=tuple(found.notes))
+    return replace(shape, notes=tuple(content.notes))
 
 
 def _damaged(found: str) -> InputError:
@@ -99,7 +103,7 @@ def _damaged(found: str) -> InputError:
 
 
 def _chunks(data: bytes) -> _File:
-    found = _File()
+    content = _File()
     at = FILE_HEADER_BYTES + CHUNK_HEADER_BYTES + int.from_bytes(data[12:16], "little")
     for _ in range(MAX_CHUNKS):
         if at == len(data):
@@ -115,55 +119,55 @@ def _chunks(data: bytes) -> _File:
                 f"a chunk {quote(kind.decode('latin-1'))!r} announces {size} bytes, but the file "
                 f"ends after {len(data) - start}.",
             )
-        _take(kind, _Reader(data[start : start + size]), found)
+        _take(kind, _Reader(data[start : start + size]), content)
         at = start + size
     else:
         raise InputError("too-large", f"got more than {MAX_CHUNKS} chunks.")
-    if len(found.sizes) != len(found.models):
+    if len(content.sizes) != len(content.models):
         raise _damaged("its models and their sizes do not match")
-    return found
+    return content
 
 
-def _take(kind: bytes, reader: _Reader, found: _File) -> None:
+def _take(kind: bytes, reader: _Reader, content: _File) -> None:
     match kind:
         case b"SIZE":
-            found.sizes.append(np.array([reader.number() for _ in range(3)]))
+            content.sizes.append(np.array([reader.number() for _ in range(3)]))
         case b"XYZI":
             count = reader.number()
             if count < 0 or 4 * count != reader.left:
                 raise _damaged(f"a model announces {count} voxels but has {reader.left // 4}")
             cells, colours = reader.voxels(count)
-            found.models.append(cells[colours > 0])
-            if len(found.sizes) < len(found.models):
+            content.models.append(cells[colours > 0])
+            if len(content.sizes) < len(content.models):
                 raise _damaged("a model has no size")
-            if count and (cells >= found.sizes[len(found.models) - 1]).any():
+            if count and (cells >= content.sizes[len(content.models) - 1]).any():
                 raise _damaged("a voxel lies outside of its model")
             if not colours.all():
-                _note(found, COLOURLESS)
+                _note(content, COLOURLESS)
         case b"nTRN":
             node = reader.number()
-            _hide(node, reader.words(), found.hidden)
+            _hide(node, reader.words(), content.hidden)
             child = reader.number()
             reader.skip(4)
-            found.layers[node] = reader.number()
+            content.layers[node] = reader.number()
             frames = [reader.words() for _ in range(reader.counted(4))]
-            found.moves[node] = child, _placed(min(frames, key=_frame, default={}))
+            content.moves[node] = child, _placed(min(frames, key=_frame, default={}))
             if len(frames) > 1:
-                _note(found, "the file is animated; its first frame was read.")
+                _note(content, "the file is animated; its first frame was read.")
         case b"nGRP":
             node = reader.number()
-            _hide(node, reader.words(), found.hidden)
-            found.groups[node] = reader.numbers()
+            _hide(node, reader.words(), content.hidden)
+            content.groups[node] = reader.numbers()
         case b"nSHP":
             node = reader.number()
-            _hide(node, reader.words(), found.hidden)
+            _hide(node, reader.words(), content.hidden)
             models = [(reader.number(), reader.words()) for _ in range(reader.counted(8))]
-            found.shapes[node] = [model for model, _ in sorted(models, key=_frame_of_model)[:1]]
-            found.named.update(model for model, _ in models)
+            content.shapes[node] = [model for model, _ in sorted(models, key=_frame_of_model)[:1]]
+            content.named.update(model for model, _ in models)
             if len(models) > 1:
-                _note(found, "an object has several frames; the first one was read.")
+                _note(content, "an object has several frames; the first one was read.")
         case b"LAYR":
-            _hide(reader.number(), reader.words(), found.hidden_layers)
+            _hide(reader.number(), reader.words(), content.hidden_layers)
         case _:
             pass
 
@@ -185,9 +189,9 @@ def _frame_of_model(model: tuple[int, dict[bytes, bytes]]) -> int:
     return _frame(model[1])
 
 
-def _note(found: _File, note: str) -> None:
-    if note not in found.notes:
-        found.notes.append(note)
+def _note(content: _File, note: str) -> None:
+    if note not in content.notes:
+        content.notes.append(note)
 
 
 class _Reader:
@@ -254,12 +258,12 @@ def _placed(words: dict[bytes, bytes]) -> _Placed:
     return _Placed(turn=turn, shift=shift)
 
 
-def _placements(found: _File) -> list[tuple[int, _Placed]]:
+def _placements(content: _File) -> list[tuple[int, _Placed]]:
     """Return the visible models and their transforms; without a scene, the first one."""
-    nodes = len(found.moves) + len(found.groups) + len(found.shapes)
-    if not nodes or not found.moves:
-        if len(found.models) > 1:
-            _note(found, f"the file has {len(found.models)} frames; the first one was read.")
+    nodes = len(content.moves) + len(content.groups) + len(content.shapes)
+    if not nodes or not content.moves:
+        if len(content.models) > 1:
+            _note(content, f"the file has {len(content.models)} frames; the first one was read.")
         return [(0, _Placed())]
     placements: list[tuple[int, _Placed]] = []
     waiting = [(0, _Placed())]
@@ -269,21 +273,21 @@ def _placements(found: _File) -> list[tuple[int, _Placed]]:
         if node in seen or len(seen) > MAX_SCENE_NODES:
             raise _damaged(f"its scene uses node {node} twice, or has too many nodes")
         seen.add(node)
-        if node in found.hidden or found.layers.get(node) in found.hidden_layers:
-            _note(found, HIDDEN)
+        if node in content.hidden or content.layers.get(node) in content.hidden_layers:
+            _note(content, HIDDEN)
             continue
-        if node in found.moves:
-            child, own = found.moves[node]
+        if node in content.moves:
+            child, own = content.moves[node]
             shift = above.turn @ own.shift + above.shift
             if np.abs(shift).max() > 1 << 30:
                 raise _damaged("its scene is too large")
             waiting.append((child, _Placed(turn=above.turn @ own.turn, shift=shift)))
-        elif node in found.groups:
-            waiting += [(child, above) for child in found.groups[node]]
-        elif node in found.shapes:
-            placements += [(model, above) for model in found.shapes[node]]
+        elif node in content.groups:
+            waiting += [(child, above) for child in content.groups[node]]
+        elif node in content.shapes:
+            placements += [(model, above) for model in content.shapes[node]]
         else:
             raise _damaged(f"its scene names node {node}, which it does not have")
-    if any(len(cells) for model, cells in enumerate(found.models) if model not in found.named):
-        _note(found, "models outside of the scene were ignored.")
+    if any(len(cells) for model, cells in enumerate(content.models) if model not in content.named):
+        _note(content, "models outside of the scene were ignored.")
     return placements

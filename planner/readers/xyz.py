@@ -90,8 +90,8 @@ def _headers(words: list[str]) -> list[str]:
 def _commented_columns(comments: list[list[str]]) -> tuple[int, ...] | None:
     """Return the columns of x, y and z if one of the comments before the data names them."""
     headers = [" ".join(words).lstrip("# ").split() for words in comments]
-    found = [columns_of(words) for words in headers if len(words) == len(AXES)]
-    return next((columns for columns in found if columns is not None), None)
+    candidates = [columns_of(words) for words in headers if len(words) == len(AXES)]
+    return next((columns for columns in candidates if columns is not None), None)
 
 
 def _is_comment(words: list[str]) -> bool:

@@ -81,8 +81,8 @@ def _ways(
     numbers: NDArray[np.int32], filled: NDArray[np.float64], main: int, wanted: set[int]
 ) -> list[tuple[Cell, dict[Cell, Cell]]]:
     """Return the cheapest bridge to each wanted part: its last cell, and predecessors."""
-    left = set(wanted)
-    found: list[tuple[Cell, dict[Cell, Cell]]] = []
+    remaining = set(wanted)
+    bridges: list[tuple[Cell, dict[Cell, Cell]]] = []
     cost: dict[Cell, float] = {}
     came_from: dict[Cell, Cell] = {}
     queue: list[tuple[float, Cell]] = []
@@ -91,15 +91,15 @@ def _ways(
         cost[start] = 0.0
         queue.append((0.0, start))
     done: set[Cell] = set()
-    while queue and left:
+    while queue and remaining:
         paid, cell = heapq.heappop(queue)
         if cell in done:
             continue
         done.add(cell)
         part = int(numbers[cell])
-        if part in left:
-            left.discard(part)
-            found.append((cell, came_from))
+        if part in remaining:
+            remaining.discard(part)
+            bridges.append((cell, came_from))
         for step in FACE_STEPS:
             near: Cell = (cell[0] + step[0], cell[1] + step[1], cell[2] + step[2])
             if min(near) < 0 or any(n >= s for n, s in zip(near, numbers.shape, strict=True)):
@@ -111,7 +111,7 @@ def _ways(
                 cost[near] = paid + price
                 came_from[near] = cell
                 heapq.heappush(queue, (paid + price, near))
-    return found
+    return bridges
 
 
 def _rim(numbers: NDArray[np.int32], filled: NDArray[np.float64], main: int) -> NDArray[np.bool_]:

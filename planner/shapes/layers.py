@@ -61,13 +61,13 @@ def layered_path(coarse: Ints, axis: int, rng: np.random.Generator) -> Ints | No
             break
     else:
         return None
-    found = np.empty((8 * len(coarse), 3), dtype=np.int64)
+    path = np.empty((8 * len(coarse), 3), dtype=np.int64)
     at = 0
     for level, way in enumerate(ways):
-        found[at : at + len(way), across] = way
-        found[at : at + len(way), axis] = 2 * int(heights[0]) + level
+        path[at : at + len(way), across] = way
+        path[at : at + len(way), axis] = 2 * int(heights[0]) + level
         at += len(way)
-    return found
+    return path
 
 
 def has_whole_layers(grid: NDArray[np.bool_]) -> bool:

@@ -82,13 +82,13 @@ def is_surface(points: Floats, faces: Ints) -> bool:
     """
     mixed = _mixed(points + 0.0)
     modulus = np.uint64(max(1, 3 * len(faces) // SAMPLED_EDGES))
-    found: list[NDArray[np.uint64]] = []
+    sampled_keys: list[NDArray[np.uint64]] = []
     with np.errstate(over="ignore"):
         for a, b in ((0, 1), (1, 2), (2, 0)):
             keys = mixed[faces[:, a]] + mixed[faces[:, b]]
             keys ^= keys >> np.uint64(31)
-            found.append(keys[keys % modulus == 0])
-    _, counts = np.unique(np.concatenate(found), return_counts=True)
+            sampled_keys.append(keys[keys % modulus == 0])
+    _, counts = np.unique(np.concatenate(sampled_keys), return_counts=True)
     if not len(counts):
         return True
     return bool((counts % 2).mean() <= MAX_ODD_SHARE and counts.mean() <= MAX_EDGE_TRIANGLES)

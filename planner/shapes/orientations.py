@@ -25,15 +25,15 @@ def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Floats, ...]:
 
     Rotations that differ by a symmetry of the lattice count as the same.
     """
-    found: list[Floats] = [np.eye(3)]
+    rotations: list[Floats] = [np.eye(3)]
     wanted = [_main_axes(solid)]
     wanted += [_about(axis, np.pi / 4) for axis in (2, 0, 1)]
     wanted += [_random(rng) for _ in range(RANDOM_ORIENTATIONS)]
     for rotation in wanted:
         nearest = _nearest_to_upright(rotation)
-        if all(_apart(nearest, other) > SAME_ORIENTATION_RAD for other in found):
-            found.append(nearest)
-    return tuple(found)
+        if all(_apart(nearest, other) > SAME_ORIENTATION_RAD for other in rotations):
+            rotations.append(nearest)
+    return tuple(rotations)
 
 
 def _main_axes(solid: Solid) -> Floats:
@@ -59,13 +59,13 @@ def _random(rng: np.random.Generator) -> Floats:
 
 
 def _symmetries() -> list[Floats]:
-    found: list[Floats] = []
+    symmetries: list[Floats] = []
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         matrix: Any = np.zeros((3, 3))
         matrix[range(3), order] = signs
         if np.linalg.det(matrix) > 0:
-            found.append(matrix)
-    return found
+            symmetries.append(matrix)
+    return symmetries
 
 
 def _nearest_to_upright(rotation: Floats) -> Floats:

@@ -81,16 +81,16 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, upright: bool = False) 
     fine = ladder.grid(
         made.turn, made.pitch, ladder.finer(made.turn, made.pitch, 2 * MANY_SAMPLES), exact=True
     )
-    found = np.argwhere(made.joined.cells)
+    filled_cells = np.argwhere(made.joined.cells)
     at = np.array(made.offset_threshold[:3]) * (fine.size // fine.split)
     iou = overlap(fine, made.offset_threshold, made.joined.cells)
     better = below is not None and chooser.choose(below).made.iou > iou + MIN_IOU_GAIN
     return Voxels(
-        shape=Shape.from_cells(found - found.min(axis=0), name=solid.name),
+        shape=Shape.from_cells(filled_cells - filled_cells.min(axis=0), name=solid.name),
         iou=iou,
         pitch=made.pitch,
         rotation=ladder.turns[made.turn],
-        offset=(fine.offset - at) / fine.size - found.min(axis=0),
+        offset=(fine.offset - at) / fine.size - filled_cells.min(axis=0),
         asked=cells,
         below=below,
         above=above,

@@ -166,10 +166,10 @@ class Balance:
         clamped: int | None = None,
     ) -> bool:
         """Return True if a configuration stands with torques up to a bound, w·p; see ``solve``."""
-        found = self.solve(
+        standing = self.solve(
             positions, rotations, angles_rad, friction=friction, clamped=clamped, enough=bound
         )
-        return found.torque <= bound * (1.0 + 1e-6)
+        return standing.torque <= bound * (1.0 + 1e-6)
 
     def _solved(
         self, at: _At, friction: Friction | None, clamped: int | None, enough: float

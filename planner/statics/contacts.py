@@ -87,7 +87,7 @@ def contacts(
         module_gap: Distance up to which full-size modules touch, pitches.
     """
     less = (1.0 - size) * module.inner_radius
-    found = contact_points(
+    points = contact_points(
         # Copies: a read-only array would be another type, for which all is compiled anew.
         np.array(positions, dtype=np.float64),
         np.array(rotations, dtype=np.float64),
@@ -96,7 +96,7 @@ def contacts(
         floor_gap + less,
         module_gap + 2.0 * less,
     )
-    return Contacts(**found._asdict())
+    return Contacts(**points._asdict())
 
 
 @lru_cache(maxsize=16)

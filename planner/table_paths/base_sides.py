@@ -107,12 +107,12 @@ def prefix_margins(order: Ints) -> Array:
     count = len(order)
     centres = np.cumsum(order[:, :2], axis=0) / np.arange(1, count + 1)[:, None]
     on_floor = order[:, 2] == 0
-    found = np.full(count, -np.inf)
+    margins = np.full(count, -np.inf)
     starts = [*np.flatnonzero(on_floor).tolist(), count]
     for first, following in zip(starts, starts[1:], strict=False):
         edges = support(order[: first + 1][on_floor[: first + 1]])
-        found[first:following] = margins_within(edges, centres[first:following])
-    return found
+        margins[first:following] = margins_within(edges, centres[first:following])
+    return margins
 
 
 def _sorted(cells: Ints) -> Ints:

@@ -94,9 +94,9 @@ class TableCubes:
         if _doubles(shape, options, of_solid=False):
             shape = doubled(shape)
         reasons = [ruled_out(side) for side in sides_of(shape.cells)]
-        told = tuple(reason for reason in reasons if reason is not None and not reason.may_fall)
-        if len(told) == len(reasons):
-            raise InputError(*most_telling(told))
+        proved = tuple(reason for reason in reasons if reason is not None and not reason.may_fall)
+        if len(proved) == len(reasons):
+            raise InputError(*most_telling(proved))
 
 
 def _doubles(shape: Shape, options: PathOptions, *, of_solid: bool) -> bool:
@@ -106,11 +106,11 @@ def _doubles(shape: Shape, options: PathOptions, *, of_solid: bool) -> bool:
 
 def _why_none(shape: Shape, reasons: tuple[NoPath, ...]) -> Feasibility:
     """Return the reason without a path, with cells in the frame of the given shape."""
-    told = closest(reasons)
-    side = next(side for side in sides_of(shape.cells, turned=True) if side.down == told.down)
-    lying = np.array(told.cells, dtype=np.int64).reshape(-1, 3)
+    reason = closest(reasons)
+    side = next(side for side in sides_of(shape.cells, turned=True) if side.down == reason.down)
+    lying = np.array(reason.cells, dtype=np.int64).reshape(-1, 3)
     cells = tuple((int(x), int(y), int(z)) for x, y, z in (lying - side.shift) @ side.turn)
     return Feasibility(
         feasible=None,
-        problems=(Problem(code=told.cause or told.code, detail=told.detail, cells=cells),),
+        problems=(Problem(code=reason.cause or reason.code, detail=reason.detail, cells=cells),),
     )

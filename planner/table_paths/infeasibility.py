@@ -118,11 +118,11 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
     Returns:
         The path as indices of the side's cells, and a reason if more is known now.
     """
-    found = climbed(side.cells, seed=seed, downs=True, effort=effort)
-    if found.order is not None:
-        if not faults_of(side.cells[found.order], rule=FALLS):
-            return found.order, None
-    elif found.status == "infeasible":
+    result = climbed(side.cells, seed=seed, downs=True, effort=effort)
+    if result.order is not None:
+        if not faults_of(side.cells[result.order], rule=FALLS):
+            return result.order, None
+    elif result.status == "infeasible":
         free = climbed(side.cells, seed=seed, downs=True, hairpins_allowed=True, effort=effort)
         if free.status == "found":
             return None, _hairpins_only(
@@ -138,10 +138,10 @@ def closest(reasons: tuple[NoPath, ...]) -> NoPath:
 
 def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:
     """Return code and detail without any path: of the closest side, and codes of the rest."""
-    told = closest(reasons)
-    others = [f"{reason.down} {reason.code}" for reason in reasons if reason is not told]
+    first = closest(reasons)
+    others = [f"{reason.down} {reason.code}" for reason in reasons if reason is not first]
     rest = f" On other sides: {', '.join(others)}." if others else ""
-    return told.code, f"got a shape without a path for a table; {told.text}{rest}"
+    return first.code, f"got a shape without a path for a table; {first.text}{rest}"
 
 
 def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:

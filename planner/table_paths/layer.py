@@ -84,10 +84,10 @@ class Layer:
 
     def set_of(self, cells: range | list[int]) -> int:
         """Return the set of some cells."""
-        found = 0
+        mask = 0
         for k in cells:
-            found |= 1 << self.bits[k]
-        return found
+            mask |= 1 << self.bits[k]
+        return mask
 
     def in_one_piece(self, cells: int) -> bool:
         """Return True if a set of cells is connected."""
@@ -185,14 +185,14 @@ def _from(
         head = stack[-1].pop()
         if work.spent():
             return
-        left = free & ~(1 << head)
-        if not left:
+        remaining = free & ~(1 << head)
+        if not remaining:
             if ends >> head & 1:
                 yield (*way, head)
             continue
-        if not _may_go_on(layer, head, left, ends):
+        if not _may_go_on(layer, head, remaining, ends):
             continue
-        free = left
+        free = remaining
         way.append(head)
         stack.append(_choices(layer, head, free, liked, style, rng))
 
@@ -210,27 +210,27 @@ def _choices(
     Styles: the liked steps first, which makes snakes; cells with the fewest free neighbours first,
     which follows the rim; any.
     """
-    found = [head + layer.steps[k] for k in liked]
-    found = [bit for bit in found if free >> bit & 1]
+    choices = [head + layer.steps[k] for k in liked]
+    choices = [bit for bit in choices if free >> bit & 1]
     if style == 1:
-        found.sort(key=lambda bit: sum(free >> (bit + step) & 1 for step in layer.steps))
+        choices.sort(key=lambda bit: sum(free >> (bit + step) & 1 for step in layer.steps))
     elif style == 2 and rng is not None:
-        found = [found[int(k)] for k in rng.permutation(len(found))]
-    return found[::-1]
+        choices = [choices[int(k)] for k in rng.permutation(len(choices))]
+    return choices[::-1]
 
 
-def _may_go_on(layer: Layer, head: int, left: int, ends: int) -> bool:
+def _may_go_on(layer: Layer, head: int, remaining: int, ends: int) -> bool:
     """Return True if no dead end or cut rules out a path through the remaining cells."""
-    if not left & ends:
+    if not remaining & ends:
         return False
-    width, around = layer.width, left | 1 << head
+    width, around = layer.width, remaining | 1 << head
     a, b, c, d = around << 1, around >> 1, around << width, around >> width
-    one = (a | b | c | d) & left
-    if one != left:
+    one = (a | b | c | d) & remaining
+    if one != remaining:
         return False
-    two = (a & b | c & d | (a | b) & (c | d)) & left
-    single = left & ~two
+    two = (a & b | c & d | (a | b) & (c | d)) & remaining
+    single = remaining & ~two
     if single & (single - 1) or (single and not single & ends):
         return False
     near = 1 << (head + 1) | 1 << (head - 1) | 1 << (head + width) | 1 << (head - width)
-    return bool(near & left) and layer.in_one_piece(left)
+    return bool(near & remaining) and layer.in_one_piece(remaining)

@@ -121,7 +121,7 @@ class Climb:
     def _joined(
         self, level: int, below: dict[tuple[int, int], list[_Beginning]]
     ) -> dict[tuple[int, int], list[_Beginning]]:
-        found: dict[tuple[int, int], list[_Beginning]] = {}
+        extended: dict[tuple[int, int], list[_Beginning]] = {}
         under = self._under(level)
         weight = self.weights.bends / len(self.cells)
         behind = int((self.cells[:, 2] >= level).sum())
@@ -138,17 +138,17 @@ class Climb:
                 heading = each.heading if way.last == VERTICAL else way.last
                 bends = (each.way.last != VERTICAL) + (way.first != VERTICAL)
                 joined = _Beginning(cost + way.cost + bends * weight, way, heading, each)
-                found.setdefault((way.bits[-1], heading), []).append(joined)
-        return found
+                extended.setdefault((way.bits[-1], heading), []).append(joined)
+        return extended
 
     def _order(self, end: _Beginning) -> Ints:
-        found: list[list[int]] = []
+        rows: list[list[int]] = []
         each: _Beginning | None = end
         for layer in reversed(self.layers):
             assert each is not None
-            found.append([int(layer.index[layer.cell_at[bit]]) for bit in each.way.bits])
+            rows.append([int(layer.index[layer.cell_at[bit]]) for bit in each.way.bits])
             each = each.below
-        return np.array([k for way in reversed(found) for k in way], dtype=np.int64)
+        return np.array([k for way in reversed(rows) for k in way], dtype=np.int64)
 
     def _cost(self, level: int, bits: tuple[int, ...]) -> float | None:
         """Estimate what a layer's path adds to the score; None if the cells tip over along it."""
@@ -219,14 +219,14 @@ class Climb:
             return list(self.pools[0].values())
         own = _symmetries(self.cells)
         layer = self.layers[0]
-        found: dict[bytes, Way] = {}
+        different: dict[bytes, Way] = {}
         for way in sorted(self.pools[0].values(), key=lambda way: (way.cost, way.bits)):
             path = np.column_stack(
                 [layer.cells[[layer.cell_at[bit] for bit in way.bits]], np.zeros(len(way.bits))]
             ).astype(np.int64)
             turned = [image.tobytes() for k, image in enumerate(images(path)) if k in own]
-            found.setdefault(min(turned), way)
-        return list(found.values())
+            different.setdefault(min(turned), way)
+        return list(different.values())
 
 
 def _symmetries(cells: Ints) -> list[int]:

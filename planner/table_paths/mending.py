@@ -119,7 +119,7 @@ def _near(now: set[Cell]) -> list[Cell]:
     if not wanted:
         colour = None if abs(whole) < 2 else (1 if whole > 0 else 0)
         wanted = dict.fromkeys(np.unique(array[:, 2]).tolist(), colour)
-    found: dict[Cell, int] = {}
+    neighbour_counts: dict[Cell, int] = {}
     for x, y, z in now:
         if z not in wanted:
             continue
@@ -128,7 +128,7 @@ def _near(now: set[Cell]) -> list[Cell]:
             borne = z == 0 or (cell[0], cell[1], z - 1) in now
             if cell in now or not borne:
                 continue
-            found[cell] = found.get(cell, 0) + 1
-    shade = {cell: int(colours(np.array([cell], dtype=np.int64))[0]) for cell in found}
-    fitting = [c for c in found if wanted[c[2]] is None or shade[c] == wanted[c[2]]]
-    return sorted(fitting, key=lambda c: (-found[c], c))[:MAX_COMPARED_ADDITIONS]
+            neighbour_counts[cell] = neighbour_counts.get(cell, 0) + 1
+    shade = {cell: int(colours(np.array([cell], dtype=np.int64))[0]) for cell in neighbour_counts}
+    fitting = [c for c in neighbour_counts if wanted[c[2]] is None or shade[c] == wanted[c[2]]]
+    return sorted(fitting, key=lambda c: (-neighbour_counts[c], c))[:MAX_COMPARED_ADDITIONS]

@@ -56,8 +56,8 @@ def faults_of(cells: ArrayLike, *, rule: Rule = "layers") -> tuple[Fault, ...]:
     """
     order = Path.from_cells(cells).cells
     order = order - np.array([0, 0, order[:, 2].min()])
-    found = [*_of_the_start(order), *_downs(order, rule), *_hairpins(order), *_unstable(order)]
-    return tuple(sorted(found, key=lambda fault: (fault.at, fault.code)))
+    faults = [*_of_the_start(order), *_downs(order, rule), *_hairpins(order), *_unstable(order)]
+    return tuple(sorted(faults, key=lambda fault: (fault.at, fault.code)))
 
 
 def hairpins(order: Ints) -> list[tuple[int, int]]:
@@ -76,7 +76,7 @@ def hairpins(order: Ints) -> list[tuple[int, int]]:
 
 def boxed_in(order: Ints) -> list[int]:
     """Return the indices of cells under an earlier one that have no free horizontal line."""
-    found: list[int] = []
+    enclosed: list[int] = []
     for k in range(1, len(order)):
         before = order[:k]
         x, y, z = order[k]
@@ -84,8 +84,8 @@ def boxed_in(order: Ints) -> list[int]:
         if above.any():
             level = before[before[:, 2] == z]
             if not any(_line_free(level, order[k], step) for step in FLAT_STEPS):
-                found.append(k)
-    return found
+                enclosed.append(k)
+    return enclosed
 
 
 def _line_free(level: Ints, cell: Ints, step: tuple[int, int]) -> bool:

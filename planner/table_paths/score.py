@@ -112,13 +112,13 @@ def levers(cells: Ints) -> Ints:
     """
     known = {tuple(cell) for cell in cells.tolist()}
     borne = np.array([z == 0 or (x, y, z - 1) in known for x, y, z in cells.tolist()])
-    found = np.zeros(len(cells), dtype=np.int64)
+    distances = np.zeros(len(cells), dtype=np.int64)
     for k in np.flatnonzero(~borne).tolist():
         level = cells[:, 2] == cells[k, 2]
         bearing = cells[level & borne]
         apart = np.abs(bearing[:, :2] - cells[k, :2]).sum(axis=1)
-        found[k] = apart.min() if len(apart) else level.sum()
-    return found
+        distances[k] = apart.min() if len(apart) else level.sum()
+    return distances
 
 
 def _ways_out(order: Ints) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -98,7 +98,7 @@ def climbed(
 
 def _hairpins(near: Ints, link: set[tuple[int, int]]) -> list[list[tuple[int, int]]]:
     """Return the triples of a vertical link and opposite links before and after it."""
-    found: list[list[tuple[int, int]]] = []
+    triples: list[list[tuple[int, int]]] = []
     for a, b in sorted(link):
         if b not in (near[a, UP], near[a, DOWN]):
             continue
@@ -107,5 +107,5 @@ def _hairpins(near: Ints, link: set[tuple[int, int]]) -> list[list[tuple[int, in
             before, after = int(near[a, step]), int(near[b, step])
             three = [(before, a), (a, b), (b, after)]
             if before >= 0 and after >= 0 and all(pair in link for pair in three):
-                found.append(three)
-    return found
+                triples.append(three)
+    return triples

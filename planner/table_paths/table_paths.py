@@ -92,12 +92,12 @@ def table_paths(
         InputError: ``overhang``, ``parts``, ``hairpins-only``, ``not-stable`` or ``no-path`` when
             there is none; and what ``Shape.from_cells`` refuses.
     """
-    found, reasons = paths_or_reasons(
+    paths, reasons = paths_or_reasons(
         cells, seed=seed, most=most, turned=turned, work=work, weights=weights
     )
-    if not found:
+    if not paths:
         raise InputError(*most_telling(reasons))
-    return found
+    return paths
 
 
 def why_none(
@@ -108,8 +108,8 @@ def why_none(
     Args:
         cells: (n, 3) cells; all arguments are those of ``table_paths``.
     """
-    found, reasons = paths_or_reasons(cells, seed=seed, most=1, turned=turned, work=work)
-    return () if found else reasons
+    paths, reasons = paths_or_reasons(cells, seed=seed, most=1, turned=turned, work=work)
+    return () if paths else reasons
 
 
 def paths_or_reasons(
@@ -133,31 +133,31 @@ def paths_or_reasons(
         )
     sides = list(sides_of(given, turned=turned))
     reasons = {side.down: reason for side in sides if (reason := ruled_out(side)) is not None}
-    left = [side for side in sides if side.down not in reasons]
-    found: list[TablePath] = []
+    candidates = [side for side in sides if side.down not in reasons]
+    paths: list[TablePath] = []
     climbs: dict[str, Climb] = {}
-    for k, side in enumerate(left):
+    for k, side in enumerate(candidates):
         climb = climbs[side.down] = Climb(side.cells, np.random.default_rng([seed, k]), weights)
-        climb.search(Work(work // len(left)))
-        found += _made(climb, side, most, weights)
-    if not found:
-        for side in left:
+        climb.search(Work(work // len(candidates)))
+        paths += _made(climb, side, most, weights)
+    if not paths:
+        for side in candidates:
             order, reason = unsolved(side, seed)
             if order is not None:
                 climbs[side.down].add_path(order.tolist())
-                found.append(_path(side, order, LAYERS, weights))
-                found += _made(climbs[side.down], side, most, weights)
+                paths.append(_path(side, order, LAYERS, weights))
+                paths += _made(climbs[side.down], side, most, weights)
             if reason is not None:
                 reasons[side.down] = reason
-    if not found:
+    if not paths:
         open_sides = [side for side in sides if reasons[side.down].may_fall]
         for side in open_sides:
             order, reason = falling(side, seed, effort=FALLING_EFFORT / len(open_sides))
             if order is not None:
-                found.append(_path(side, order, FALLS, weights))
+                paths.append(_path(side, order, FALLS, weights))
             if reason is not None:
                 reasons[side.down] = reason
-    return _chosen(found, most), tuple(reasons[side.down] for side in sides if side.down in reasons)
+    return _chosen(paths, most), tuple(reasons[side.down] for side in sides if side.down in reasons)
 
 
 def _made(climb: Climb, side: Side, most: int, weights: Parts) -> list[TablePath]:
@@ -180,9 +180,9 @@ def _path(side: Side, order: Ints, rule: Rule, weights: Parts) -> TablePath:
     )
 
 
-def _chosen(found: list[TablePath], most: int) -> tuple[TablePath, ...]:
+def _chosen(paths: list[TablePath], most: int) -> tuple[TablePath, ...]:
     """Return the best paths; those almost equal to another or its mirror image come last."""
-    different = {(path.down, path.cells.tobytes()): path for path in found}.values()
+    different = {(path.down, path.cells.tobytes()): path for path in paths}.values()
     ranked = sorted(different, key=lambda path: (path.score, path.down, path.cells.tobytes()))
     chosen: list[TablePath] = []
     looks: list[frozenset[tuple[int, ...]]] = []
