@@ -103,7 +103,7 @@ def block_cycle(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") -
     picks = rng.integers(1 << 30, size=len(blocks)).tolist()
     first = sorted(options)[picks[0] % len(options)]
     chosen: list[tuple[Edge, ...]] = [()] * len(blocks)
-    # Each corner has two links; a link is a step: axis, and the side is told by the corner.
+    # Each corner has two links; a link is a step along an axis, the corner determines the side.
     links = np.empty((len(blocks), 8, 2, 2), dtype=np.int64)
     steps = blocks[order[1:]] - blocks[parents[order[1:]]]
     axes = np.abs(steps).argmax(axis=1)

@@ -49,7 +49,7 @@ def find_trails(
     Unknotted ones come first, then those with both ends free, then the plainest.
 
     Args:
-        shape: The shape; its cells must hang together by their faces.
+        shape: Shape with face-connected cells.
         ends: ``surface`` when no other module may use the hinge edges at the ends.
         start: The cell in whose ring the chain begins, None for any.
         seed: Seed of all random choices.

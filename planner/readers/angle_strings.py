@@ -1,4 +1,4 @@
-"""Strings of angles, as people write twisty puzzles: ``0 - - - + 0``, one sign for each hinge.
+"""Strings of angles, the notation of twisty puzzles: ``0 - - - + 0``, one sign for each hinge.
 
 ``0`` is straight, ``+`` a quarter turn, ``-`` a quarter turn the other way; white space and commas
 between them mean nothing. A file may say in its first line that it is one: ``foldback-angles/1``.

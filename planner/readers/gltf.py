@@ -53,7 +53,7 @@ FORMLESS: Final = (
     *("EXT_lights_", "KHR_xmp", "KHR_animation_pointer", "KHR_audio", "EXT_structural_metadata"),
     *("EXT_mesh_features", "EXT_instance_features", "KHR_techniques_webgl"),
 )
-"""Beginnings of the names of extensions that say nothing of the form."""
+"""Prefixes of extensions that do not affect the geometry."""
 Y_TO_Z: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 TRIANGLES, STRIP, FAN = 4, 5, 6
 

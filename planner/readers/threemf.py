@@ -52,7 +52,7 @@ LEFT_OUT: Final = "cutters, modifiers and supports were ignored, because they ar
 SLICER_CONFIGS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
 """Lists of the parts' roles, as PrusaSlicer and those that came from it write them."""
 READ_EXTENSIONS: Final = ("/production/", "/material/", "/trianglesets/")
-"""Words in the names of extensions that are read, or say nothing of the form."""
+"""Words in the names of extensions that are read or do not affect the geometry."""
 OTHER_FORMS: Final = {
     "beam": "beams",
     "ball": "balls of a lattice",

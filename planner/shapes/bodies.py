@@ -167,7 +167,7 @@ def _notes(changed: Ints, *, bodies: int, triangles: int) -> list[str]:
 def _surfaces(points: Floats, faces: Ints) -> tuple[Ints, Bools] | None:
     """Return (F,) the body of each triangle, and whether it must be turned to agree with it.
 
-    Triangles hang together where two of them share an edge. Where more do, bodies touch: what is
+    Triangles are connected if two of them share an edge. Where more do, bodies touch: what is
     not closed without such an edge goes on there with the next triangle around the edge.
     """
     count = len(faces)
@@ -234,7 +234,7 @@ def _consistent(count: int, pairs: Ints, forward: Bools) -> tuple[Ints, Bools] |
 
     Args:
         count: Number of triangles.
-        pairs: (P, 2) edges of two triangles that hang together there.
+        pairs: (P, 2) edges at which two triangles are connected.
         forward: (3 F,) True if an edge runs to the vertex of the larger number.
     """
     first, second = pairs.T // 3

@@ -2,10 +2,10 @@
 
 A corner that slips is pushed back against its way with μ times what the floor bears there, so that
 all stays linear. A corner that does not slip is held by anything in the cone, of which an
-eight-sided pyramid inside it is taken. Modules that touch rub against each other without friction.
+eight-sided pyramid inside it is taken. Contacts between modules have no friction.
 
-Where the base is clamped the ways of the corners are those of the motion. Where it is free nobody
-knows how the chain as a whole drifts meanwhile: its twist in the plane is the one that rubs least,
+If the base is clamped, the displacements of the corners are those of the motion. If it is free, the
+planar drift of the whole chain is unknown: its twist is the one with the least friction work,
 Σ μ N |v|, a convex function of three unknowns, for the forces N that the floor bears without
 friction. As friction changes those a little, a corner may be pushed back within
 ``DIRECTION_SPREADS_RAD`` of the direction −v then.

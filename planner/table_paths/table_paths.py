@@ -74,7 +74,7 @@ def table_paths(
 
     They visit layer after layer from the floor up, begin with a flat link, have no vertical
     hairpin, and each of their beginnings stands on the floor by itself. Only where no side of the
-    shape allows that, paths that go down are looked for. ``rules.faults_of`` says which of these
+    shape allows that, descending paths are searched. ``rules.faults_of`` reports which of these
     rules a path breaks.
 
     Args:
