@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.path import Path
-from planner.pathfinding.circuits import circuit
 from planner.pathfinding.lattice import surface
 from planner.pathfinding.loose_blocks import loose_block_path
+from planner.pathfinding.sat_paths import circuit
 from planner.pathfinding.snake import snake_path
 from planner.plan.formats import write_path
 

@@ -27,10 +27,10 @@ from planner.errors import InputError
 from planner.motion.frames import Frames
 from planner.motion.motion import Motion
 from planner.parameters.explosion import Base
-from planner.statics.balance import LEAST, Balance, Standing
+from planner.statics.balance import MIN_TORQUE_WP, Balance, Standing
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, floor_clearances
-from planner.statics.friction import FANS, SIDES, Friction
-from planner.statics.resting import resting_poses
+from planner.statics.friction import CONE_SIDES, DIRECTION_SPREADS_RAD, Friction
+from planner.statics.stable_poses import resting_poses
 
 Array = NDArray[np.float64]
 ENTERED: Final = 0.02
@@ -268,7 +268,7 @@ def _check(
         ("pitch_m", pitch_m, 1e-9, 1e3),
         ("module_kg", module_kg, 1e-9, 1e6),
         ("module_size", module_size, 0.5, 1.0),
-        ("bound", LEAST if bound is None else bound, LEAST, np.inf),
+        ("bound", MIN_TORQUE_WP if bound is None else bound, MIN_TORQUE_WP, np.inf),
     ):
         if not least <= value <= most:
             raise InputError(
@@ -317,7 +317,7 @@ def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tu
         "friction. Linked cubes do not: the parts that would touch are cut away.",
         f"Modules are rigid, have the same weight and are {size:g} pitch wide at contacts. Joints "
         "bear any force, and any moment across their hinges.",
-        f"Torques up to {LEAST:g} w·p count as zero.",
+        f"Torques up to {MIN_TORQUE_WP:g} w·p count as zero.",
         "Every frame is checked, but not the motion between frames.",
     ]
     if friction == 0.0:
@@ -326,7 +326,7 @@ def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tu
         said.append(
             f"Coulomb friction of {friction:g} with the table, against the motion to the next "
             "frame. At corners that do not slip, the friction cone is replaced by an inscribed "
-            f"pyramid with {SIDES} sides."
+            f"pyramid with {CONE_SIDES} sides."
         )
     if base == "clamped":
         said.append("The first module is clamped to the table, which bears any force and moment.")
@@ -336,8 +336,8 @@ def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tu
         said.append(
             "The chain lies free on the table. It drifts so that friction does the least work, "
             "computed with the contact forces without friction. Friction forces may deviate from "
-            f"the slip direction by {FANS[0]:g} rad, or by {FANS[1]:g} rad if there is no balance "
-            "otherwise."
+            f"the slip direction by {DIRECTION_SPREADS_RAD[0]:g} rad, or by "
+            f"{DIRECTION_SPREADS_RAD[1]:g} rad if there is no balance otherwise."
         )
     if not on_table:
         said.append(

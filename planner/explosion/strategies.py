@@ -34,7 +34,7 @@ from planner.parameters.parameters import (
     unknown_strategy,
 )
 from planner.parameters.published import PaperExplosionParameters
-from planner.pathfinding.peelability import peelable
+from planner.pathfinding.removal_analysis import peelable
 from planner.progress import Cancelled, Report, never, silent
 
 OFF_SQUARE: Final = 1e-4

@@ -23,7 +23,7 @@ from planner.kernels.folded_core import FIXED
 from planner.motion.record import TableRecord
 from planner.parameters.explosion import TableParameters
 from planner.statics.balance import Balance
-from planner.statics.contacts import SUNK, floor_clearances
+from planner.statics.contacts import MAX_TABLE_PENETRATION_PITCH, floor_clearances
 from planner.statics.friction import Friction
 
 Array = NDArray[np.float64]
@@ -145,7 +145,7 @@ class Guard:
         positions, rotations = placed.poses.positions, placed.poses.rotations
         lowest = float(floor_clearances(self._chain.module, positions, rotations))
         self._too_weak = False
-        if lowest < -SUNK:
+        if lowest < -MAX_TABLE_PENETRATION_PITCH:
             self.why = f"a module would sink {-lowest:.3f} pitch into the table"
             return False
         if self._loops(placed):

@@ -1,7 +1,7 @@
 """Paths through shapes: an order in which a chain can visit every cell once.
 
-What may be asked for stands here, and nothing that looks for a path: who checks a request, as pages
-do, needs no compiler.
+The options of a request stand here without the searches, so that a check of a request, as in the
+pages, needs no compiler.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Final, TypeAlias
 
 Cell: TypeAlias = tuple[int, int, int]
 
-METHODS: Final = ("auto", "blocks", "exact", "snake")
-"""Ways to find a path that may be asked for."""
-ENDS: Final = ("any", "surface")
-"""Where a path may end: anywhere, or in cells with a free face."""
+PATH_METHODS: Final = ("auto", "blocks", "exact", "snake")
+"""Methods that a request may name."""
+PATH_ENDS: Final = ("any", "surface")
+"""Allowed ends of a path: any cell, or cells with a free face."""

@@ -17,42 +17,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.pathfinding.lattice import neighbours
-from planner.pathfinding.peelability import peelable
+from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
 from planner.shapes.layers import layered_path
 
 Ints = NDArray[np.int64]
 
-ATTEMPTS: Final = 6
-"""Paths that are built before the search gives up."""
-DRAWS: Final = 3
-"""Random paths for each length of block."""
-VISITS: Final = 10
-"""Blocks visited in one attempt, at most, for each block that there is."""
-MOST_VISITS: Final = 6000
-"""Blocks visited in one attempt beyond once each, at most; longer attempts found no more."""
+MAX_SEARCHES: Final = 6
+"""Maximum number of searches for one coarse path, along different axes. Chosen."""
+PATHS_PER_SIDE: Final = 3
+"""Number of random paths for each side of block. Larger values find better ones, more slowly.
+Chosen."""
+VISITS_PER_BLOCK: Final = 10
+"""Maximum number of visits of a search for each block. Chosen."""
+MAX_EXTRA_VISITS: Final = 6000
+"""Maximum number of visits of a search beyond one per block. Measured: longer searches found no
+more."""
 LAYER_WEIGHT: Final = 3.0
-"""Weight of a block's height against a random number from 0 to 1: lower layers come first."""
+"""Weight of a block's height against a random number from 0 to 1. Larger values keep to the lowest
+layers. Chosen."""
 
 
 def from_better_end(cells: Ints) -> Ints:
-    """(n, 3) the path, turned round where it comes off better from its other end."""
+    """Return the (n, 3) path, reversed if that is easier to remove from its last cell."""
     turned = np.ascontiguousarray(cells[::-1])
     return turned if peelable(turned).score > peelable(cells).score else cells
 
 
 def layered_snake(sides: tuple[int, int, int]) -> Ints:
-    """(n, 3) the snake through a box with the smallest layers, and the shortest rows in them."""
+    """Return the (n, 3) snake through a box with the smallest layers and the shortest rows."""
     order = np.argsort(sides, kind="stable")
     return snake_path(sides, axes=(int(order[0]), int(order[1]), int(order[2])))
 
 
 def assembly_path(coarse: Ints, rng: np.random.Generator, *, side: int = 2) -> Ints | None:
-    """A path in assembly order through blocks, or None when none was found.
+    """Return a path in assembly order through blocks, or None.
 
     Args:
         coarse: (m, 3) the blocks; block b holds the cells side · b + {0 … side − 1}³.
-        rng: Decides between equals, and what another attempt does otherwise.
+        rng: Random choice between equals.
         side: Cells along each edge of a block, even.
 
     Returns:
@@ -66,7 +69,7 @@ def assembly_path(coarse: Ints, rng: np.random.Generator, *, side: int = 2) -> I
 
 
 def solid_paths(coarse: Ints, rng: np.random.Generator, side: int) -> Iterator[Ints]:
-    """Paths in assembly order: by layers along each axis; by blocks where there are none."""
+    """Yield paths in assembly order: by layers along each axis, else by blocks."""
     corners = np.argwhere(np.ones((2, 2, 2), dtype=bool))
     blocks = {side: coarse}
     while side > 2:
@@ -81,7 +84,7 @@ def solid_paths(coarse: Ints, rng: np.random.Generator, side: int) -> Iterator[I
     if layered:
         return
     for length, cells in blocks.items():
-        for _ in range(DRAWS):
+        for _ in range(PATHS_PER_SIDE):
             found = assembly_path(cells, rng, side=length)
             if found is None:
                 break
@@ -89,15 +92,15 @@ def solid_paths(coarse: Ints, rng: np.random.Generator, side: int) -> Iterator[I
 
 
 def coarse_path(blocks: Ints, rng: np.random.Generator) -> Ints | None:
-    """(m,) the blocks in assembly order, each touching the next, or None when none was found."""
+    """Return the (m,) blocks in assembly order, each touching the next, or None."""
     near = neighbours(blocks)
     black = int((blocks.sum(axis=1) & 1).sum())
     if abs(len(blocks) - 2 * black) > 1:
         return None
-    for attempt in range(ATTEMPTS):
+    for attempt in range(MAX_SEARCHES):
         axis = (2, 1, 0)[attempt % 3]
         found = _Search(blocks, near, axis, rng).run(
-            min(VISITS * len(blocks), MOST_VISITS + len(blocks))
+            min(VISITS_PER_BLOCK * len(blocks), MAX_EXTRA_VISITS + len(blocks))
         )
         if found is not None:
             return np.array(found, dtype=np.int64)
@@ -146,43 +149,43 @@ class _Search:
             self.degree[other] += 1
 
     def _choices(self, block: int) -> list[int]:
-        """What may come next, the best last."""
+        """Return the candidates for the next block, the best last."""
         free = [b for b in self.near[block] if not self.placed[b]]
         # A neighbour whose only way in is from here must come next, or be the end.
         lonely = [b for b in free if self.degree[b] == 0]
-        left = self.count - sum(self.placed) if lonely else 0
-        if lonely and left > 1:
+        remaining = self.count - sum(self.placed) if lonely else 0
+        if lonely and remaining > 1:
             return []
         tight = [b for b in free if self.degree[b] == 1]
         if len(tight) > 2:
             return []
-        found = [b for b in free if self._has_way(b)]
-        found.sort(key=lambda b: -(self.key[b] + self.degree[b]))
-        return found
+        choices = [b for b in free if self._has_way(b)]
+        choices.sort(key=lambda b: -(self.key[b] + self.degree[b]))
+        return choices
 
     def _has_way(self, block: int) -> bool:
-        """Whether a line leads from a block to the outside past all that are placed."""
+        """Return True if a straight line leads from a block outside past all placed blocks."""
         return any(not any(self.placed[b] for b in line) for line in self.lines[block])
 
 
 def _lines(blocks: Ints) -> list[list[list[int]]]:
-    """For each block and direction the blocks beyond it in its row, behind gaps too."""
+    """Return for each block and direction the blocks beyond it in its row, behind gaps too."""
     low = blocks.min(axis=0)
     grid = np.full(blocks.max(axis=0) - low + 1, -1, dtype=np.int64)
     grid[tuple((blocks - low).T)] = np.arange(len(blocks))
-    found: list[list[list[int]]] = []
+    lines: list[list[list[int]]] = []
     for x, y, z in (blocks - low).tolist():
         rows = (
             (grid[x + 1 :, y, z], grid[:x, y, z]),
             (grid[x, y + 1 :, z], grid[x, :y, z]),
             (grid[x, y, z + 1 :], grid[x, y, :z]),
         )
-        found.append([[b for b in way.tolist() if b >= 0] for row in rows for way in row])
-    return found
+        lines.append([[b for b in way.tolist() if b >= 0] for row in rows for way in row])
+    return lines
 
 
 def filled_blocks(order: Ints, side: int) -> Ints:
-    """(m · side³, 3) cells along a path of blocks, a snake in each.
+    """Return the (m · side³, 3) cells along a path of blocks, a snake in each.
 
     Args:
         order: (m, 3) blocks, each touching the next.
@@ -205,7 +208,7 @@ def filled_blocks(order: Ints, side: int) -> Ints:
 
 
 def _exit(corner: Ints, step: Ints | None) -> tuple[int, Ints]:
-    """The axis along which a block is run through, and the corner at which it is left."""
+    """Return the axis along which a block is traversed, and its last corner."""
     leave = corner.copy()
     if step is None:
         leave[2] ^= 1
@@ -218,7 +221,7 @@ def _exit(corner: Ints, step: Ints | None) -> tuple[int, Ints]:
 
 
 def _block_snake(corner: Ints, axis: int, side: int) -> Ints:
-    """(side³, 3) from a corner to the one at the other end of an axis."""
+    """Return the (side³, 3) snake from a corner to the one at the other end of an axis."""
     others = [k for k in range(3) if k != axis]
     cells = snake_path((side, side, side), axes=(others[0], others[1], axis))
     return np.where(corner == 1, side - 1 - cells, cells)

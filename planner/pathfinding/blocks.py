@@ -33,7 +33,7 @@ from planner.shapes.shape import Shape
 Ints = NDArray[np.int64]
 Tree: TypeAlias = Literal["bfs", "dfs", "random"]
 
-CORNERS: Final = tuple(product((0, 1), repeat=3))
+BLOCK_CORNERS: Final = tuple(product((0, 1), repeat=3))
 FACES: Final = tuple(product(range(3), (0, 1)))
 """The faces of a block: the axis they are square to, and on which side; face k ^ 1 is opposite."""
 
@@ -42,21 +42,21 @@ Edge: TypeAlias = tuple[int, int]
 
 
 def halved(shape: Shape) -> Ints | None:
-    """(m, 3) the blocks of a shape that consists of 2×2×2 blocks on one grid, else None.
+    """Return the (m, 3) blocks of a shape of 2×2×2 blocks on one grid, else None.
 
     Cell ``c`` of the shape lies in block ``(c − offset) // 2``; the offset is the least cell of the
     shape's bounding box, or one less on some axes.
     """
-    found = aligned_blocks(shape.cells)
-    return None if found is None else found[0]
+    aligned = aligned_blocks(shape.cells)
+    return None if aligned is None else aligned[0]
 
 
 def aligned_blocks(cells: Ints) -> tuple[Ints, Ints] | None:
-    """Blocks (m, 3) and offset (3,) so that the cells are ``offset + 2 · block + {0, 1}³``."""
+    """Return (m, 3) blocks and (3,) offset: the cells are ``offset + 2 · block + {0, 1}³``."""
     if len(cells) % 8:
         return None
     low = cells.min(axis=0)
-    for back in CORNERS:
+    for back in BLOCK_CORNERS:
         offset = low - np.array(back)
         coarse, counts = np.unique((cells - offset) // 2, axis=0, return_counts=True)
         if len(coarse) * 8 == len(cells) and (counts == 8).all():
@@ -65,12 +65,12 @@ def aligned_blocks(cells: Ints) -> tuple[Ints, Ints] | None:
 
 
 def block_path(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") -> Ints:
-    """A path through blocks, cut open where its ends lie outside and its neighbours stay close.
+    """Return a path through blocks with both ends outside and a small spread.
 
     Args:
         coarse: (m, 3) the blocks; block b holds the cells 2·b + {0, 1}³.
-        rng: Which tree and which edges, of those that there are.
-        tree: How the blocks are joined.
+        rng: Random choice of the tree and the edges.
+        tree: Kind of spanning tree that joins the blocks.
 
     Returns:
         (8·m, 3) the cells in order. The last one touches the first one.
@@ -83,19 +83,19 @@ def block_path(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") ->
 
 
 def cut_costs(cycle: Ints) -> NDArray[np.float64]:
-    """(n,) spread when cut open before each cell, infinite where an end would lie inside."""
+    """Return the (n,) spread of cuts before each cell; infinite if an end would lie inside."""
     outer = surface(cycle)
     both = outer & np.roll(outer, 1)
     return np.where(both | ~both.any(), spreads_of_cuts(cycle), np.inf)
 
 
 def cut(cycle: Ints, place: int) -> Ints:
-    """(n, 3) the cycle opened so that it begins with the cell at that place."""
+    """Return the (n, 3) cycle, opened before the cell with this index."""
     return np.roll(cycle, -place, axis=0)
 
 
 def block_cycle(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") -> Ints:
-    """(8·m, 3) cells of the closed cycle, see ``block_path``."""
+    """Return the (8·m, 3) cells of the closed cycle, see ``block_path``."""
     blocks = np.unique(np.asarray(coarse, dtype=np.int64), axis=0)
     blocks = blocks[rng.permutation(len(blocks))]
     order, parents = _spanning_tree(blocks, rng, tree)
@@ -103,36 +103,36 @@ def block_cycle(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") -
     picks = rng.integers(1 << 30, size=len(blocks)).tolist()
     first = sorted(options)[picks[0] % len(options)]
     chosen: list[tuple[Edge, ...]] = [()] * len(blocks)
-    # Each corner has two links; a link is a step: axis, and the side is told by the corner.
+    # Each corner has two links; a link is a step along an axis, the corner determines the side.
     links = np.empty((len(blocks), 8, 2, 2), dtype=np.int64)
     steps = blocks[order[1:]] - blocks[parents[order[1:]]]
     axes = np.abs(steps).argmax(axis=1)
     faces = (2 * axes + (steps.sum(axis=1) < 0)).tolist()  # the child's face to its parent
     parent_of = parents.tolist()
     for rank, block in enumerate(order.tolist()):
-        there, parent = None, -1
+        parent_edge, parent = None, -1
         if rank:
             parent = parent_of[block]
             face = faces[rank - 1]
-            there = chosen[parent][face ^ 1]
+            parent_edge = chosen[parent][face ^ 1]
             bit = 4 >> (face >> 1)
-            here = (there[0] ^ bit, there[1] ^ bit)
+            own_edge = (parent_edge[0] ^ bit, parent_edge[1] ^ bit)
         else:
-            face, here = first
-        found = options[face, here]
-        ring, edges_of_faces = found[picks[rank] % len(found)]
+            face, own_edge = first
+        fitting = options[face, own_edge]
+        ring, edges_of_faces = fitting[picks[rank] % len(fitting)]
         chosen[block] = edges_of_faces
         links[block, :, :, 0] = block
         links[block, :, :, 1] = ring
-        if there is not None:
-            for a, b in zip(there, here, strict=True):
-                _relink(links, (parent, a), there, (block, b))
-                _relink(links, (block, b), here, (parent, a))
+        if parent_edge is not None:
+            for a, b in zip(parent_edge, own_edge, strict=True):
+                _relink(links, (parent, a), parent_edge, (block, b))
+                _relink(links, (block, b), own_edge, (parent, a))
     return _cells_of(blocks, _walk(links))
 
 
 def _relink(links: Ints, cell: tuple[int, int], edge: Edge, to: tuple[int, int]) -> None:
-    """Replaces the link of a cell along an edge of its own block by one to another block."""
+    """Replace the link of a cell along an edge of its own block by one to another block."""
     block, corner = cell
     other = edge[0] if corner == edge[1] else edge[1]
     pair = links[block, corner]
@@ -141,35 +141,35 @@ def _relink(links: Ints, cell: tuple[int, int], edge: Edge, to: tuple[int, int])
 
 
 def _walk(links: Ints) -> Ints:
-    """(8·m,) the corners in the order of the cycle, as 8 · block + corner."""
+    """Return the (8·m,) corners in the order of the cycle, as 8 · block + corner."""
     flat = (8 * links[..., 0] + links[..., 1]).reshape(-1, 2)
     one, two = flat[:, 0].tolist(), flat[:, 1].tolist()
     before, at = one[0], 0
-    found = [0] * len(flat)
+    walk = [0] * len(flat)
     for place in range(len(flat)):
-        found[place] = at
+        walk[place] = at
         before, at = at, (two[at] if one[at] == before else one[at])
-    if at != 0 or len(set(found)) != len(found):
+    if at != 0 or len(set(walk)) != len(walk):
         raise AssertionError("the blocks did not join into one cycle")
-    return np.array(found, dtype=np.int64)
+    return np.array(walk, dtype=np.int64)
 
 
 def _cells_of(blocks: Ints, walk: Ints) -> Ints:
-    return 2 * blocks[walk // 8] + np.array(CORNERS, dtype=np.int64)[walk % 8]
+    return 2 * blocks[walk // 8] + np.array(BLOCK_CORNERS, dtype=np.int64)[walk % 8]
 
 
 def _spanning_tree(blocks: Ints, rng: np.random.Generator, tree: Tree) -> tuple[Ints, Ints]:
-    """Blocks in an order where parents come first, and the parent of each."""
+    """Return the blocks with parents first, and the parent of each block."""
     count = len(blocks)
     pairs = contacts(blocks)
     # Weights are above zero, which a sparse matrix needs; only a random tree looks at them.
     weights = 1.0 + rng.random(len(pairs))
     graph = csr_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    found, _ = connected_components(graph, directed=False)
-    if found > 1:
+    part_count, _ = connected_components(graph, directed=False)
+    if part_count > 1:
         raise InputError(
             "disconnected",
-            f"got blocks in {found} parts, expected one; keep the largest part or join them.",
+            f"got blocks in {part_count} parts, expected one; keep the largest part or join them.",
         )
     if tree == "random":
         graph = minimum_spanning_tree(graph)
@@ -183,7 +183,7 @@ Option: TypeAlias = "tuple[Ints, tuple[Edge, ...]]"
 
 @lru_cache(maxsize=1)
 def joint_options() -> dict[tuple[int, Edge], list[Option]]:
-    """For each face and edge that a block is joined by: its cycles, with an edge for each face.
+    """Return for each joined face and edge the block's cycles, with an edge for each face.
 
     A cycle is (8, 2): the corners that each corner is linked to.
     """
@@ -193,7 +193,7 @@ def joint_options() -> dict[tuple[int, Edge], list[Option]]:
             [[a ^ b ^ corner for a, b in ring if corner in (a, b)] for corner in range(8)]
         )
         in_face = [
-            [edge for edge in ring if all(CORNERS[c][axis] == side for c in edge)]
+            [edge for edge in ring if all(BLOCK_CORNERS[c][axis] == side for c in edge)]
             for axis, side in FACES
         ]
         for edges in product(*in_face):
@@ -204,7 +204,7 @@ def joint_options() -> dict[tuple[int, Edge], list[Option]]:
 
 
 def _rings() -> list[tuple[Edge, ...]]:
-    """The six Hamiltonian cycles of a block."""
+    """Return the six Hamiltonian cycles of a block."""
     found: set[tuple[Edge, ...]] = set()
     for (a, b, c), start in product(permutations((4, 2, 1)), range(8)):
         at, edges = start, list[Edge]()

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from planner.chain.module import LONG_CHAIN
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.pathfinding import ENDS, METHODS, Cell
+from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
 from planner.pathfinding.assembly import layered_snake, solid_paths
 from planner.pathfinding.blocks import aligned_blocks, block_cycle, cut, cut_costs
 from planner.pathfinding.exact import exact_path
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import index_of, parts, spread, spreads_of_cuts, surface
 from planner.pathfinding.loose_blocks import loose_block_cycle
-from planner.pathfinding.peelability import peelable
+from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import is_box, snake_path
 from planner.shapes.shape import Shape
 
@@ -29,17 +29,19 @@ Ints = NDArray[np.int64]
 Ends: TypeAlias = Literal["any", "surface"]
 
 ASSEMBLY: Final = "assembly"
-TRIES: Final = 4
-"""Paths found for each one that is kept."""
-LARGEST_KNOT: Final = 10_000
-"""Cells up to which a candidate is tested for a knot; block paths and snakes have none."""
+PATHS_PER_CANDIDATE: Final = 4
+"""Number of paths that are searched for each returned one. Larger values return better ones, more
+slowly. Chosen."""
+MAX_KNOT_CELLS: Final = 10_000
+"""Number of cells or tetrahedra up to which a path is tested for a knot. Chosen; bounds time."""
 NO_ASSEMBLY: Final = (
     "No path was found whose cells can be removed one by one. The cells may be neither a box nor "
     "2×2×2 blocks, their layers may have several parts, or such a path may need other ends. Use "
     "blocks or exact."
 )
-LARGEST_CHOICE: Final = 20_000
-"""Cells up to which several candidates are made; a larger shape gets one path."""
+MAX_CHOICE_MODULES: Final = 20_000
+"""Number of cells or tetrahedra up to which several paths are made; larger shapes get one. Chosen;
+bounds time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,10 +49,10 @@ class PathSearch:
     """Paths through a shape.
 
     Attributes:
-        paths: The best first; empty when none was found.
-        method: What made them: ``assembly``, ``blocks``, ``exact`` or ``snake``.
-        reason: Why there is none, in plain words; empty when there is.
-        notes: What else is worth knowing.
+        paths: Paths, the best first; empty if none was found.
+        method: Method that found them: ``assembly``, ``blocks``, ``exact`` or ``snake``.
+        reason: Message without paths; else empty.
+        notes: Further messages.
     """
 
     paths: tuple[Path, ...]
@@ -78,7 +80,7 @@ def find_paths(
     candidates: int = 4,
     time_limit_s: float = 20.0,
 ) -> PathSearch:
-    """Finds paths that visit every cell once and ranks them.
+    """Find paths that visit every cell once and rank them.
 
     Unknotted ones come first, then those with both ends on the surface, then those where cells that
     touch lie close along the path, which unfold in fewer steps.
@@ -91,25 +93,26 @@ def find_paths(
             shapes where it does.
         ends: ``surface`` when both ends must have a free face.
         start: The cell that the path begins with, None for any.
-        seed: The same seed gives the same paths.
-        candidates: How many paths at most.
+        seed: Seed of all random choices.
+        candidates: Maximum number of paths.
         time_limit_s: Seconds for ``exact``, by the clock.
 
     Raises:
-        InputError: A wish that is none, or a start that is not among the cells.
+        InputError: An option is unknown, or the start is none of the cells.
     """
-    if method not in (*METHODS, ASSEMBLY):
+    if method not in (*PATH_METHODS, ASSEMBLY):
         raise InputError(
-            "unknown-method", f"got the method {method!r}, expected one of: {', '.join(METHODS)}."
+            "unknown-method",
+            f"got the method {method!r}, expected one of: {', '.join(PATH_METHODS)}.",
         )
-    if ends not in ENDS:
+    if ends not in PATH_ENDS:
         raise InputError("unknown-ends", f"got the ends {ends!r}, expected any or surface.")
     index_of(shape.cells, start)
     options = _Options(
         ends=ends,
         start=start,
         seed=seed,
-        tries=1 if len(shape) > LARGEST_CHOICE else candidates * TRIES,
+        tries=1 if len(shape) > MAX_CHOICE_MODULES else candidates * PATHS_PER_CANDIDATE,
         deadline=time.monotonic() + time_limit_s,
     )
     box, coarse = is_box(shape), aligned_blocks(shape.cells)
@@ -146,7 +149,7 @@ def _search(
 
 
 def ranked(found: list[Ints], order: Callable[[Ints], tuple[Any, ...]] | None = None) -> list[Ints]:
-    """Different paths, the one that promises most first; the order is always the same."""
+    """Return the different paths in a reproducible order, the most promising first."""
     different = list({cells.tobytes(): cells for cells in found}.values())
     if len(different) < 2:
         return different
@@ -159,7 +162,7 @@ def _by_peeling(cells: Ints) -> tuple[float, float, bytes]:
 
 def _rank(cells: Ints) -> tuple[int, int, float, bytes]:
     knotted = 0
-    if len(cells) <= LARGEST_KNOT:
+    if len(cells) <= MAX_KNOT_CELLS:
         knotted = ("unknot", "undecided", "knotted").index(knot_of(cells).verdict)
     buried = 2 - int(surface(cells)[[0, -1]].sum())
     return knotted, buried, spread(cells), cells.tobytes()
@@ -172,7 +175,7 @@ def _fits(cells: Ints, options: _Options) -> bool:
 
 
 def _assembled(shape: Shape, options: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
-    """Paths in assembly order, from either end where it is told where they begin."""
+    """Yield paths in assembly order, reversed if the start or the ends require it."""
     low = shape.cells.min(axis=0)
     made: Iterable[Ints] = ()
     if is_box(shape):
@@ -203,7 +206,7 @@ def _snakes(shape: Shape, options: _Options) -> Iterator[Ints]:
 
 
 def _turned_to(path: Ints, start: Ints, low: Ints, sides: tuple[int, int, int]) -> Ints:
-    """The snake of a box mirrored so that it begins in another corner."""
+    """Return the snake of a box, mirrored so that it begins in another corner."""
     mirrored = 2 * low + np.array(sides) - 1 - path
     return np.where(start == low, path, mirrored)
 
@@ -223,7 +226,7 @@ def _blocks(shape: Shape, options: _Options, coarse: tuple[Ints, Ints] | None) -
         else:
             cycle = loose_block_cycle(loose or frozenset(), rng)
         if cycle is None:
-            if attempt >= TRIES:
+            if attempt >= PATHS_PER_CANDIDATE:
                 return
             continue
         path = _opened(cycle, options)
@@ -232,7 +235,7 @@ def _blocks(shape: Shape, options: _Options, coarse: tuple[Ints, Ints] | None) -
 
 
 def _opened(cycle: Ints, options: _Options) -> Ints | None:
-    """A cycle cut open as wished, None when no cut is."""
+    """Return a cycle, cut open according to the options, or None."""
     if options.start is None:
         path = cut(cycle, int(np.argmin(cut_costs(cycle))))
         return path if _fits(path, options) else None
@@ -259,12 +262,12 @@ def _exact(shape: Shape, options: _Options, candidates: int) -> PathSearch:
     found: list[Ints] = []
     outside = options.ends == "surface"
     for attempt in range(options.tries):
-        left = options.deadline - time.monotonic()
-        if attempt and left <= 0:
+        remaining_s = options.deadline - time.monotonic()
+        if attempt and remaining_s <= 0:
             break
         search = exact_path(
             shape,
-            time_limit_s=max(left, 0.0),
+            time_limit_s=max(remaining_s, 0.0),
             seed=options.seed * 1000 + attempt,
             start=options.start,
             ends_on_surface=outside,

@@ -20,7 +20,7 @@ Status = Literal["found", "infeasible", "undecided"]
 CONFLICTS_PER_EFFORT: Final = 80_000
 """Conflicts of the solver that count as an effort of 1, about a second. Measured."""
 CONFLICTS_PER_ROUND: Final = 20
-"""Conflicts that each call of the solver counts as besides its own. Chosen."""
+"""Number of conflicts that each call of the solver counts as besides its own. Chosen."""
 MAX_CONFLICTS_PER_CALL: Final = 2000
 """Conflicts after which the solver returns. Larger values delay time limits and Ctrl-C. Chosen."""
 

@@ -12,29 +12,31 @@ from numpy.typing import NDArray
 
 from planner.kernels.backbite import ease, grow
 from planner.pathfinding import Cell
-from planner.pathfinding.circuits import circuit
+from planner.pathfinding.infeasibility import obstacles
 from planner.pathfinding.lattice import colours, index_of, neighbours, surface
-from planner.pathfinding.obstacles import obstacles
+from planner.pathfinding.sat_paths import circuit
 from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-TURNS: Final = 40_000_000
-"""Cells that one attempt may reverse, about: a quarter of a second."""
-MOVES_A_CELL: Final = 20
-"""Moves of an attempt for each cell, at least."""
+REVERSED_CELLS: Final = 40_000_000
+"""Number of cells that the moves of one attempt may reverse, about 0.25 s. Larger values find
+harder paths, more slowly. Chosen."""
+MOVES_PER_CELL: Final = 20
+"""Minimum number of moves of an attempt for each cell. Chosen."""
 EASING_MOVES: Final = 200_000
-"""Moves that bring touching cells closer to each other along a found path."""
-EASED: Final = 600
-"""Cells up to which a found path is eased; every move looks at all of them."""
-ATTEMPTS: Final = 6
-"""Fast attempts before the solver is asked, and after each time that it was."""
+"""Number of annealing moves that bring touching cells closer along a path. Chosen."""
+MAX_EASED_CELLS: Final = 600
+"""Number of cells up to which a path is annealed; every move visits all of them. Chosen; bounds
+time."""
+FAST_ATTEMPTS: Final = 6
+"""Number of fast attempts before each call of the solver. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExactSearch:
-    """What a search for a path came to.
+    """Result of a search for a path.
 
     Attributes:
         status: ``infeasible`` is proved; ``undecided`` means that the time was up.
@@ -56,18 +58,18 @@ def exact_path(
     ends_on_surface: bool = False,
     eased: bool = True,
 ) -> ExactSearch:
-    """Looks for a path that visits every cell of a shape once.
+    """Search for a path that visits every cell of a shape once.
 
     Args:
         shape: The shape.
-        time_limit_s: Seconds, by the clock.
-        seed: Of all choices.
+        time_limit_s: Wall-clock limit, s.
+        seed: Seed of all random choices.
         start: The cell that the path begins with, None for any.
-        ends_on_surface: Both its ends have a free face.
-        eased: Bring cells that touch closer along the path, which then unfolds more easily.
+        ends_on_surface: True if both ends must have a free face.
+        eased: True to bring touching cells closer along the path, so that it unfolds more easily.
 
     Raises:
-        InputError: ``not-a-cell`` when the start is none of the shape's cells.
+        InputError: ``not-a-cell``: the start is none of the shape's cells.
     """
     deadline = time.monotonic() + time_limit_s
     cells = shape.cells
@@ -84,7 +86,7 @@ def exact_path(
     status, order = search.run(deadline)
     if order is None:
         return ExactSearch(status=status, cells=None, reason=_REASONS[status](time_limit_s))
-    if eased and len(cells) <= EASED:
+    if eased and len(cells) <= MAX_EASED_CELLS:
         order = search.eased(order)
     return ExactSearch(status="found", cells=cells[order], reason="A path was found.")
 
@@ -103,7 +105,7 @@ def _sentence(text: str) -> str:
 
 
 def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> str | None:
-    """Why no path has such ends, as far as colours tell."""
+    """Return the reason why colours rule out such ends, or an empty text."""
     shades = colours(cells)
     excess = len(cells) - 2 * int(shades.sum())
     more = 0 if excess > 0 else 1
@@ -130,33 +132,33 @@ class _Search:
     ) -> None:
         self.cells, self.ends, self.start, self.rng = cells, ends, start, rng
         self.near = neighbours(cells)
-        self.least = MOVES_A_CELL * len(cells)
-        self.moves = max(self.least, TURNS // len(cells))
+        self.least = MOVES_PER_CELL * len(cells)
+        self.moves = max(self.least, REVERSED_CELLS // len(cells))
 
     def run(
         self, deadline: float
     ) -> tuple[Literal["found", "infeasible", "undecided"], Ints | None]:
         effort = 2.0
         while True:
-            for attempt in range(ATTEMPTS):
+            for attempt in range(FAST_ATTEMPTS):
                 # A short attempt first: most shapes need no more.
-                short = attempt < ATTEMPTS // 2
+                short = attempt < FAST_ATTEMPTS // 2
                 order = self.grown(max(self.least, self.moves // 20) if short else self.moves)
                 if order is not None:
                     return "found", order
                 if time.monotonic() > deadline:
                     return "undecided", None
-            left = deadline - time.monotonic()
-            found = circuit(
+            remaining_s = deadline - time.monotonic()
+            result = circuit(
                 self.cells,
                 self.rng,
                 ends=self.ends,
                 start=self.start,
                 effort=effort,
-                time_limit_s=max(0.1, left),
+                time_limit_s=max(0.1, remaining_s),
             )
-            if found.status != "undecided":
-                return found.status, found.order
+            if result.status != "undecided":
+                return result.status, result.order
             effort *= 2.0
 
     def grown(self, moves: int) -> Ints | None:

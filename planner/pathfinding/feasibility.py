@@ -1,4 +1,4 @@
-"""Feasibility: can a chain fill a shape, why not, and which small change makes it possible."""
+"""Feasibility: proofs that a chain can or cannot fill a shape, and small repairs."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from planner.chain.path import FEWEST_CELLS
 from planner.pathfinding import Cell
 from planner.pathfinding.blocks import halved
 from planner.pathfinding.exact import exact_path
+from planner.pathfinding.infeasibility import Problem, obstacles
 from planner.pathfinding.lattice import STEPS, colours, neighbours, parts
-from planner.pathfinding.obstacles import Problem, obstacles
 from planner.pathfinding.snake import is_box
 from planner.shapes.shape import Shape
 
@@ -25,18 +25,20 @@ __all__ = ["Feasibility", "Problem", "Repair", "apply_repair", "feasibility"]
 Ints = NDArray[np.int64]
 Cells: TypeAlias = frozenset[Cell]
 
-TIME_LIMIT_S: Final = 2.0
-LARGEST_SEARCH: Final = 2_000
-"""Cells up to which a path is looked for to answer the question."""
-MOST_CHANGES: Final = 12
-"""Cells that a repair adds or drops, at most."""
-MOST_CHANGED: Final = 0.1
-"""Share of the cells that a repair adds or drops, at most, where that is more; pieces that are
-not connected do not count."""
-MOST_LOOKED_AT: Final = 60
-"""Cells that are compared for each change."""
+FEASIBILITY_LIMIT_S: Final = 2.0
+"""Wall-clock limit of the search for a path, and of the search for repairs. Chosen."""
+MAX_SEARCHED_CELLS: Final = 2_000
+"""Number of cells up to which a path is searched to decide. Chosen; bounds time."""
+MAX_CHANGES: Final = 12
+"""Maximum number of cells that a repair adds or drops. Chosen."""
+MAX_CHANGED_SHARE: Final = 0.1
+"""Maximum share of cells that a repair adds or drops, if that is more; disconnected parts do not
+count. Chosen."""
+MAX_COMPARED_CELLS: Final = 60
+"""Number of cells that are compared for each change. Larger values find smaller repairs, more
+slowly. Chosen."""
 CHECK_S: Final = 0.5
-"""Seconds for the search that shows that a repair works."""
+"""Wall-clock limit of the search that checks a repair. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +49,7 @@ class Repair:
         detail: One plain sentence.
         add: Cells to add.
         drop: Cells to drop.
-        doubled: Then make 2×2×2 cells of half the pitch of each cell.
+        doubled: True to split each cell into 2×2×2 cells of half the pitch then.
     """
 
     detail: str
@@ -58,12 +60,12 @@ class Repair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feasibility:
-    """Whether a chain can fill a shape.
+    """Answer to the question if a chain can fill a shape.
 
     Attributes:
-        feasible: True and False are proved, None is neither.
-        problems: Why it can't.
-        repairs: The smallest one first; doubling, which always works, last.
+        feasible: True or False if proved, else None.
+        problems: Proofs that there is no path.
+        repairs: Repairs, the smallest first; doubling, which always works, last.
     """
 
     feasible: bool | None
@@ -71,13 +73,15 @@ class Feasibility:
     repairs: tuple[Repair, ...] = ()
 
 
-def feasibility(shape: Shape, *, seed: int = 0, time_limit_s: float = TIME_LIMIT_S) -> Feasibility:
-    """Looks for what keeps a shape from having a path, and for a path.
+def feasibility(
+    shape: Shape, *, seed: int = 0, time_limit_s: float = FEASIBILITY_LIMIT_S
+) -> Feasibility:
+    """Search for proofs that a shape has no path, for a path, and for repairs.
 
     Args:
         shape: The shape.
-        seed: Of the searches.
-        time_limit_s: Seconds for the search for a path, and as many for repairs.
+        seed: Seed of the searches.
+        time_limit_s: Wall-clock limit of the search for a path, and again for repairs, s.
     """
     problems = obstacles(shape.cells)
     known: bool | None = None
@@ -85,7 +89,7 @@ def feasibility(shape: Shape, *, seed: int = 0, time_limit_s: float = TIME_LIMIT
         known = False
     elif is_box(shape) or halved(shape) is not None:
         known = True
-    elif len(shape) <= LARGEST_SEARCH:
+    elif len(shape) <= MAX_SEARCHED_CELLS:
         search = exact_path(shape, time_limit_s=time_limit_s, seed=seed, eased=False)
         known = {"found": True, "infeasible": False, "undecided": None}[search.status]
         if known is False:
@@ -100,7 +104,7 @@ def feasibility(shape: Shape, *, seed: int = 0, time_limit_s: float = TIME_LIMIT
 
 
 def apply_repair(shape: Shape, repair: Repair) -> Shape:
-    """The shape with cells added and dropped, then doubled where the repair says so."""
+    """Return the shape after a repair."""
     cells = np.array(sorted((_set(shape.cells) | set(repair.add)) - set(repair.drop)))
     pitch_m = shape.pitch_m
     if repair.doubled:
@@ -113,28 +117,28 @@ def apply_repair(shape: Shape, repair: Repair) -> Shape:
 def _repairs(
     shape: Shape, problems: tuple[Problem, ...], seed: int, deadline: float
 ) -> Iterator[Repair]:
-    """Verified changes, the smallest first, then doubling."""
+    """Yield verified changes, the smallest first, then doubling."""
     before = _set(shape.cells)
     bases = [before]
     if any(problem.code == "disconnected" for problem in problems):
         bases = [_bridged(shape.cells), _largest_part(shape.cells)]
-    found = [
+    repairs = [
         repair
         for base in bases
         if base is not None
         for adding in (False, True)
         if (repair := _mended(before, base, adding, seed, deadline)) is not None
     ]
-    different = {(repair.add, repair.drop): repair for repair in found}
+    different = {(repair.add, repair.drop): repair for repair in repairs}
     yield from sorted(different.values(), key=lambda r: (len(r.add) + len(r.drop), len(r.drop)))
     whole = bases[0] if bases[0] is not None else bases[-1] or before
     yield _doubling(before, whole)
 
 
 def _mended(before: Cells, base: Cells, adding: bool, seed: int, deadline: float) -> Repair | None:
-    """Adds cells, or drops them, one at a time, each time the one that helps most."""
+    """Add or drop cells one at a time, each time the one that helps most."""
     now = base
-    for _ in range(max(MOST_CHANGES, int(MOST_CHANGED * len(base))) + 1):
+    for _ in range(max(MAX_CHANGES, int(MAX_CHANGED_SHARE * len(base))) + 1):
         problems = obstacles(_array(now))
         if not problems:
             if now != before and _has_path(now, seed):
@@ -147,12 +151,12 @@ def _mended(before: Cells, base: Cells, adding: bool, seed: int, deadline: float
         best: tuple[int, int, Cell] | None = None
         for rank, cell in enumerate(_choices(now, problems, adding)):
             after = now | {cell} if adding else now - {cell}
-            left = sum(problem.amount for problem in obstacles(_array(after)))
+            remaining = sum(problem.amount for problem in obstacles(_array(after)))
             if not problems:
-                if left == 0 and _has_path(after, seed):
+                if remaining == 0 and _has_path(after, seed):
                     return _repair(before, after)
-            elif left < amount and (best is None or (left, rank, cell) < best):
-                best = left, rank, cell
+            elif remaining < amount and (best is None or (remaining, rank, cell) < best):
+                best = remaining, rank, cell
             if time.monotonic() > deadline:
                 break
         if best is None:
@@ -162,7 +166,7 @@ def _mended(before: Cells, base: Cells, adding: bool, seed: int, deadline: float
 
 
 def _choices(now: Cells, problems: tuple[Problem, ...], adding: bool) -> list[Cell]:
-    """Cells to add or to drop, those that change the shape's looks least first."""
+    """Return cells to add or to drop, the least visible first."""
     cells = _array(now)
     if adding:
         around = {_plus(cell, step) for cell in now for step in STEPS} - now
@@ -188,7 +192,7 @@ def _choices(now: Cells, problems: tuple[Problem, ...], adding: bool) -> list[Ce
         )
         far = np.maximum(far - 2, 0)
     order = np.lexsort((*candidates.T, looks, far))
-    return _tuples(candidates[order][:MOST_LOOKED_AT])
+    return _tuples(candidates[order][:MAX_COMPARED_CELLS])
 
 
 def _has_path(cells: Cells, seed: int) -> bool:
@@ -229,14 +233,14 @@ def _count(number: int, word: str) -> str:
 
 
 def _largest_part(cells: Ints) -> Cells | None:
-    """The largest part, None when it is too small for a chain."""
+    """Return the largest part, None if it is too small for a chain."""
     _, labels = parts(cells)
     kept = cells[labels == np.argmax(np.bincount(labels))]
     return _set(kept) if len(kept) >= FEWEST_CELLS else None
 
 
 def _bridged(cells: Ints) -> Cells | None:
-    """All parts joined by the shortest straight or bent bridges; None when that takes too many."""
+    """Join all parts by the shortest bridges; None if they take too many cells."""
     added = 0
     while (found := parts(cells))[0] > 1:
         labels = found[1]
@@ -248,14 +252,14 @@ def _bridged(cells: Ints) -> Cells | None:
         a, b = np.unravel_index(int(gaps.argmin()), gaps.shape)
         bridge = _between(inner[a], outer[b])
         added += len(bridge)
-        if added > MOST_CHANGES:
+        if added > MAX_CHANGES:
             return None
         cells = np.concatenate([cells, bridge])
     return _set(cells)
 
 
 def _between(a: Ints, b: Ints) -> Ints:
-    """Cells of a bent line strictly between two cells."""
+    """Return the cells of a bent line strictly between two cells."""
     at, line = a.copy(), list[Ints]()
     for axis in range(3):
         while at[axis] != b[axis]:

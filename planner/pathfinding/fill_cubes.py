@@ -19,32 +19,33 @@ from planner.pathfinding.lattice import parts
 from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
 
-BLOCK: Final = 8
-"""Cells that a voxel becomes when it is doubled, 2×2×2."""
-DOUBLING_REACH: Final = 1.25
-"""Factor of the modules asked for up to which doubling is offered as a repair."""
+BLOCK_CELLS: Final = 8
+"""Number of cells of a doubled voxel, 2×2×2."""
+MAX_DOUBLING_RATIO: Final = 1.25
+"""Ratio of resulting to requested modules up to which a repair may double. Chosen."""
 DOUBLED: Final = "Each voxel became 2×2×2 modules."
-FOR_A_PATH: Final = " There is always a path through them."
+ALWAYS_A_PATH: Final = " There is always a path through them."
 START_SHARE: Final = 0.7
-"""Share of the time for paths that begin in the cell asked for."""
+"""Share of the time limit for paths that begin in the requested cell; the rest is for others.
+Chosen."""
 
 
 class Cubes:
-    """See the module's description."""
+    """Filling with cubes, one in each cell or eight."""
 
     def cells_for(self, options: PathOptions) -> int:
-        """How many cells a solid should be voxelised into."""
+        """Return the number of cells for the voxelisation of a solid."""
         modules = DEFAULT_MODULES if options.modules is None else options.modules
-        return max(1, round(modules / BLOCK)) if _in_blocks(options) else modules
+        return max(1, round(modules / BLOCK_CELLS)) if _in_blocks(options) else modules
 
     def modules_of(self, shape: Shape, options: PathOptions) -> int:
-        """How many modules given cells become, as far as that is known before there is a path."""
-        return BLOCK * len(shape) if options.method == "blocks" else len(shape)
+        """Return the number of modules of given cells, as far as it is known without a path."""
+        return BLOCK_CELLS * len(shape) if options.method == "blocks" else len(shape)
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
-        """Finds chains through cells; see ``planner.pathfinding.filling.Filling``."""
+        """Find chains through cells; see ``planner.pathfinding.filling.Filling``."""
         notes: tuple[str, ...] = ()
         was_doubled = False
         given = len(shape)
@@ -59,7 +60,7 @@ class Cubes:
         scale = round((len(shape) / given) ** (1 / 3))
         state = feasibility(shape)
         if was_doubled:
-            notes = (DOUBLED if state.feasible is False else f"{DOUBLED}{FOR_A_PATH}",)
+            notes = (DOUBLED if state.feasible is False else f"{DOUBLED}{ALWAYS_A_PATH}",)
         if state.feasible is False and options.repair and state.repairs:
             repair = requested_repair(shape, state, options)
             if repair is not None:
@@ -90,7 +91,7 @@ class Cubes:
         )
 
     def check(self, shape: Shape, options: PathOptions) -> None:
-        """Refuses given cells that have no path, for a reason that is quickly found."""
+        """Refuse given cells without a path if that is quickly proved."""
         if options.method == "blocks":
             if parts(shape.cells)[0] == 1:
                 return
@@ -125,7 +126,7 @@ def _in_blocks(options: PathOptions) -> bool:
 def _searched(
     shape: Shape, method: str, options: PathOptions, seed: int, time_limit_s: float
 ) -> tuple[PathSearch, str]:
-    """Paths that begin where it is wished for; others, and why, where there are none."""
+    """Return paths from the requested start; without any, other paths and a message."""
     begun = time.monotonic()
     share = 1.0 if options.start is None else START_SHARE
     search = find_paths(
@@ -139,32 +140,32 @@ def _searched(
     if options.start is None or search.paths:
         return search, ""
     why = f"No path that starts in the cell {options.start} was found. {search.reason}".strip()
-    left = time_limit_s - (time.monotonic() - begun)
+    remaining_s = time_limit_s - (time.monotonic() - begun)
     return find_paths(
-        shape, method=method, ends=options.ends, seed=seed, time_limit_s=max(0.5, left)
+        shape, method=method, ends=options.ends, seed=seed, time_limit_s=max(0.5, remaining_s)
     ), why
 
 
 def requested_repair(shape: Shape, state: Feasibility, options: PathOptions) -> Repair | None:
-    """The smallest repair; one that makes eight modules of each cell only where so many are wanted.
+    """Return the smallest repair; one that doubles only if the requested modules allow it.
 
     Returns:
-        None when nothing but that helps and it was not asked for.
+        None if only doubling helps and the requested number of modules does not allow it.
     """
     repair = state.repairs[0]
     count = modules_after(shape, repair)
-    wanted = options.modules is not None and count <= DOUBLING_REACH * options.modules
+    wanted = options.modules is not None and count <= MAX_DOUBLING_RATIO * options.modules
     return repair if wanted or not repair.doubled else None
 
 
 def modules_after(shape: Shape, repair: Repair) -> int:
-    """How many modules a repair leaves."""
+    """Return the number of modules after a repair."""
     cells = len(shape) + len(repair.add) - len(repair.drop)
-    return BLOCK * cells if repair.doubled else cells
+    return BLOCK_CELLS * cells if repair.doubled else cells
 
 
 def only_doubling(shape: Shape, repair: Repair) -> str:
-    """What to say where only doubling helps and was not asked for."""
+    """Return the message for shapes that only doubling would repair."""
     count = modules_after(shape, repair)
     return (
         f"The only repair that was found makes {count} modules from {len(shape)} cells: "
@@ -173,7 +174,7 @@ def only_doubling(shape: Shape, repair: Repair) -> str:
 
 
 def doubled(shape: Shape) -> Shape:
-    """Each cell as 2×2×2 cells of half the pitch."""
+    """Split each cell into 2×2×2 cells of half the pitch."""
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     cells = (2 * shape.cells[:, None, :] + corners).reshape(-1, 3)
     return Shape.from_cells(cells, name=shape.name, pitch_m=0.5 * shape.pitch_m)

@@ -9,31 +9,31 @@ from planner.chain.honeycomb import RING, ring_of
 from planner.errors import InputError
 from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair
 from planner.pathfinding.filled import Filled
+from planner.pathfinding.infeasibility import Problem
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
-from planner.pathfinding.obstacles import Problem
 from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.pathfinding.tetrahedra import find_trails
 from planner.shapes.shape import Shape
 
 
 class Tetrahedra:
-    """See the module's description. There is a trail through any cells that hang together."""
+    """Filling with rings of tetrahedra; any connected cells have a trail."""
 
     def cells_for(self, options: PathOptions) -> int:
-        """How many cells a solid should be voxelised into."""
+        """Return the number of cells for the voxelisation of a solid."""
         modules = DEFAULT_MODULES if options.modules is None else options.modules
         return max(1, round(modules / RING))
 
     def modules_of(self, shape: Shape, options: PathOptions) -> int:
-        """How many modules given cells become."""
+        """Return the number of modules of given cells."""
         del options
         return RING * len(shape)
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
-        """Finds chains through cells; see ``planner.pathfinding.filling.Filling``."""
+        """Find chains through cells; see ``planner.pathfinding.filling.Filling``."""
         del time_limit_s
         notes: tuple[str, ...] = ()
         if not of_solid:
@@ -76,7 +76,7 @@ class Tetrahedra:
         )
 
     def check(self, shape: Shape, options: PathOptions) -> None:
-        """Refuses given cells that no trail goes through."""
+        """Refuse given cells without a trail."""
         state = _feasibility(shape)
         if not state.feasible and not options.repair:
             why = " ".join(problem.detail for problem in state.problems)
@@ -88,7 +88,7 @@ class Tetrahedra:
 
 
 def _feasibility(shape: Shape) -> Feasibility:
-    """Rings pass from cell to cell through the faces, so cells must hang together by them."""
+    """Return feasibility: the cells must be connected by faces, which trails pass."""
     count, labels = parts(shape.cells)
     if count == 1:
         return Feasibility(feasible=True)

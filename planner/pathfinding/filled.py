@@ -16,25 +16,25 @@ from planner.shapes.shape import Shape
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Filled:
-    """What became of a shape's cells.
+    """Chains through the cells of a shape.
 
     A point u of the cells' space, in which cell c reaches from c to c + 1 and from which the chains
     were made, lies at ``scale · u + shift`` in the folded chains' space.
 
     Attributes:
-        chains: Candidates, best first; empty when there is none.
+        chains: Candidates, the best first; empty without one.
         shape: The cells, as they were after repairs; one module each, or several.
-        method: How the chains were found.
-        feasibility: Whether the cells have a path at all; None where that is no question.
-        cells: (n, 3) for each module of the first chain a cell by which it can be named; those of
-            ``shape`` without a chain.
-        line: (m, 3) the first chain's course, each step along an axis, in the folded chain's space.
-        knot: Of the first candidate; None without one.
-        notes: What people should know, in plain words.
-        not_started: Why no chain begins where it was wished for, or empty.
-        scale, shift: See above; ``shift`` is one number, or (3,).
+        method: Method that found the chains.
+        feasibility: Feasibility of the cells; None if it is not in question.
+        cells: (n, 3) a cell for each module of the first chain, which names the module; the cells
+            of ``shape`` without a chain.
+        line: (m, 3) course of the first chain, in steps along the axes of the folded chain's space.
+        knot: Knot of the first candidate; None without one.
+        notes: Messages for the user.
+        not_started: Reason why no chain begins in the requested cell, or empty.
+        scale, shift: Map to the folded chains' space, see above; ``shift`` is a number or (3,).
         modules_per_cell: Modules for each cell of what was voxelised.
-        added: Cells that a repair for a table added, as ``cells`` has them.
+        added: Cells that a repair for a table added, in the frame of ``cells``.
     """
 
     chains: tuple[Chain, ...]

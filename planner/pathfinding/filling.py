@@ -1,4 +1,4 @@
-"""Filling: how cells become chains of modules of one kind."""
+"""Filling: conversion of cells into chains of one kind of module."""
 
 from __future__ import annotations
 
@@ -13,39 +13,39 @@ from planner.shapes.shape import Shape
 
 
 class Filling(Protocol):
-    """How cells become chains of modules of one kind."""
+    """Conversion of cells into chains of one kind of module."""
 
     def cells_for(self, options: PathOptions) -> int:
-        """How many cells a solid should be voxelised into."""
+        """Return the number of cells for the voxelisation of a solid."""
         ...
 
     def modules_of(self, shape: Shape, options: PathOptions) -> int:
-        """How many modules given cells become, as far as that is known beforehand."""
+        """Return the number of modules of given cells, as far as it is known beforehand."""
         ...
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
-        """Finds chains through cells.
+        """Find chains through cells.
 
         Args:
             shape: The cells.
-            options: How they are to become chains.
-            of_solid: Whether they come from a solid, and were asked for by ``cells_for``.
-            seed: What randomness starts from.
-            time_limit_s: How long may be searched.
+            options: Options of the chains.
+            of_solid: True if the cells are voxels of a solid, requested by ``cells_for``.
+            seed: Seed of all random choices.
+            time_limit_s: Wall-clock limit of the search, s.
 
         Raises:
-            InputError: For a wish that these cells can't fulfil.
+            InputError: The cells do not allow what the options request.
         """
         ...
 
     def check(self, shape: Shape, options: PathOptions) -> None:
-        """Refuses given cells that can't be filled, for a reason that is quickly found."""
+        """Refuse given cells that cannot be filled if that is quickly proved."""
         ...
 
 
 FILLINGS: Final[dict[str, Filling]] = {CUBE.name: Cubes(), TETRAHEDRON.name: Tetrahedra()}
-"""By the name of the module."""
+"""Fillings by the name of the module."""
 
 __all__ = ["FILLINGS", "Filled", "Filling"]

@@ -15,12 +15,15 @@ from planner.kernels.knots import simplified, tightened
 from planner.pathfinding.knots import Knot, best_view, closed_polygons, knot_of, smaller
 
 Array = NDArray[np.float64]
-SHORTENED: Final = 60
-"""Rounds in which a polygon is drawn tight, so that the far corners at its ends come near."""
+MAX_SHORTENINGS: Final = 60
+"""Number of rounds in which a polygon is shortened. Larger values bring the far corners nearer.
+Chosen."""
 PULLS: Final = (0.9, 0.5, 0.7)
-"""Shares of the way to the middle of its neighbours that a vertex is pulled, in turn."""
-MOST_SHORTENED: Final = 400
-"""Vertices above which a polygon is left as it is: each round takes time by their square."""
+"""Fractions of the distance to the middle of its neighbours by which a vertex is pulled, in turn.
+Chosen."""
+MAX_SHORTENED_VERTICES: Final = 400
+"""Number of vertices above which a polygon is not shortened: a round takes time by their square.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,14 +31,14 @@ class Diagram:
     """A knotted chain, seen with few crossings.
 
     Attributes:
-        knot: What is proved of the chain.
-        closings: (k, 3) each, corners by which the chain's last module is joined to its first one;
-            the knot is the same with each of them. Without corners where the ends touch.
-        vertices: (n, 3) of a closed polygon of that knot.
-        sight: (3,) the direction in which it is seen, pointing at who looks.
-        places: (c, 2) where along the polygon the upper and the lower strand of a crossing are, as
+        knot: Proved knot of the chain.
+        closings: (k, 3) corners of each closure from the last module to the first one; the knot is
+            the same with each. No corners if the ends touch.
+        vertices: (n, 3) vertices of a closed polygon of that knot.
+        sight: (3,) direction of view, towards the viewer.
+        places: (c, 2) position of the upper and the lower strand of a crossing along the polygon:
             edge plus fraction.
-        signs: (c,) of the crossings.
+        signs: (c,) signs of the crossings.
     """
 
     knot: Knot
@@ -47,7 +50,7 @@ class Diagram:
 
 
 def diagram_of(centres: ArrayLike) -> Diagram | None:
-    """A diagram of a chain that is proved to be knotted; None of any other.
+    """Return a diagram of a chain that is proved to be knotted; else None.
 
     Args:
         centres: (n, 3) centres in order, in pitches.
@@ -61,11 +64,11 @@ def diagram_of(centres: ArrayLike) -> Diagram | None:
     polygons = closed_polygons(points - middle, rng)
     best = min((smaller(polygon, rng)[1] for polygon in polygons), key=len)
     sight, places, signs = best_view(best, rng)
-    for k in range(SHORTENED if len(best) <= MOST_SHORTENED else 0):
+    for k in range(MAX_SHORTENINGS if len(best) <= MAX_SHORTENED_VERTICES else 0):
         shorter = simplified(tightened(best, PULLS[k % len(PULLS)]))
-        found = best_view(shorter, rng)
-        if len(found[2]) <= len(signs):
-            sight, places, signs = found
+        view = best_view(shorter, rng)
+        if len(view[2]) <= len(signs):
+            sight, places, signs = view
             best = shorter
     return Diagram(
         knot=knot,

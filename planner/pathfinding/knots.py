@@ -1,4 +1,4 @@
-"""Knots: whether a folded chain is knotted when its ends are drawn out to infinity.
+"""Knots of folded chains whose ends are drawn out to infinity.
 
 An unknotted chain may still be stuck, as modules are thick; a knotted one can never be straightened
 without an end slipping back. The chain is closed far outside and made smaller by leaving out
@@ -23,39 +23,41 @@ from planner.kernels.knots import simplified, tightened
 Array = NDArray[np.float64]
 Verdict = Literal["unknot", "knotted", "undecided"]
 
-JITTER: Final = 0.01
-"""Pitches by which points move at random, out of each other's planes; strands are 0.5 apart."""
-FAR: Final = 4.0
-"""Factor of the chain's size: how far outside its ends are joined."""
-STRAND_ROOM: Final = 0.75
-"""Pitches between a ray and all other points when it leads out freely."""
-TOUCHING: Final = 1.05
-"""Pitches between the ends up to which they are joined directly."""
-FEWEST_STICKS: Final = 6
-"""Edges of the shortest polygon that can be knotted."""
-FEWEST_CROSSINGS: Final = 3
-"""Crossings of the simplest knot, the trefoil."""
-ROUNDS: Final = 40
-"""Times that a polygon is tightened while its verdict is ``undecided``."""
+KNOT_JITTER: Final = 0.01
+"""Amplitude of random shifts into general position, pitches; strands are 0.5 apart. Chosen."""
+CLOSURE_RADIUS_FACTOR: Final = 4.0
+"""Radius at which the ends are joined, over that of the chain. Chosen."""
+MIN_STRAND_DISTANCE_PITCH: Final = 0.75
+"""Minimum distance of an outward ray from all other points. Chosen."""
+MAX_TOUCHING_ENDS_PITCH: Final = 1.05
+"""Distance of the ends up to which they are joined directly. Chosen: one pitch and rounding."""
+MIN_STICKS: Final = 6
+"""Minimum number of edges of a knotted polygon: the stick number of the trefoil."""
+MIN_CROSSINGS: Final = 3
+"""Minimum number of crossings of a knot: the trefoil's."""
+MAX_TIGHTENINGS: Final = 40
+"""Maximum number of times that a polygon is tightened while it is ``undecided``. Chosen."""
 PROJECTIONS: Final = 24
-"""Random directions of sight, of which the one with the fewest crossings is taken."""
-LARGEST_DIAGRAM: Final = 1200
-"""Crossings above which the verdict is ``undecided``: elimination takes time by their cube."""
-LARGEST_EXACT: Final = 300
-"""Crossings above which two primes decide, and the determinant is not told."""
-ELSEWHERE: Final = 2
-"""The Alexander polynomial is evaluated here too, not at −1 alone, where that of the torus knot of
-3 and 5 is trivial."""
+"""Number of random directions of view, of which the one with the fewest crossings is taken.
+Chosen."""
+MAX_CROSSINGS: Final = 1200
+"""Number of crossings above which a knot is ``undecided``: elimination takes time by their cube.
+Chosen."""
+MAX_EXACT_CROSSINGS: Final = 300
+"""Number of crossings above which two primes decide and no determinant is computed. Chosen."""
+SECOND_EVALUATION_POINT: Final = 2
+"""Second argument of the Alexander polynomial besides −1, where that of the torus knot of 3 and 5
+is trivial."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Knot:
-    """What is known of a chain's knot.
+    """Knot of a chain, as far as it is known.
 
     Attributes:
-        verdict: ``unknot`` and ``knotted`` are proved, ``undecided`` is neither.
+        verdict: ``unknot`` or ``knotted`` if proved, else ``undecided``.
         determinant: |Δ(−1)|: 1 for the unknot, 3 for a trefoil; None where it was not computed.
-        crossings: Of the smallest diagram that was found.
+        crossings: Number of crossings of the smallest diagram that was found.
     """
 
     verdict: Verdict
@@ -72,39 +74,39 @@ UNKNOT: Final = Knot(verdict="unknot", determinant=1, crossings=0)
 
 
 def knot_of(cells: ArrayLike, *, closed: bool = False) -> Knot:
-    """Finds the knot of a chain.
+    """Find the knot of a chain.
 
     Ends that touch go out side by side, which is as if they were joined. Otherwise an end with a
     free way out goes that way, and one that has none is drawn out in several directions; where
-    these don't agree the verdict is ``undecided``.
+    these do not agree the verdict is ``undecided``.
 
     Args:
         cells: (n, 3) centres in order, in pitches; neighbours in space a pitch apart or so.
-        closed: Whether the last cell is joined to the first one instead.
+        closed: True if the last cell is joined to the first one instead.
 
     Returns:
         The knot; the same cells always give the same answer.
 
     Raises:
-        InputError: ``not-cells`` when that is not what was given.
+        InputError: ``not-cells``: the array has another shape or holds no finite numbers.
     """
     points = np.asarray(cells, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise InputError(
             "not-cells", f"got an array of shape {points.shape}, expected (n, 3) finite numbers."
         )
-    if len(points) < (FEWEST_STICKS if closed else 3):
+    if len(points) < (MIN_STICKS if closed else 3):
         return UNKNOT
     rng = np.random.default_rng(len(points))
     polygons = closed_polygons(points - points.mean(axis=0), rng, closed=closed)
-    found = [knot_of_polygon(polygon, rng) for polygon in polygons]
-    if len({(knot.verdict, knot.determinant) for knot in found}) == 1:
-        return found[0]
-    return Knot(verdict="undecided", determinant=None, crossings=min(k.crossings for k in found))
+    knots = [knot_of_polygon(polygon, rng) for polygon in polygons]
+    if len({(knot.verdict, knot.determinant) for knot in knots}) == 1:
+        return knots[0]
+    return Knot(verdict="undecided", determinant=None, crossings=min(k.crossings for k in knots))
 
 
 def knot_of_polygon(polygon: Array, rng: np.random.Generator) -> Knot:
-    """Finds the knot of a closed polygon.
+    """Find the knot of a closed polygon.
 
     Args:
         polygon: (n, 3) vertices in general position: no four in a plane.
@@ -114,10 +116,10 @@ def knot_of_polygon(polygon: Array, rng: np.random.Generator) -> Knot:
 
 
 def smaller(polygon: Array, rng: np.random.Generator) -> tuple[Knot, Array]:
-    """The knot of a closed polygon as of ``knot_of_polygon``, and the smaller one that shows it."""
+    """Return the knot of a closed polygon and the simplified polygon that shows it."""
     points = simplified(polygon)
     knot = _judged(points, rng)
-    for k in range(ROUNDS):
+    for k in range(MAX_TIGHTENINGS):
         if knot.verdict != "undecided":
             break
         points = simplified(tightened(points, (0.9, 0.4, 0.65)[k % 3]))
@@ -126,15 +128,15 @@ def smaller(polygon: Array, rng: np.random.Generator) -> tuple[Knot, Array]:
 
 
 def _judged(points: Array, rng: np.random.Generator) -> Knot:
-    """The knot of a polygon as it is."""
-    if len(points) < FEWEST_STICKS:
+    """Return the knot of a polygon without simplifying it."""
+    if len(points) < MIN_STICKS:
         return UNKNOT
     places, signs = _fewest_crossings(points, rng)
-    if len(signs) < FEWEST_CROSSINGS:
+    if len(signs) < MIN_CROSSINGS:
         return UNKNOT
-    if len(signs) > LARGEST_DIAGRAM:
+    if len(signs) > MAX_CROSSINGS:
         return Knot(verdict="undecided", determinant=None, crossings=len(signs))
-    exact = len(signs) <= LARGEST_EXACT
+    exact = len(signs) <= MAX_EXACT_CROSSINGS
     value = _determinant(places, signs) if exact else None
     knotted = (value is not None and value != 1) or not _is_unit(places, signs)
     return Knot(
@@ -148,18 +150,18 @@ def _judged(points: Array, rng: np.random.Generator) -> Knot:
 def closed_polygons(
     points: Array, rng: np.random.Generator, *, closed: bool = False
 ) -> list[Array]:
-    """Closed polygons that are to be the same knot: one for each way in which ends are drawn out.
+    """Return closed polygons of a chain, one for each choice of outward directions.
 
     Args:
         points: (n, 3) centres in order, about the origin.
-        rng: Moves them a little, and chooses ways where none is free.
-        closed: Whether the last point is joined to the first one instead.
+        rng: Random shifts, and outward directions without a free one.
+        closed: True if the last point is joined to the first one instead.
 
     Returns:
         (n + k, 3) each: the points, then k corners far outside by which the ends are joined.
     """
-    moved = points + rng.uniform(-JITTER, JITTER, points.shape)
-    if closed or float(np.linalg.norm(points[-1] - points[0])) < TOUCHING:
+    moved = points + rng.uniform(-KNOT_JITTER, KNOT_JITTER, points.shape)
+    if closed or float(np.linalg.norm(points[-1] - points[0])) < MAX_TOUCHING_ENDS_PITCH:
         return [moved]
     first, last = _ways_out(points, 0, rng), _ways_out(points, len(points) - 1, rng)
     return [
@@ -169,7 +171,7 @@ def closed_polygons(
 
 
 def _ways_out(points: Array, end: int, rng: np.random.Generator) -> list[Array]:
-    """Directions (3,) in which an end is drawn out: a free one alone, else several."""
+    """Return (3,) outward directions of an end: a free one alone, else several."""
     others = np.delete(points, end, axis=0) - points[end]
     outward = points[end] / max(float(np.linalg.norm(points[end])), 1e-9)
     axes = np.concatenate([np.eye(3), -np.eye(3)])
@@ -177,15 +179,15 @@ def _ways_out(points: Array, end: int, rng: np.random.Generator) -> list[Array]:
     for axis in axes:
         along = others @ axis
         away = np.linalg.norm(others - along[:, None] * axis, axis=1)
-        if not ((along > 0.0) & (away < STRAND_ROOM)).any():
+        if not ((along > 0.0) & (away < MIN_STRAND_DISTANCE_PITCH)).any():
             return [axis]
     tries = [outward, *rng.normal(size=(4, 3))]
     return [way / max(float(np.linalg.norm(way)), 1e-9) for way in tries]
 
 
 def _closed(points: Array, first_way: Array, last_way: Array) -> Array:
-    """A chain closed far outside: both ends drawn straight out, then joined around it."""
-    radius = FAR * (float(np.linalg.norm(points, axis=1).max()) + 1.0)
+    """Return a chain with both ends drawn straight out and joined around it."""
+    radius = CLOSURE_RADIUS_FACTOR * (float(np.linalg.norm(points, axis=1).max()) + 1.0)
     # An odd tilt keeps the far corners out of the planes of the lattice.
     first = points[0] + radius * _tilted(first_way, 0.01)
     last = points[-1] + radius * _tilted(last_way, 0.017)
@@ -198,7 +200,7 @@ def _closed(points: Array, first_way: Array, last_way: Array) -> Array:
 
 
 def _tilted(way: Array, angle: float) -> Array:
-    """A direction, a trifle off."""
+    """Return a direction that is tilted by a small angle."""
     return way + angle * 0.1 * np.array([0.37, -0.61, 0.53])
 
 
@@ -206,15 +208,15 @@ def _tilted(way: Array, angle: float) -> Array:
 
 
 def _fewest_crossings(points: Array, rng: np.random.Generator) -> tuple[Array, NDArray[np.int64]]:
-    """The diagram with the fewest crossings among some directions of sight."""
+    """Return the diagram with the fewest crossings among random directions of view."""
     return best_view(points, rng)[1:]
 
 
 def best_view(points: Array, rng: np.random.Generator) -> tuple[Array, Array, NDArray[np.int64]]:
-    """The direction of sight, among some, in which a closed polygon has the fewest crossings.
+    """Return the random direction of view with the fewest crossings of a polygon.
 
     Returns:
-        (3,) the direction, pointing at who looks, with ``places`` and ``signs`` as of
+        (3,) direction towards the viewer; ``places`` and ``signs`` of
         ``planner.kernels.knots.crossings``.
     """
     best: tuple[Array, Array, NDArray[np.int64]] | None = None
@@ -230,7 +232,7 @@ def best_view(points: Array, rng: np.random.Generator) -> tuple[Array, Array, ND
 
 
 def _alexander(places: Array, signs: NDArray[np.int64], at: int) -> NDArray[np.int64]:
-    """Alexander matrix of a diagram at a number, less one row and one column."""
+    """Return the Alexander matrix of a diagram at a number, less one row and one column."""
     n = len(signs)
     # An arc begins where a strand comes out from below another one.
     under = np.sort(places[:, 1])
@@ -246,7 +248,7 @@ def _alexander(places: Array, signs: NDArray[np.int64], at: int) -> NDArray[np.i
 
 
 def _determinant(places: Array, signs: NDArray[np.int64]) -> int:
-    """|Δ(−1)|, exact: from its remainders, as many as Hadamard's bound asks for."""
+    """Compute |Δ(−1)| exactly from remainders, as many as Hadamard's bound requires."""
     matrix = _alexander(places, signs, -1)
     # A row holds 2, −1 and −1; both signs have to be told apart.
     needed = ceil(len(matrix) * log2(6.0) / 2.0) + 2
@@ -261,33 +263,33 @@ def _determinant(places: Array, signs: NDArray[np.int64]) -> int:
 
 
 def _is_unit(places: Array, signs: NDArray[np.int64]) -> bool:
-    """Whether the polynomial may be ±tᵏ, as the unknot's is; False proves a knot."""
+    """Return True if the polynomial may be ±tᵏ like the unknot's; False proves a knot."""
     for prime in _primes(2):
         if int(determinant_modulo(_alexander(places, signs, -1), prime)) not in (1, prime - 1):
             return False
-        value = int(determinant_modulo(_alexander(places, signs, ELSEWHERE), prime))
+        value = int(determinant_modulo(_alexander(places, signs, SECOND_EVALUATION_POINT), prime))
         power, units = 1, set[int]()
         for _ in range(len(signs) + 1):
             units |= {power, prime - power}
-            power = power * ELSEWHERE % prime
+            power = power * SECOND_EVALUATION_POINT % prime
         if value not in units:
             return False
     return True
 
 
 def _primes(count: int) -> list[int]:
-    """The largest primes below 2^31."""
-    found: list[int] = []
+    """Return the largest primes below 2^31."""
+    primes: list[int] = []
     number = 2**31 - 1
-    while len(found) < count:
+    while len(primes) < count:
         if _is_prime(number):
-            found.append(number)
+            primes.append(number)
         number -= 2
-    return found
+    return primes
 
 
 def _is_prime(number: int) -> bool:
-    """Miller and Rabin's test, which is exact for odd numbers of this size."""
+    """Return True if an odd number below 2³¹ is prime: Miller and Rabin's test, exact there."""
     odd, halvings = number - 1, 0
     while odd % 2 == 0:
         odd, halvings = odd // 2, halvings + 1

@@ -1,4 +1,4 @@
-"""Who touches whom on the cubic lattice, and what that says about an order of cells."""
+"""Adjacency of cells on the cubic lattice, and the spread of touching cells along a path."""
 
 from __future__ import annotations
 
@@ -16,64 +16,64 @@ if TYPE_CHECKING:
 Ints = NDArray[np.int64]
 
 STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
-"""The six ways to a neighbour; step k and step k ^ 1 are opposite."""
+"""The six steps to a neighbour; step k and step k ^ 1 are opposite."""
 
 
 def keys_of(cells: Ints, low: Ints, size: Ints) -> Ints:
-    """(n,) one number for each cell of a box, in lexicographic order."""
+    """Return (n,) keys of the cells of a box, in lexicographic order."""
     x, y, z = np.moveaxis(cells - low, -1, 0)
     return (x * size[1] + y) * size[2] + z
 
 
 def neighbours(cells: Ints) -> Ints:
-    """(n, 6) index of the cell on each side, in the order of ``STEPS``; −1 where there is none."""
+    """Return (n, 6) indices of the neighbours in the order of ``STEPS``; −1 without one."""
     low = cells.min(axis=0) - 1
     size = cells.max(axis=0) - low + 2
     keys = keys_of(cells, low, size)
     order = np.argsort(keys)
     ranked = keys[order]
-    found = np.empty((len(cells), 6), dtype=np.int64)
+    indices = np.empty((len(cells), 6), dtype=np.int64)
     for k, step in enumerate(STEPS):
         wanted = keys_of(cells + np.array(step), low, size)
         place = np.minimum(np.searchsorted(ranked, wanted), len(cells) - 1)
-        found[:, k] = np.where(ranked[place] == wanted, order[place], -1)
-    return found
+        indices[:, k] = np.where(ranked[place] == wanted, order[place], -1)
+    return indices
 
 
 def index_of(cells: Ints, start: Cell | None) -> int | None:
-    """Index of a cell.
+    """Return the index of a cell; None for None.
 
     Raises:
-        InputError: ``not-a-cell`` when it is not among them.
+        InputError: ``not-a-cell``: it is not among them.
     """
     if start is None:
         return None
-    found = np.flatnonzero((cells == np.array(start)).all(axis=1))
-    if not len(found):
+    matches = np.flatnonzero((cells == np.array(start)).all(axis=1))
+    if not len(matches):
         raise InputError("not-a-cell", f"got {start} to start with, expected a cell of the shape.")
-    return int(found[0])
+    return int(matches[0])
 
 
 def contacts(cells: Ints) -> Ints:
-    """(m, 2) pairs of cells that share a face, each pair once."""
+    """Return (m, 2) pairs of cells that share a face, each pair once."""
     near = neighbours(cells)[:, ::2]
     first, side = np.nonzero(near >= 0)
     return np.stack([first, near[first, side]], axis=1).astype(np.int64)
 
 
 def surface(cells: Ints) -> NDArray[np.bool_]:
-    """(n,) whether a cell has a free face."""
+    """Return (n,) flags: True for cells with a free face."""
     return np.asarray((neighbours(cells) < 0).any(axis=1))
 
 
 def colours(cells: Ints) -> Ints:
-    """(n,) 0 or 1, as on a chessboard: neighbours differ."""
+    """Return (n,) 0 or 1, as on a chessboard: neighbours differ."""
     return cells.sum(axis=1) & 1
 
 
 def graph(cells: Ints) -> csr_array:
-    """(n, n) adjacency of the cells."""
-    from scipy.sparse import csr_array  # late: who only reads a wish for a cell does without
+    """Return the (n, n) adjacency matrix of the cells."""
+    from scipy.sparse import csr_array  # late: reading a requested cell does without
 
     pairs = contacts(cells)
     both = np.concatenate([pairs, pairs[:, ::-1]])
@@ -82,7 +82,7 @@ def graph(cells: Ints) -> csr_array:
 
 
 def parts(cells: Ints) -> tuple[int, Ints]:
-    """How many connected parts there are, and (n,) the part of each cell."""
+    """Return the number of connected parts, and the (n,) part of each cell."""
     from scipy.sparse.csgraph import connected_components  # as above
 
     count, labels = connected_components(graph(cells), directed=False)
@@ -90,13 +90,13 @@ def parts(cells: Ints) -> tuple[int, Ints]:
 
 
 def spread(order: Ints) -> float:
-    """How far apart along a path cells are that touch each other: less is easier to unfold."""
+    """Return the mean distance of touching cells along a path; less is easier to unfold."""
     pairs = contacts(order)
     return float(np.abs(pairs[:, 0] - pairs[:, 1]).mean()) if len(pairs) else 0.0
 
 
 def spreads_of_cuts(cycle: Ints) -> NDArray[np.float64]:
-    """(n,) the spread of a closed cycle cut open before each of its cells."""
+    """Return the (n,) spread of a closed cycle cut open before each of its cells."""
     n = len(cycle)
     pairs = contacts(cycle)
     low, high = pairs.min(axis=1), pairs.max(axis=1)

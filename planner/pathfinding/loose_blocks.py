@@ -18,30 +18,30 @@ from planner.pathfinding.lattice import STEPS
 
 Cell: TypeAlias = tuple[int, int, int]
 Edge: TypeAlias = frozenset[Cell]
-CORNERS: Final = tuple(product((0, 1), (0, 1), (0, 1)))
+CORNER_OFFSETS: Final = tuple(product((0, 1), (0, 1), (0, 1)))
 
 
 def block_corners(cells: frozenset[Cell]) -> list[Cell] | None:
-    """Splits cells into 2×2×2 blocks, lowest cell first; None when that way fails."""
-    left, corners = set(cells), list[Cell]()
+    """Split cells into 2×2×2 blocks, lowest cell first; None if that fails."""
+    remaining, corners = set(cells), list[Cell]()
     for corner in sorted(cells, key=lambda c: (c[2], c[1], c[0])):
-        if corner in left:
-            block = {_plus(corner, place) for place in CORNERS}
-            if not block <= left:
+        if corner in remaining:
+            block = {_plus(corner, place) for place in CORNER_OFFSETS}
+            if not block <= remaining:
                 return None
-            left -= block
+            remaining -= block
             corners.append(corner)
     return corners
 
 
 def loose_block_path(cells: frozenset[Cell], rng: np.random.Generator) -> NDArray[np.int64] | None:
-    """(n, 3) a path through blocks, or None: their cycle cut open where it unfolds best."""
+    """Return an (n, 3) path through blocks: the cycle cut at the smallest spread; or None."""
     cycle = loose_block_cycle(cells, rng)
     return None if cycle is None else cut(cycle, int(np.argmin(cut_costs(cycle))))
 
 
 def loose_block_cycle(cells: frozenset[Cell], rng: np.random.Generator) -> NDArray[np.int64] | None:
-    """(n, 3) a closed cycle through blocks, or None: rings joined along a breadth-first tree."""
+    """Return an (n, 3) closed cycle of rings joined along a breadth-first tree, or None."""
     corners = block_corners(cells)
     if corners is None:
         return None
@@ -68,7 +68,7 @@ def _plus(a: Cell, b: Cell) -> Cell:
 
 
 def _ring(corner: Cell, rng: np.random.Generator) -> set[Edge]:
-    """Edges of one of the Hamiltonian cycles of a block."""
+    """Return the edges of a random Hamiltonian cycle of a block."""
     a, b, c = list(permutations((0, 1, 2)))[rng.integers(6)]
     place = [int(v) for v in rng.integers(0, 2, 3)]
     found = list[Cell]()
@@ -79,7 +79,7 @@ def _ring(corner: Cell, rng: np.random.Generator) -> set[Edge]:
 
 
 def _facing_edges(block: set[Edge], edges: set[Edge]) -> Iterator[tuple[Edge, Edge, set[Edge]]]:
-    """Pairs of parallel edges of two cycles that face each other, and what joins them."""
+    """Yield pairs of parallel facing edges of two cycles, and the links that join them."""
     for ours in sorted(block, key=sorted):
         a, b = sorted(ours)
         for normal in STEPS:
@@ -90,7 +90,7 @@ def _facing_edges(block: set[Edge], edges: set[Edge]) -> Iterator[tuple[Edge, Ed
 
 
 def _cycle_of(edges: set[Edge]) -> list[Cell]:
-    """Cells of a cycle in order."""
+    """Return the cells of a cycle in order."""
     near: dict[Cell, list[Cell]] = {}
     for edge in sorted(edges, key=sorted):
         a, b = sorted(edge)

@@ -1,4 +1,4 @@
-"""Options of a path: what somebody wants a shape to become."""
+"""Options of the conversion of a shape into a chain."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ from typing import Final
 from planner.chain.module import CUBE, MODULES
 from planner.errors import InputError
 from planner.parameters.parameters import WORLDS, World
-from planner.pathfinding import ENDS, METHODS, Cell
+from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
 
 DEFAULT_MODULES: Final = 160
+"""Number of modules of a mesh if the request names none. Chosen."""
 MODULE_COUNTS: Final = (8, 20_000)
+"""Range of the number of modules that a request may name. Chosen."""
 MAX_TABLE_MODULES: Final = 96
-"""Modules that a mesh is offered for a table, at most. Larger counts are mostly offers that get
-stuck. Measured: tori of 88 and 96 fold there in six to eight minutes of processor time, one of 160
-gets stuck; docs/decisions/0026-tables.md."""
+"""Maximum number of modules of the offers for a table. Larger counts mostly get stuck. Measured:
+tori of 88 and 96 fold there in six to eight minutes of processor time, one of 160 gets stuck;
+docs/decisions/0026-tables.md."""
 
 
 def table_warning(modules: int, world: World) -> str:
@@ -27,17 +29,17 @@ def table_warning(modules: int, world: World) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathOptions:
-    """How a shape is to become a chain.
+    """Options of the conversion of a shape into a chain.
 
     Attributes:
-        module: The kind of module: ``cube`` or ``tetrahedron``. Chain files say so themselves.
-        modules: About how many modules; None for what the input has, or 160 for a mesh.
+        module: Kind of module: ``cube`` or ``tetrahedron``. Chain files state their own.
+        modules: Approximate number of modules; None for that of the input, or 160 for a mesh.
         method: ``auto``, ``blocks``, ``exact`` or ``snake``.
-        repair: Whether cells may be added or dropped where there is no path otherwise.
+        repair: True if cells may be added or dropped without a path otherwise.
         ends: ``any``, or ``surface`` for both ends on the outside.
-        as_voxels: Read a list of cells as a shape, not as a path.
-        start: The cell that the chain begins in, as the preview counts cells; None for any.
-        world: Where the chain is to fold: ``floating`` or on a ``table``.
+        as_voxels: True to read a list of cells as a shape, not as a path.
+        start: First cell of the chain in the coordinates of the preview; None for any.
+        world: World of the fold: ``floating`` or on a ``table``.
     """
 
     module: str = CUBE.name
@@ -50,10 +52,10 @@ class PathOptions:
     world: World = "floating"
 
     def check(self) -> None:
-        """Refuses what cannot be wished for.
+        """Refuse invalid options.
 
         Raises:
-            InputError: Naming the wish.
+            InputError: An option is invalid; names it.
         """
         low, high = MODULE_COUNTS
         if self.modules is not None and not low <= self.modules <= high:
@@ -62,8 +64,8 @@ class PathOptions:
             )
         for name, value, known in (
             ("module", self.module, tuple(MODULES)),
-            ("method", self.method, METHODS),
-            ("ends", self.ends, ENDS),
+            ("method", self.method, PATH_METHODS),
+            ("ends", self.ends, PATH_ENDS),
             ("world", self.world, WORLDS),
         ):
             if value not in known:

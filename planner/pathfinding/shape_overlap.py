@@ -13,14 +13,15 @@ from planner.shapes.sampling import sample
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import Voxels
 
-POINTS: Final = 60_000
-"""Random points by which the overlap is measured."""
-SAMPLES: Final = 6
-"""Samples along each side of a cell."""
+OVERLAP_POINTS: Final = 60_000
+"""Number of random points by which the overlap is estimated. Larger values are more exact, more
+slowly. Chosen: about 0.01."""
+OVERLAP_CELL_SAMPLES: Final = 6
+"""Number of samples along each side of a cell. Chosen."""
 
 
 def intersection_over_union(solid: Solid, voxels: Voxels, filled: Filled) -> float:
-    """Intersection over union of the folded modules with the solid.
+    """Compute the intersection over union of the folded modules with the solid.
 
     Modules that fill their cells keep what the voxels keep; for others it is estimated from points
     spread evenly at random, to about a hundredth.
@@ -30,7 +31,9 @@ def intersection_over_union(solid: Solid, voxels: Voxels, filled: Filled) -> flo
         return voxels.iou
     centres = filled.line[:-1] + filled.line[1:]
     low, high = 0.5 * centres.min(axis=0) - 1.5, 0.5 * centres.max(axis=0) + 1.5
-    sampling = sample(solid, pitch=voxels.pitch, size=SAMPLES, rotation=voxels.rotation)
+    sampling = sample(
+        solid, pitch=voxels.pitch, size=OVERLAP_CELL_SAMPLES, rotation=voxels.rotation
+    )
     corners = np.argwhere(sampling.inside)
 
     # From samples to the turned solid, to cells, to the chain's space.
@@ -40,7 +43,7 @@ def intersection_over_union(solid: Solid, voxels: Voxels, filled: Filled) -> flo
 
     ends = placed(np.stack([corners.min(axis=0), corners.max(axis=0) + 1.0]))
     low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
-    points = np.random.default_rng(0).uniform(low, high, (POINTS, 3))
+    points = np.random.default_rng(0).uniform(low, high, (OVERLAP_POINTS, 3))
     cells = (points - filled.shift) / filled.scale - voxels.offset
     at = np.floor(cells * sampling.size + sampling.offset).astype(np.int64)
     there = ((at >= 0) & (at < sampling.inside.shape)).all(axis=1)

@@ -1,4 +1,4 @@
-"""Starts: the cell that a chain shall begin in."""
+"""Starts: the requested first cell of a chain."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TEXT: Final = r"\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*"
 
 
 def cell_of(text: str) -> Cell:
-    """The cell that "x,y,z" names.
+    """Parse a cell of the form "x,y,z".
 
     Raises:
         InputError: ``bad-start`` for anything else.
@@ -33,7 +33,7 @@ def cell_of(text: str) -> Cell:
 
 
 def started(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
-    """A path given in its order, begun in a cell where that leaves its links as they are.
+    """Return a chain that begins in a cell, if that leaves its links as they are.
 
     It can be run through from either end, and one whose ends touch is a ring that can be cut
     anywhere.
@@ -43,10 +43,10 @@ def started(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
         start: The cell, None for any.
 
     Returns:
-        The chain that begins there and an empty text, or the chain as it was and why.
+        The chain that begins there and an empty text, or the unchanged chain and a reason.
 
     Raises:
-        InputError: ``not-a-cell`` when the chain has no module there.
+        InputError: ``not-a-cell``: the chain has no module there.
     """
     if start is None:
         return chain, ""

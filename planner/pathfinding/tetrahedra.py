@@ -12,17 +12,16 @@ from planner.chain.honeycomb import RING, ring_pairs
 from planner.chain.trail import Trail
 from planner.errors import InputError
 from planner.pathfinding import Cell
+from planner.pathfinding.candidates import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
 from planner.pathfinding.trails import circuit, free_cuts, opened
 from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
-CHOICE: Final = 4
-"""Trails that are made for a shape."""
-LARGEST_CHOICE: Final = 20_000
-"""Tetrahedra up to which several trails are made; a larger shape gets one."""
-LARGEST_KNOT: Final = 10_000
+TRAILS_PER_SHAPE: Final = 4
+"""Number of trails that are made for a shape. Larger values find better ones, more slowly.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,8 +29,8 @@ class TrailSearch:
     """Trails through a shape's tetrahedra.
 
     Attributes:
-        trails: The best first.
-        notes: What else is worth knowing.
+        trails: Trails, the best first.
+        notes: Further messages.
     """
 
     trails: tuple[Trail, ...]
@@ -45,15 +44,15 @@ def find_trails(
     start: Cell | None = None,
     seed: int = 0,
 ) -> TrailSearch:
-    """Fills each cell with its ring of twelve tetrahedra and finds trails through all of them.
+    """Fill each cell with its ring of twelve tetrahedra and find trails through all.
 
     Unknotted ones come first, then those with both ends free, then the plainest.
 
     Args:
-        shape: The shape; its cells must hang together by their faces.
+        shape: Shape with face-connected cells.
         ends: ``surface`` when no other module may use the hinge edges at the ends.
         start: The cell in whose ring the chain begins, None for any.
-        seed: The same seed gives the same trails.
+        seed: Seed of all random choices.
 
     Raises:
         InputError: ``no-trail`` when the cells are in several parts, ``not-a-cell`` for a start
@@ -67,8 +66,8 @@ def find_trails(
             "cell to cell through their faces.",
         )
     pairs = ring_pairs(shape.cells)
-    made = CHOICE if len(pairs) <= LARGEST_CHOICE else 1
-    found: dict[bytes, tuple[tuple[int, int, int], Trail]] = {}
+    made = TRAILS_PER_SHAPE if len(pairs) <= MAX_CHOICE_MODULES else 1
+    ranked_trails: dict[bytes, tuple[tuple[int, int, int], Trail]] = {}
     for k in range(made):
         # Merging along a direction gives a tidy tree; at random, the chain takes twice the steps.
         along = np.random.default_rng((seed, k)).normal(size=3) if k else None
@@ -78,11 +77,11 @@ def find_trails(
         cut = _best_cut(nodes, allowed)
         trail = Trail.from_nodes(opened(nodes, cut), name=shape.name, pitch_m=0.5 * shape.pitch_m)
         knotted = 0
-        if len(trail) <= LARGEST_KNOT:
+        if len(trail) <= MAX_KNOT_CELLS:
             knotted = 0 if knot_of(trail.nodes).verdict == "unknot" else 1
         rank = (knotted, int(not free[cut]), k)
-        found[trail.nodes.tobytes()] = (rank, trail)
-    ranked = sorted(found.values(), key=lambda entry: entry[0])
+        ranked_trails[trail.nodes.tobytes()] = (rank, trail)
+    ranked = sorted(ranked_trails.values(), key=lambda entry: entry[0])
     return TrailSearch(trails=tuple(trail for _, trail in ranked))
 
 
@@ -94,7 +93,7 @@ def _index(cells: Ints, start: Cell) -> int:
 
 
 def _cuts(nodes: Ints, pairs: Ints, free: NDArray[np.bool_], first: int | None, ends: str) -> Ints:
-    """(k,) modules before which the circuit may be cut, free ones where there are any."""
+    """Return (k,) modules before which the circuit may be cut; free ones if there are any."""
     allowed = np.ones(len(nodes) - 1, dtype=bool)
     if first is not None:
         own = pairs[RING * first : RING * (first + 1)].sum(axis=1)
@@ -111,7 +110,7 @@ def _cuts(nodes: Ints, pairs: Ints, free: NDArray[np.bool_], first: int | None, 
 
 
 def _best_cut(nodes: Ints, allowed: Ints) -> int:
-    """The cut farthest from the middle of the shape: the explosion then pulls on both ends first.
+    """Return the cut farthest from the middle: the explosion then pulls on both ends first.
 
     It halves the steps that a wrench takes, whereas a cut after which modules that meet lie closest
     along the chain doubles them (``docs/decisions/0007-tetrahedra.md``).

@@ -13,7 +13,7 @@ Nodes = NDArray[np.int64]
 
 
 def circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> Nodes:
-    """A circuit that uses each tetrahedron once and never goes straight through where four meet.
+    """Return a circuit that uses each tetrahedron once and bends where four meet.
 
     At a node with all four tetrahedra, joining opposite ones would lead the chain through itself;
     neighbouring ones can be joined in two ways, and the other way merges two circuits into one
@@ -21,13 +21,13 @@ def circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> Nodes:
 
     Args:
         pairs: (n, 2, 3) node pairs, each tetrahedron once.
-        along: (3,) direction in which one looks for nodes at which to merge circuits; x when None.
+        along: (3,) direction along which nodes are visited to merge circuits; x if None.
 
     Returns:
-        (n + 1, 3) nodes in order; the last one is the first.
+        (n + 1, 3) nodes in order; the last equals the first.
 
     Raises:
-        InputError: ``no-trail``: nodes at which an odd number meets, or several parts.
+        InputError: ``no-trail``: an odd number meets at a node, or there are several parts.
     """
     n = len(pairs)
     nodes, ends = np.unique(pairs.reshape(-1, 3), axis=0, return_inverse=True)
@@ -60,22 +60,22 @@ def circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> Nodes:
             f"the tetrahedra are in {parts} parts that share no hinge, expected one; join the "
             "cells by their faces or keep one part.",
         )
-    left = np.empty(n, dtype=np.int64)
-    circuit_order(partner, 0, left)
-    entered = left ^ 1
+    exits = np.empty(n, dtype=np.int64)
+    circuit_order(partner, 0, exits)
+    entered = exits ^ 1
     flat = pairs.reshape(-1, 3)
-    return np.concatenate([flat[entered[:1]], flat[left]])
+    return np.concatenate([flat[entered[:1]], flat[exits]])
 
 
 def opened(nodes: Nodes, start: int) -> Nodes:
-    """A circuit cut open so that it begins with module ``start``."""
+    """Return a circuit cut open so that it begins with module ``start``."""
     ring = nodes[:-1]
     turned = np.roll(ring, -start, axis=0)
     return np.concatenate([turned, turned[:1]])
 
 
 def free_cuts(nodes: Nodes) -> NDArray[np.bool_]:
-    """(n,) whether a cut before module i leaves both ends at a hinge that no other module uses."""
+    """Return (n,) flags: a cut before module i leaves both ends at hinges of their own."""
     ring = nodes[:-1]
     _, inverse, counts = np.unique(ring, axis=0, return_inverse=True, return_counts=True)
     return counts[inverse.reshape(-1)] == 1

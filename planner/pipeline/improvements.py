@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from planner.pathfinding.duration import MOST_IMPROVING_S
+from planner.pathfinding.duration import MAX_IMPROVING_S
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import LARGEST_SEED
@@ -55,7 +55,7 @@ class Improvements:
             return None
         first = next(number for number, attempt in enumerate(tried) if attempt.verified)
         since = {attempt.trial for attempt in tried[first + 1 :]} - {tried[first].trial}
-        left = MOST_IMPROVING_S - sum(expected_seconds_of(trial, self.modules) for trial in since)
+        left = MAX_IMPROVING_S - sum(expected_seconds_of(trial, self.modules) for trial in since)
         done = {attempt.trial for attempt in tried}
         for trial in self._ways(tried, tried[first].trial, exploded[best].trial):
             if trial not in done and expected_seconds_of(trial, self.modules) <= left:

@@ -18,7 +18,7 @@ from planner.chain.statics import hinge_frames
 from planner.kernels.statics import Hinges, torque_columns
 from planner.motion.windows import Windows
 from planner.playback.window_course import WindowCurve
-from planner.statics.contacts import FLOOR_GAP, SUNK, lowest_corners
+from planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, lowest_corners
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -70,7 +70,9 @@ class TableCurve(WindowCurve):
                 self._heights(np.stack([self._angles(int(k), self._every) for k in frames]))
                 for frames in (after - 1, after)
             )
-            between = np.maximum(before + part * (there - before), -LIFTED_TO * SUNK)
+            between = np.maximum(
+                before + part * (there - before), -LIFTED_TO * MAX_TABLE_PENETRATION_PITCH
+            )
             found[start : start + CHUNK] = np.where(between <= FLOOR_GAP, between, np.nan)
         return found
 
@@ -88,9 +90,11 @@ class TableCurve(WindowCurve):
             poses = self._poses(angles)
             heights = lowest_corners(self.chain.module, poses.positions, poses.rotations)
             off = self._recorded[part] - heights
-            deep = heights < -SUNK
+            deep = heights < -MAX_TABLE_PENETRATION_PITCH
             wrong = deep | (np.abs(off) > OFF)
-            wanted = np.where(deep & np.isnan(off), -LIFTED_TO * SUNK - heights, off)
+            wanted = np.where(
+                deep & np.isnan(off), -LIFTED_TO * MAX_TABLE_PENETRATION_PITCH - heights, off
+            )
             for i in np.flatnonzero(wrong.any(axis=1)):
                 here = Poses(positions=poses.positions[i], rotations=poses.rotations[i])
                 turns[int(part[i])] = self._turn(int(part[i]), angles[i], here, wanted[i])

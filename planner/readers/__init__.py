@@ -16,12 +16,12 @@ from planner.names import clean_name
 from planner.readers.angle_strings import is_angle_string, read_angle_string, refuse_digits
 from planner.readers.binvox import is_binvox, read_binvox
 from planner.readers.csv_cells import is_csv, read_csv
+from planner.readers.file_signatures import refuse_other_kinds, unknown_kind
 from planner.readers.gltf import is_glb, read_glb
 from planner.readers.json_files import is_json, read_json
-from planner.readers.kinds import refuse_other_kinds, unknown_kind
 from planner.readers.limits import (
-    MOST_BYTES,
-    MOST_CELLS,
+    MAX_CELLS,
+    MAX_FILE_BYTES,
     Source,
     check_bytes,
     check_size,
@@ -36,9 +36,9 @@ from planner.readers.threemf import is_zip, read_threemf
 from planner.readers.vox import is_vox, read_vox
 from planner.readers.xyz import is_xyz, read_xyz
 from planner.shapes.shape import Shape
-from planner.shapes.solid import MOST_TRIANGLES, Solid
+from planner.shapes.solid import MAX_TRIANGLES, Solid
 
-FORMATS: Final = (
+READABLE_FORMATS: Final = (
     "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, "
     "foldback-voxels/1), or cells (foldback-path/1 or foldback-chain/1 JSON, a JSON list, CSV, "
     "XYZ, .npy, a string of angles like 0 - - +)"
@@ -61,26 +61,26 @@ def read(
     *,
     filename: str | None = None,
     as_voxels: bool = False,
-    most_cells: int = MOST_CELLS,
-    most_triangles: int = MOST_TRIANGLES,
-    most_bytes: int = MOST_BYTES,
+    most_cells: int = MAX_CELLS,
+    most_triangles: int = MAX_TRIANGLES,
+    most_bytes: int = MAX_FILE_BYTES,
 ) -> Path | Chain | Shape | Solid:
-    """Reads what a file holds.
+    """Read a path, chain, shape or solid from a file.
 
     Args:
         data: The whole file.
-        filename: What the file was called; names the shape where the file itself does not.
-        as_voxels: Lists of cells are voxels in no order, not a path.
-        most_cells: Files of more cells are refused before much memory is spent on them.
-        most_triangles: Meshes of more triangles are.
-        most_bytes: Larger files are.
+        filename: Name of the file; it names the shape where the content does not.
+        as_voxels: True to read lists of cells as voxels in no order, not as a path.
+        most_cells: Maximum number of cells; larger files are refused before they take much memory.
+        most_triangles: Maximum number of triangles of a mesh.
+        most_bytes: Maximum file size, bytes.
 
     Returns:
         A ``Path`` for lists of cells, a ``Chain`` for ``foldback-chain/1``, a ``Shape`` for voxels,
         a ``Solid`` for meshes.
 
     Raises:
-        InputError: Saying what was found, where, what was expected and what to do.
+        InputError: The content cannot be read; says what was found and expected, and what to do.
     """
     source = Source(
         name=clean_name(_stem(filename)),
@@ -96,29 +96,29 @@ def read(
             return reader(data, source)
     if is_stl(data, hinted=False):
         return read_stl(data, source, hinted=False)
-    refuse_other_kinds(data, FORMATS)
+    refuse_other_kinds(data, READABLE_FORMATS)
     called_stl = (filename or "").lower().endswith(".stl")
     if called_stl and is_stl(data, hinted=True):
         return read_stl(data, source, hinted=True)
     if is_obj(data):
         return read_obj(data, source)
-    refuse_binary(data, FORMATS)
+    refuse_binary(data, READABLE_FORMATS)
     if not _looks_like_gltf(data):
         check_size(data, most_cells)
-    text = decode(data, FORMATS)
+    text = decode(data, READABLE_FORMATS)
     if not text.strip():
-        raise InputError("empty", f"got a file with only white space, expected {FORMATS}.")
+        raise InputError("empty", f"got a file with only white space, expected {READABLE_FORMATS}.")
     if is_json(text):
         return read_json(text, source)
     if is_angle_string(text):
         return read_angle_string(text, name=source.name or "chain", most_modules=most_cells)
     refuse_digits(text)
-    refuse_prose(text, FORMATS)
+    refuse_prose(text, READABLE_FORMATS)
     if is_csv(text):
         return read_csv(text, source)
     if is_xyz(text):
         return read_xyz(text, source)
-    raise unknown_kind(text, FORMATS)
+    raise unknown_kind(text, READABLE_FORMATS)
 
 
 def _looks_like_gltf(data: bytes) -> bool:
@@ -131,4 +131,4 @@ def _stem(filename: str | None) -> str:
     return stem if dot and stem else base
 
 
-__all__ = ["FORMATS", "MOST_BYTES", "MOST_CELLS", "MOST_TRIANGLES", "read"]
+__all__ = ["READABLE_FORMATS", "MAX_FILE_BYTES", "MAX_CELLS", "MAX_TRIANGLES", "read"]

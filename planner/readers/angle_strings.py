@@ -1,4 +1,4 @@
-"""Strings of angles, as people write twisty puzzles: ``0 - - - + 0``, one sign for each hinge.
+"""Strings of angles, the notation of twisty puzzles: ``0 - - - + 0``, one sign for each hinge.
 
 ``0`` is straight, ``+`` a quarter turn, ``-`` a quarter turn the other way; white space and commas
 between them mean nothing. A file may say in its first line that it is one: ``foldback-angles/1``.
@@ -14,29 +14,32 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from planner.errors import InputError
-from planner.readers.limits import MOST_CELLS, quote, too_many
+from planner.readers.limits import MAX_CELLS, quote, too_many
 
 HEADING: Final = "foldback-angles/1"
-TURNS: Final = {"0": 0.0, "+": 90.0, "-": -90.0, "\u2212": -90.0, "\u2013": -90.0}
-FEWEST_ANGLES: Final = 2
+QUARTER_TURNS_DEG: Final = {"0": 0.0, "+": 90.0, "-": -90.0, "\u2212": -90.0, "\u2013": -90.0}
+"""Hinge angle in degrees for each sign; two typographic minus signs included."""
+MIN_ANGLES: Final = 2
+"""Minimum number of angles in a string without a heading. Smaller values take other texts for
+strings of angles. Chosen."""
 DIGITS_CHECKED: Final = 4096
-"""Characters at the beginning of a text that are checked for digits. Chosen."""
+"""Number of characters at the beginning of a text that are checked for digits. Chosen."""
 MAX_COLUMNS: Final = 4
-"""Columns that a table of cells may have; a line of more digits is a puzzle's. Chosen."""
+"""Maximum number of columns of a table of cells; a line of more digits is a puzzle. Chosen."""
 _TURN_NUMBER: Final = re.compile(r"[+\-\u2212]?(?:[0-4]+|90|180|270)(?:\.0*)?")
 """Turns as numbers: of quarters, one after the other, or in degrees."""
 _NO_SEPARATORS: Final = {ord(c): " " for c in ",;"}
 _BETWEEN: Final = " \t\r\n,;"
-_ALL: Final = re.compile(rf"[{re.escape(''.join(TURNS) + _BETWEEN)}]*")
+_ALL: Final = re.compile(rf"[{re.escape(''.join(QUARTER_TURNS_DEG) + _BETWEEN)}]*")
 _LONE_SIGN: Final = re.compile(r"(?<![^\s,;])[+\-\u2212\u2013](?![^\s,;])|[+\-\u2212\u2013]{2}")
 
 
 def is_angle_string(text: str) -> bool:
-    """Whether a text says so, or is nothing but such signs and not a table of zeros."""
+    """Return True if a text has the heading, or only angle signs and is not a table of zeros."""
     return text.startswith(HEADING) or (
         _ALL.fullmatch(text) is not None
         and _LONE_SIGN.search(text) is not None
-        and sum(character in TURNS for character in text) >= FEWEST_ANGLES
+        and sum(character in QUARTER_TURNS_DEG for character in text) >= MIN_ANGLES
     )
 
 
@@ -70,14 +73,14 @@ def read_angle_string(
     text: str,
     *,
     name: str = "chain",
-    most_modules: int = MOST_CELLS,
+    most_modules: int = MAX_CELLS,
 ) -> Chain:
-    """A chain from its string of angles.
+    """Return the chain that a string of angles describes.
 
     Args:
-        text: A sign for each hinge.
-        name: What people call the shape.
-        most_modules: Longer chains are refused.
+        text: One sign for each hinge.
+        name: Name of the shape.
+        most_modules: Maximum number of modules; longer chains are refused.
 
     Raises:
         InputError: ``stray-character`` with its place, ``wrong-count`` for no sign at all, or
@@ -87,14 +90,14 @@ def read_angle_string(
     for index, character in enumerate(text.removeprefix(HEADING).lstrip("\r\n")):
         if character in _BETWEEN:
             continue
-        if character not in TURNS:
+        if character not in QUARTER_TURNS_DEG:
             raise InputError(
                 "stray-character",
                 f"got {quote(character)} after {len(angles)} angles, expected 0, + or - for each "
                 "hinge.",
                 where=f"character {index + 1}",
             )
-        angles.append(TURNS[character])
+        angles.append(QUARTER_TURNS_DEG[character])
     modules = len(angles) + 1 + TETRAHEDRON.rigid_links
     if modules > most_modules:
         raise too_many(modules, most_modules, "modules")

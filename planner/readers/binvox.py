@@ -11,35 +11,39 @@ from planner.errors import InputError
 from planner.readers.limits import Source, quote, too_many
 from planner.shapes.shape import Shape
 
-MAGIC: Final = b"#binvox"
-LONGEST_HEADER: Final = 4096
-LARGEST_SIDE: Final = 4096
+BINVOX_MAGIC: Final = b"#binvox"
+MAX_BINVOX_HEADER_BYTES: Final = 4096
+"""Bytes in which the header must end. Chosen; usual headers take 100 bytes."""
+MAX_SIDE_CELLS: Final = 4096
+"""Maximum number of voxels along one side of the grid. Chosen; larger sizes are damage."""
 DATA: Final = re.compile(rb"(?m)^data[ \t]*\r?\n")
 
 
 def is_binvox(data: bytes) -> bool:
-    """Whether the bytes begin as binvox files do."""
-    return data.startswith(MAGIC)
+    """Return True if the bytes begin with the signature of binvox."""
+    return data.startswith(BINVOX_MAGIC)
 
 
 def read_binvox(data: bytes, source: Source) -> Shape:
-    """A shape from a binvox file; no grid is made of it, so that a lying header costs nothing.
+    """Return the shape in a binvox file.
+
+    The runs are expanded without a grid, so that a wrong header costs no memory.
 
     Raises:
-        InputError: When header and data disagree.
+        InputError: Header and data disagree.
     """
-    end = DATA.search(data[:LONGEST_HEADER])
+    end = DATA.search(data[:MAX_BINVOX_HEADER_BYTES])
     if end is None:
         raise InputError("truncated", "the file ends within its header, expected a line 'data'.")
     dim = next(
         (w[1:] for line in data[: end.start()].splitlines() if (w := line.split())[:1] == [b"dim"]),
         [],
     )
-    if len(dim) != 3 or not all(w.isdigit() and 0 < int(w[:6]) <= LARGEST_SIDE for w in dim):
+    if len(dim) != 3 or not all(w.isdigit() and 0 < int(w[:6]) <= MAX_SIDE_CELLS for w in dim):
         found = quote(b" ".join(dim).decode("latin-1"))
         raise InputError(
             "damaged",
-            f"got the size {found!r}, expected three whole numbers up to {LARGEST_SIDE} after "
+            f"got the size {found!r}, expected three whole numbers up to {MAX_SIDE_CELLS} after "
             "'dim'.",
             where="header",
         )

@@ -14,23 +14,24 @@ from planner.errors import InputError
 from planner.readers.json_text import number_field, refuse_unread_keys, text_field
 from planner.readers.limits import Source, quote, too_many
 
-KEYS: Final = (
+CHAIN_KEYS: Final = (
     *("format", "name", "module", "joint_angles_deg", "pitch_m"),
     *("first_position", "first_wxyz"),
 )
-LARGEST_RADIANS: Final = 6.3
-"""Largest angle that may be a quarter turn, or several, in radians: a whole turn."""
+MAX_RADIANS: Final = 6.3
+"""Largest angle that is checked for radians: one turn, rad. A larger value refuses chains with
+small angles in degrees."""
 RADIANS_TOLERANCE: Final = 0.01
-"""Quarter turns by which rounded radians may be off. Chosen: 1.57 counts as π/2."""
+"""Deviation of rounded radians from a multiple of π/2, in quarter turns: 1.57 counts. Chosen."""
 
 
 def read_chain(document: dict[str, Any], source: Source) -> Chain:
     """Return a chain from a ``foldback-chain/1`` object.
 
     Raises:
-        InputError: Naming the key, the joint, or the modules that overlap.
+        InputError: The object is no valid chain; names the key, the joint or the modules.
     """
-    refuse_unread_keys(document, KEYS)
+    refuse_unread_keys(document, CHAIN_KEYS)
     kind = document.get("module", "cube")
     if not isinstance(kind, str):
         raise InputError("wrong-type", f"got {quote(kind)}, expected text.", where="module")
@@ -48,7 +49,7 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
 
 
 def _vector(document: dict[str, Any], key: str, length: int) -> NDArray[np.float64] | None:
-    """The numbers under a key; None when it is not there."""
+    """Return the numbers under a key; None if it is missing."""
     if (found := document.get(key)) is None:
         return None
     values = cast("list[Any]", found) if isinstance(found, list) else []
@@ -99,7 +100,7 @@ def _refuse_radians(angles: list[float]) -> None:
         InputError: ``radians``.
     """
     turned = np.array([angle for angle in angles if angle], dtype=np.float64)
-    if not len(turned) or np.abs(turned).max() > LARGEST_RADIANS:
+    if not len(turned) or np.abs(turned).max() > MAX_RADIANS:
         return
     quarters = turned / (np.pi / 2)
     if (np.abs(quarters - np.round(quarters)) < RADIANS_TOLERANCE).all() and np.round(

@@ -10,7 +10,7 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.readers.axis_names import AXES, check_filled, columns_of
 from planner.readers.limits import Source, quote, too_many
-from planner.readers.text import COMMENT, cells_array, coordinate, is_number, path_or_shape
+from planner.readers.text import COMMENT_MARK, cells_array, coordinate, is_number, path_or_shape
 from planner.shapes.shape import Shape
 
 DELIMITERS: Final = (";", "\t", ",")
@@ -19,7 +19,7 @@ EXCEL_SEPARATOR: Final = "sep="
 
 
 def is_csv(text: str) -> bool:
-    """Whether the first line of data holds a separator of CSV files."""
+    """Return True if the first line of data holds a CSV separator."""
     return _delimiter(_first_line(text)) is not None
 
 
@@ -29,7 +29,7 @@ def read_csv(text: str, source: Source) -> Path | Shape:
     The header may be a comment, as NumPy writes it.
 
     Raises:
-        InputError: Naming the line.
+        InputError: A line cannot be read; names it.
     """
     delimiter = _delimiter(_first_line(text)) or ","
     reader = csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True)
@@ -82,7 +82,9 @@ def _first_line(text: str) -> str:
 
 def _is_remark(line: str) -> bool:
     start = line.lstrip()
-    return start.startswith(COMMENT) or start[: len(EXCEL_SEPARATOR)].lower() == EXCEL_SEPARATOR
+    return (
+        start.startswith(COMMENT_MARK) or start[: len(EXCEL_SEPARATOR)].lower() == EXCEL_SEPARATOR
+    )
 
 
 def _delimiter(line: str) -> str | None:

@@ -19,13 +19,25 @@ from planner.readers.polygons import fans
 from planner.readers.trimesh_meshes import Triangles, incomplete, joined, placed
 from planner.shapes.solid import Solid, check_triangles
 
-MAGIC: Final = b"glTF"
+GLB_MAGIC: Final = b"glTF"
 JSON_CHUNK: Final = 0x4E4F534A
+"""Type of the GLB chunk with JSON: glTF 2.0 specification, section 4.4.3."""
 BINARY_CHUNK: Final = 0x004E4942
-MOST_NODES: Final = 100_000
-MOST_POINTS: Final = 20_000_000
-"""Each primitive gets points of its own, though many may name the same."""
-KINDS: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+"""Type of the GLB chunk with binary data: glTF 2.0 specification, section 4.4.3."""
+MAX_NODES: Final = 100_000
+"""Maximum number of nodes, and of placed parts, of a scene. Chosen; bounds memory and time."""
+MAX_GLTF_VERTICES: Final = 20_000_000
+"""Maximum number of vertices of all parts. Each primitive gets its own copy, even of shared
+vertices. Chosen; bounds memory."""
+COMPONENT_TYPES: Final = {
+    5120: "<i1",
+    5121: "<u1",
+    5122: "<i2",
+    5123: "<u2",
+    5125: "<u4",
+    5126: "<f4",
+}
+"""NumPy type for each ``componentType`` of an accessor."""
 WIDTHS: Final = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 PACKED: Final = (
     "KHR_draco_mesh_compression",
@@ -34,14 +46,14 @@ PACKED: Final = (
 )
 INSTANCING: Final = "EXT_mesh_gpu_instancing"
 VISIBILITY: Final = "KHR_node_visibility"
-READ: Final = (INSTANCING, VISIBILITY, "KHR_mesh_quantization")
-"""Extensions of the form that are read."""
+READ_GLTF_EXTENSIONS: Final = (INSTANCING, VISIBILITY, "KHR_mesh_quantization")
+"""Extensions of the geometry that are read."""
 FORMLESS: Final = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"),
     *("EXT_lights_", "KHR_xmp", "KHR_animation_pointer", "KHR_audio", "EXT_structural_metadata"),
     *("EXT_mesh_features", "EXT_instance_features", "KHR_techniques_webgl"),
 )
-"""Beginnings of the names of extensions that say nothing of the form."""
+"""Prefixes of extensions that do not affect the geometry."""
 Y_TO_Z: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 TRIANGLES, STRIP, FAN = 4, 5, 6
 
@@ -50,20 +62,20 @@ Document = dict[str, Any]
 
 
 def is_glb(data: bytes) -> bool:
-    """Whether the bytes begin as GLB files do."""
-    return data.startswith(MAGIC)
+    """Return True if the bytes begin with the signature of GLB."""
+    return data.startswith(GLB_MAGIC)
 
 
 def is_gltf(document: Document) -> bool:
-    """Whether a JSON object is a glTF scene."""
+    """Return True if a JSON object is a glTF scene."""
     return isinstance(document.get("asset"), dict) and "format" not in document
 
 
 def read_glb(data: bytes, source: Source) -> Solid:
-    """A solid from a GLB file.
+    """Return the solid in a GLB file.
 
     Raises:
-        InputError: For lying headers, references to other files, and meshes that are no solid.
+        InputError: The header is wrong, the scene refers to other files, or is no solid.
     """
     chunks = _chunks(data)
     if JSON_CHUNK not in chunks:
@@ -79,10 +91,10 @@ def read_glb(data: bytes, source: Source) -> Solid:
 
 
 def read_gltf(document: Document, source: Source, binary: bytes | None = None) -> Solid:
-    """A solid from the JSON of a glTF scene and the binary chunk that came with it.
+    """Return the solid in the JSON of a glTF scene and its binary chunk.
 
     Raises:
-        InputError: For damaged scenes, references to other files, and meshes that are no solid.
+        InputError: The scene is damaged, refers to other files, or is no solid.
     """
     try:
         scene = _Scene(document, binary, source)
@@ -118,7 +130,7 @@ def _chunks(data: bytes) -> dict[int, bytes]:
             f"the header announces {length} bytes and the file has {len(data)}; save or send it "
             "again.",
         )
-    found: dict[int, bytes] = {}
+    chunks: dict[int, bytes] = {}
     at = 12
     while at + 8 <= length:
         size = int.from_bytes(data[at : at + 4], "little")
@@ -127,13 +139,13 @@ def _chunks(data: bytes) -> dict[int, bytes]:
             raise InputError(
                 "truncated", f"a chunk of {size} bytes reaches beyond the end of the file."
             )
-        found.setdefault(kind, data[at + 8 : at + 8 + size])
+        chunks.setdefault(kind, data[at + 8 : at + 8 + size])
         at += 8 + size
-    return found
+    return chunks
 
 
 def _decoded(entry: Document, binary: bytes | None) -> bytes:
-    """What a buffer holds."""
+    """Return the bytes of a buffer."""
     uri = entry.get("uri")
     if uri is None:
         if binary is None:
@@ -149,7 +161,7 @@ def _decoded(entry: Document, binary: bytes | None) -> bytes:
 
 
 class _Scene:
-    """Triangles of a scene, every bound checked before it is used.
+    """Triangles of a scene; every bound is checked before it is used.
 
     trimesh reads whatever it finds and takes missing data for zeros, so it does not read these.
     """
@@ -181,7 +193,7 @@ class _Scene:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Parts of the scene that were left out, in plain words."""
+        """Messages about omitted parts of the scene."""
         return tuple(self._notes)
 
     def triangles(self) -> Triangles:
@@ -195,18 +207,18 @@ class _Scene:
         counts = {m: sum(self._triangles(p) for p in every) for m, every in primitives.items()}
         check_triangles(sum(counts[mesh] for mesh in used), self._most)
         points = {m: sum(len(self._places(p)) for p in every) for m, every in primitives.items()}
-        if (total := sum(points[mesh] for mesh in used)) > MOST_POINTS:
+        if (total := sum(points[mesh] for mesh in used)) > MAX_GLTF_VERTICES:
             raise InputError(
                 "too-large",
-                f"got {total} vertices in all parts, expected at most {MOST_POINTS}; join parts "
-                "that share them.",
+                f"got {total} vertices in all parts, expected at most {MAX_GLTF_VERTICES}; join "
+                "parts that share them.",
             )
         parts = {mesh: [self._part(p) for p in every] for mesh, every in primitives.items()}
         # The last part comes first, as trimesh has it: how a solid is oriented depends on it.
-        found = [placed(part, where) for mesh, where in nodes[::-1] for part in parts[mesh]]
-        if not found:
+        placed_parts = [placed(part, where) for mesh, where in nodes[::-1] for part in parts[mesh]]
+        if not placed_parts:
             raise incomplete("glb", "no triangles")
-        return joined(found)
+        return joined(placed_parts)
 
     def _nodes(self) -> list[tuple[int, Floats]]:
         """Return the meshes that the scene reaches, each with its (4, 4) transform.
@@ -216,8 +228,8 @@ class _Scene:
         nodes = self._document.get("nodes", [])
         if not nodes:
             return [(i, np.eye(4)) for i in range(len(self._document.get("meshes", [])))]
-        if len(nodes) > MOST_NODES:
-            raise InputError("too-large", f"got {len(nodes)} nodes, expected {MOST_NODES} at most.")
+        if len(nodes) > MAX_NODES:
+            raise InputError("too-large", f"got {len(nodes)} nodes, expected {MAX_NODES} at most.")
         scenes = self._document.get("scenes", [])
         if len(scenes) > 1 and "scene" not in self._document:
             self._notes[f"the file has {len(scenes)} scenes; the first one was read."] = None
@@ -229,7 +241,7 @@ class _Scene:
         else:
             children = {c for node in nodes for c in node.get("children", [])}
             roots = [i for i in range(len(nodes)) if i not in children]
-        found: list[tuple[int, Floats]] = []
+        meshes: list[tuple[int, Floats]] = []
         seen: set[int] = set()
         waiting = [(int(root), np.eye(4), True) for root in roots]
         while waiting:
@@ -250,15 +262,15 @@ class _Scene:
                 places = [transform]
                 if INSTANCING in extensions:
                     places = self._instances(extensions[INSTANCING]["attributes"], transform)
-                found += [(int(node["mesh"]), place) for place in places]
+                meshes += [(int(node["mesh"]), place) for place in places]
                 self._note_deformation(node)
-            if len(found) > MOST_NODES:
+            if len(meshes) > MAX_NODES:
                 raise InputError(
-                    "too-large", f"got {len(found)} parts, expected {MOST_NODES} at most."
+                    "too-large", f"got {len(meshes)} parts, expected {MAX_NODES} at most."
                 )
             waiting += [(int(child), transform, visible) for child in node.get("children", [])]
         self._note_unreached(seen)
-        return found
+        return meshes
 
     def _note_unreached(self, seen: set[int]) -> None:
         """Note that the file has meshes outside of its scene.
@@ -281,8 +293,8 @@ class _Scene:
             if name in attributes
         }
         count = min((len(values) for values in columns.values()), default=0)
-        if count > MOST_NODES:
-            raise InputError("too-large", f"got {count} instances, expected {MOST_NODES} at most.")
+        if count > MAX_NODES:
+            raise InputError("too-large", f"got {count} instances, expected {MAX_NODES} at most.")
         rows = [{n.lower(): v[k].tolist() for n, v in columns.items()} for k in range(count)]
         with np.errstate(all="ignore"):
             places = [node @ _transform(row) for row in rows]
@@ -291,7 +303,7 @@ class _Scene:
         return places
 
     def _note_deformation(self, node: Document) -> None:
-        """Notes that a mesh is read as it was made, where the scene bends it."""
+        """Note that a deformed mesh is read in its undeformed form."""
         mesh = self._document["meshes"][int(node["mesh"])]
         if "skin" in node:
             self._notes["the skeleton was ignored; the mesh is in its original pose."] = None
@@ -308,11 +320,11 @@ class _Scene:
         return [p for p in kept if self._triangles(p) and self._points(p)]
 
     def _points(self, primitive: Document) -> int:
-        """How many points a primitive announces."""
+        """Return the number of points that a primitive declares."""
         return _count(self._document["accessors"][primitive["attributes"]["POSITION"]])
 
     def _triangles(self, primitive: Document) -> int:
-        """How many triangles it announces."""
+        """Return the number of triangles that a primitive declares."""
         place = primitive.get("indices", primitive["attributes"]["POSITION"])
         corners = _count(self._document["accessors"][place])
         mode = primitive.get("mode", TRIANGLES)
@@ -340,7 +352,7 @@ class _Scene:
         return points, np.asarray(triangle_strips_to_faces([corners]), dtype=np.int64)
 
     def _values(self, index: int, expected: str) -> NDArray[Any]:
-        """(count, width) values of an accessor, every bound checked before they are touched."""
+        """Return the (count, width) values of an accessor after a check of every bound."""
         accessor = self._document["accessors"][index]
         if "sparse" in accessor:
             raise InputError(
@@ -354,7 +366,7 @@ class _Scene:
             )
         if accessor["type"] != expected:
             raise ValueError(f"an accessor of type {accessor['type']}")
-        kind = np.dtype(KINDS[accessor["componentType"]])
+        kind = np.dtype(COMPONENT_TYPES[accessor["componentType"]])
         view = self._document["bufferViews"][accessor["bufferView"]]
         buffer = self._buffers[view["buffer"]]
         width = WIDTHS[expected]
@@ -395,10 +407,10 @@ def _check_version(asset: Document) -> None:
 
 
 def _check_extensions(document: Document, notes: dict[str, None]) -> None:
-    """Refuses extensions of the form that are not read; optional ones are noted."""
+    """Refuse required geometry extensions that are not read; note optional ones."""
     required = document.get("extensionsRequired", [])
     for name in dict.fromkeys([*required, *document.get("extensionsUsed", [])]):
-        if name in READ or str(name).startswith(FORMLESS):
+        if name in READ_GLTF_EXTENSIONS or str(name).startswith(FORMLESS):
             continue
         if name in PACKED and name in required:
             raise InputError(

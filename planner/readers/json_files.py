@@ -18,34 +18,34 @@ from planner.shapes.solid import Solid
 PATH_FORMAT: Final = "foldback-path/1"
 CHAIN_FORMAT: Final = "foldback-chain/1"
 VOXELS_FORMAT: Final = "foldback-voxels/1"
-FORMATS: Final = (PATH_FORMAT, CHAIN_FORMAT, VOXELS_FORMAT)
+JSON_FORMATS: Final = (PATH_FORMAT, CHAIN_FORMAT, VOXELS_FORMAT)
 
 
 def is_json(text: str) -> bool:
-    """Whether the first character is that of a JSON object or list."""
+    """Return True if the first character begins a JSON object or list."""
     return text.lstrip()[:1] in ("{", "[")
 
 
 def read_json(text: str, source: Source) -> Path | Chain | Shape | Solid:
-    """What a JSON file holds: a path, a chain, voxels, or a glTF scene.
+    """Read a path, a chain, voxels or a glTF scene from JSON.
 
     Raises:
-        InputError: Naming the line, the key or the cell.
+        InputError: The JSON cannot be read; names the line, the key or the cell.
     """
     value = parse(text, source.most_cells)
     if isinstance(value, list):
         return path_from_rows(cast("list[Any]", value), source, name="", where="the list")
     document = cast("dict[str, Any]", value)
-    found = document.get("format")
-    if found == PATH_FORMAT:
+    format_name = document.get("format")
+    if format_name == PATH_FORMAT:
         return read_path(document, source)
-    if found == CHAIN_FORMAT:
+    if format_name == CHAIN_FORMAT:
         return read_chain(document, source)
-    if found == VOXELS_FORMAT:
+    if format_name == VOXELS_FORMAT:
         return read_voxels(document, source)
     if is_gltf(document):
         return read_gltf(document, source)
-    raise _wrong_format(document, found)
+    raise _wrong_format(document, format_name)
 
 
 def _wrong_format(document: dict[str, Any], found: object) -> InputError:
@@ -56,7 +56,7 @@ def _wrong_format(document: dict[str, Any], found: object) -> InputError:
             "no-format", f'got an object with the keys: {keys}; {expected} under "format".'
         )
     family, slash, version = found.partition("/") if isinstance(found, str) else ("", "", "")
-    if slash and family in {f.partition("/")[0] for f in FORMATS}:
+    if slash and family in {f.partition("/")[0] for f in JSON_FORMATS}:
         return InputError(
             "wrong-version",
             f"got version {quote(version)!r} of {family}, {expected}.",

@@ -9,11 +9,15 @@ from typing import Any, Final
 
 from planner.errors import InputError
 from planner.names import clean_name
-from planner.readers.limits import MOST_CELLS, quote, too_many
+from planner.readers.limits import MAX_CELLS, quote, too_many
 
-DIGITS_OF_AN_INTEGER: Final = 18
-HUGE: Final = 1e300
+MAX_INTEGER_DIGITS: Final = 18
+"""Digits up to which a JSON integer is parsed exactly. Longer ones become a float: parsing takes
+time by the square of the digits."""
+HUGE_NUMBER: Final = 1e300
+"""Magnitude at which very long integers are cut off; every later check refuses it."""
 SPARE_VALUES: Final = 1000
+"""Number of lists and values that are allowed besides those of the cells. Chosen."""
 KEYS_OF_FORM: Final = re.compile(
     r"(?:unit|pitch|scale|ax[ei]s|order|origin|offset|rotat|transform|mirror|joint|angle|cell|closed|module\b)"
 )
@@ -21,7 +25,7 @@ KEYS_OF_FORM: Final = re.compile(
 
 
 def _check_amount(text: str, most_cells: int) -> None:
-    """Bounds what parsing can allocate, before it does."""
+    """Refuse text whose parsing would take too much memory."""
     lists = text.count("[") + text.count("{")
     if lists > most_cells + SPARE_VALUES:
         raise too_many(lists, most_cells, "lists")
@@ -30,11 +34,11 @@ def _check_amount(text: str, most_cells: int) -> None:
         raise too_many(values, 4 * most_cells, "values")
 
 
-def parse(text: str, most_cells: int = MOST_CELLS) -> object:
-    """The value that strict JSON holds.
+def parse(text: str, most_cells: int = MAX_CELLS) -> object:
+    """Parse strict JSON.
 
     Raises:
-        InputError: Naming line and column, and for more values than ``most_cells`` cells take.
+        InputError: The text is no JSON (names line and column), or has too many values.
     """
     _check_amount(text, most_cells)
     try:
@@ -61,23 +65,23 @@ def parse(text: str, most_cells: int = MOST_CELLS) -> object:
 
 
 def _integer(digits: str) -> int | float:
-    """An integer; very long ones are cut to a float that every later check finds too large."""
-    if len(digits) <= DIGITS_OF_AN_INTEGER:
+    """Parse an integer; clip very long ones to a float that later checks refuse."""
+    if len(digits) <= MAX_INTEGER_DIGITS:
         return int(digits)
-    return max(-HUGE, min(HUGE, float(digits)))
+    return max(-HUGE_NUMBER, min(HUGE_NUMBER, float(digits)))
 
 
 def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for key, value in pairs:
-        if key in found:
+        if key in result:
             raise InputError(
                 "duplicate-key",
                 f"the key {quote(key)!r} occurs twice; remove one of them.",
                 where=f"key {quote(key)!r}",
             )
-        found[key] = value
-    return found
+        result[key] = value
+    return result
 
 
 def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None:
@@ -101,7 +105,7 @@ def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None
 
 
 def text_field(document: dict[str, Any], key: str) -> str:
-    """A text, cleaned for showing; empty when it is missing.
+    """Return a text, cleaned for display; empty if it is missing.
 
     Raises:
         InputError: ``wrong-type`` when it is something else.
@@ -113,7 +117,7 @@ def text_field(document: dict[str, Any], key: str) -> str:
 
 
 def number_field(document: dict[str, Any], key: str, default: float) -> float:
-    """A number, ``default`` when it is missing.
+    """Return a number, or ``default`` if it is missing.
 
     Raises:
         InputError: ``wrong-type`` when it is something else.

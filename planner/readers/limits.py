@@ -1,4 +1,4 @@
-"""Limits that every reader keeps, and what readers say of what they found."""
+"""Limits of all readers, and the error messages that they share."""
 
 from __future__ import annotations
 
@@ -6,46 +6,50 @@ from dataclasses import dataclass
 from typing import Final
 
 from planner.errors import InputError
-from planner.shapes.solid import MOST_TRIANGLES
+from planner.shapes.shape import MAX_CELLS
+from planner.shapes.solid import MAX_TRIANGLES
 
-MOST_CELLS: Final = 200_000
-MOST_BYTES: Final = 64 << 20
-BYTES_A_CELL: Final = 96
+MAX_FILE_BYTES: Final = 64 << 20
+"""Maximum size of a file. Larger values admit larger meshes and take more memory. Chosen."""
+BYTES_PER_CELL: Final = 96
+"""Size of a text file that is allowed for each cell, bytes. Chosen."""
 SPARE_BYTES: Final = 65_536
-LONGEST_QUOTE: Final = 40
+"""Size of a text file that is allowed besides its cells, bytes. Chosen."""
+MAX_QUOTE_CHARACTERS: Final = 40
+"""Length at which quotations in messages are cut. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
-    """What a reader is told of the file besides its content.
+    """Options and limits of a reader besides the content of the file.
 
     Attributes:
-        name: What to call the shape when the file does not say; may be empty.
-        most_cells: More cells, or modules, are refused.
-        most_triangles: More triangles are refused.
-        as_voxels: Lists of cells are voxels in no order.
+        name: Name of the shape where the file has none; may be empty.
+        most_cells: Maximum number of cells or modules.
+        most_triangles: Maximum number of triangles.
+        as_voxels: True to read lists of cells as voxels in no order.
     """
 
     name: str
-    most_cells: int = MOST_CELLS
-    most_triangles: int = MOST_TRIANGLES
+    most_cells: int = MAX_CELLS
+    most_triangles: int = MAX_TRIANGLES
     as_voxels: bool = False
 
 
 def quote(found: object) -> str:
-    """What was found, short enough and clean enough for a message."""
+    """Return a short printable form of a value for a message."""
     text = found if isinstance(found, str) else repr(found)
-    shown = "".join(c if c.isprintable() else "·" for c in text[: LONGEST_QUOTE + 1])
-    return f"{shown[:LONGEST_QUOTE]}…" if len(text) > LONGEST_QUOTE else shown
+    shown = "".join(c if c.isprintable() else "·" for c in text[: MAX_QUOTE_CHARACTERS + 1])
+    return f"{shown[:MAX_QUOTE_CHARACTERS]}…" if len(text) > MAX_QUOTE_CHARACTERS else shown
 
 
 def megabytes(count: int) -> str:
-    """A size of a file in words, as people read it elsewhere."""
+    """Return the size of a file in MB (2²⁰ bytes) or bytes as text."""
     return f"{count / 2**20:.3g} MB" if count >= 2**17 else f"{count} bytes"
 
 
 def check_bytes(data: bytes, most_bytes: int) -> None:
-    """Refuses empty files and those of more bytes than any kind may have.
+    """Refuse empty files and files of more than ``most_bytes`` bytes.
 
     Raises:
         InputError: ``empty`` or ``too-large``.
@@ -61,12 +65,12 @@ def check_bytes(data: bytes, most_bytes: int) -> None:
 
 
 def check_size(data: bytes, most_cells: int) -> None:
-    """Refuses files too large to hold ``most_cells`` cells.
+    """Refuse text files that are too large for ``most_cells`` cells.
 
     Raises:
         InputError: ``too-large``.
     """
-    most = SPARE_BYTES + BYTES_A_CELL * most_cells
+    most = SPARE_BYTES + BYTES_PER_CELL * most_cells
     if len(data) > most:
         raise InputError(
             "too-large",
@@ -76,7 +80,7 @@ def check_size(data: bytes, most_cells: int) -> None:
 
 
 def too_many(found: int, most: int, what: str = "cells") -> InputError:
-    """The refusal of more cells than the limit."""
+    """Return the error for more cells than the limit."""
     return InputError(
         "too-many-cells",
         f"got {found} {what}, expected at most {most}; use a coarser shape.",

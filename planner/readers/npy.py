@@ -20,20 +20,22 @@ from planner.readers.limits import Source, too_many
 from planner.readers.text import path_or_shape
 from planner.shapes.shape import Shape
 
-MAGIC: Final = b"\x93NUMPY"
-LONGEST_HEADER: Final = 4096
+NPY_MAGIC: Final = b"\x93NUMPY"
+MAX_NPY_HEADER_BYTES: Final = 4096
+"""Maximum size of the header, which NumPy evaluates as a Python literal. Chosen; usual headers take
+128 bytes."""
 
 
 def is_npy(data: bytes) -> bool:
-    """Whether the bytes begin as .npy files do."""
-    return data.startswith(MAGIC)
+    """Return True if the bytes begin with the signature of .npy."""
+    return data.startswith(NPY_MAGIC)
 
 
 def read_npy(data: bytes, source: Source) -> Path | Shape:
-    """A path from an (N, 3) array, a shape from a grid; never runs anything that a pickle holds.
+    """Return a path from an (N, 3) array or a shape from a grid; pickles are refused.
 
     Raises:
-        InputError: For other shapes and types, and for damaged and truncated files.
+        InputError: The array has another shape or type, or the file is damaged.
     """
     shape, fortran, dtype, start = _header(data)
     if dtype.hasobject:
@@ -56,12 +58,12 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
     if not is_grid and shape[0] > source.most_cells:
         raise too_many(shape[0], source.most_cells)
     expected = math.prod(shape) * dtype.itemsize
-    found = len(data) - start
-    if found != expected:
-        code, word = ("truncated", "fewer") if found < expected else ("damaged", "more")
+    data_size = len(data) - start
+    if data_size != expected:
+        code, word = ("truncated", "fewer") if data_size < expected else ("damaged", "more")
         raise InputError(
             code,
-            f"got {found} bytes of data, {word} than the {expected} that its header announces; "
+            f"got {data_size} bytes of data, {word} than the {expected} that its header announces; "
             "save the file again.",
         )
     flat = np.frombuffer(data, dtype=dtype, offset=start)
@@ -98,7 +100,7 @@ def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:
                 (1, 0): npy_format.read_array_header_1_0,
                 (2, 0): npy_format.read_array_header_2_0,
             }[version]
-            shape, fortran, dtype = read_header(stream, max_header_size=LONGEST_HEADER)
+            shape, fortran, dtype = read_header(stream, max_header_size=MAX_NPY_HEADER_BYTES)
     except Exception as error:
         # NumPy evaluates the header as a Python literal, which fails in many ways when damaged.
         raise InputError(

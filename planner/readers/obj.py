@@ -7,12 +7,12 @@ from typing import Final
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
+from planner.readers.text import HASH_COMMENT
 from planner.readers.trimesh_meshes import triangles_in
 from planner.shapes.solid import Solid, check_triangles
 
 VERTEX_LINE: Final = re.compile(rb"(?m)^[ \t]*v[ \t]+[-+.\dnNiI]")
 LEADING_COMMENTS: Final = re.compile(rb"(?:[ \t]*(?:#[^\r\n]*)?[\r\n])*+")
-COMMENT: Final = re.compile(rb"#[^\n]*")
 NEWLINE: Final = b"\n"
 CONTINUED: Final = re.compile(rb"\\\r?\n")
 BLANKS: Final = bytes.maketrans(b"\t\f\v", b"   ")
@@ -25,22 +25,23 @@ NO_VERTEX: Final = re.compile(rb"\nv(?!(?: [-+.0-9a-zA-Z]+){3}\n)")
 NO_POLYGON: Final = re.compile(rb"\nf(?!(?: \+?0*[1-9][0-9]*){3,}\n)")
 TEXTURE: Final = re.compile(rb"/[^ \n]*")
 COUNTED_BACK: Final = re.compile(rb"\nf[^-\n]*-")
-LOOKED_AT: Final = 65_536
+OBJ_PROBE_BYTES: Final = 65_536
+"""Bytes after leading comments that are searched for a vertex. Chosen."""
 
 
 def is_obj(data: bytes) -> bool:
-    """Whether a line near the beginning is a vertex as OBJ files have it."""
+    """Return True if a line near the beginning is an OBJ vertex."""
     head = LEADING_COMMENTS.match(data)
     begin = head.end() if head else 0
-    start = data[begin : begin + LOOKED_AT]
+    start = data[begin : begin + OBJ_PROBE_BYTES]
     return start.lstrip()[:1] not in (b"{", b"[") and VERTEX_LINE.search(start) is not None
 
 
 def read_obj(data: bytes, source: Source) -> Solid:
-    """A solid from an OBJ file. Nothing that it refers to is looked for.
+    """Return the solid in an OBJ file. Files that it refers to are not opened.
 
     Raises:
-        InputError: Naming the line.
+        InputError: A line cannot be read, or the mesh is no solid.
     """
     data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
     other = FREE_FORM.search(data)
@@ -89,21 +90,22 @@ def _damaged(found: str, line: int | None = None) -> InputError:
 
 
 def _plain(data: bytes) -> bytes:
-    """The lines of vertices and polygons, with one space between words; each begins with a break.
+    """Return the lines of vertices and polygons, with single spaces; each begins with a newline.
 
     trimesh knows no tabs and indents, and cuts a mesh apart where its material changes.
     """
     text = CONTINUED.sub(b" ", data) if b"\\" in data else data
     text = b"\n%b\n" % OTHER_LINE.sub(b"", text.translate(BLANKS))
-    text = COMMENT.sub(b"", text) if b"#" in text else text
+    text = HASH_COMMENT.sub(b"", text) if b"#" in text else text
     spare = any(found in text for found in (b"  ", b"\n ", b" \n"))
     return SPARE_SPACE.sub(b"", text) if spare else text
 
 
 def _counted_from_the_first(text: bytes) -> bytes:
-    """The same with corners that count back from the last vertex before their line counted up.
+    """Return the lines with negative vertex numbers replaced by positive ones.
 
-    trimesh counts them from the last vertex of the file.
+    Negative numbers count back from the last vertex before the line; trimesh counts from the
+    last vertex of the file.
     """
     known = 0
     lines: list[bytes] = []
@@ -122,9 +124,9 @@ def _counted_from_the_first(text: bytes) -> bytes:
 
 
 def _first_fault(data: bytes, vertices: int) -> InputError | None:
-    """What is wrong in the first line that can't be read; None when each can be."""
+    """Return the error of the first line that cannot be read; None if all can."""
     known = 0
-    lines = COMMENT.sub(b"", CONTINUED.sub(b" ", data)).decode("latin-1").split("\n")
+    lines = HASH_COMMENT.sub(b"", CONTINUED.sub(b" ", data)).decode("latin-1").split("\n")
     for number, line in enumerate(lines, 1):
         kind, *words = line.split() or [""]
         try:

@@ -12,32 +12,33 @@ from planner.errors import InputError
 from planner.readers.limits import Source, quote
 from planner.readers.polygons import fans
 from planner.readers.tables import Table, chunks, table, whole
+from planner.readers.text import HASH_COMMENT
 from planner.shapes.solid import Solid, check_triangles
 
 KIND: Final = re.compile(r"(?:ST)?C?N?4?n?OFF(?=[\s#]|$)")
-COMMENT: Final = re.compile(rb"#[^\n]*")
-MOST_CORNERS: Final = 10_000
+MAX_POLYGON_CORNERS: Final = 10_000
+"""Maximum number of corners of a polygon. Chosen; larger counts are damage."""
 
 Mesh: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], int]"
-"""Points (V, 3), the polygons' corners one after the other, how many each has, further lines."""
+"""Points (V, 3), corners of all polygons, (P,) corners of each polygon, number of extra lines."""
 
 
 def is_off(data: bytes) -> bool:
-    """Whether the first word is that of OFF files."""
+    """Return True if the first word is an OFF keyword."""
     start = data[:64].lstrip()
     return KIND.match(start.decode("latin-1")) is not None
 
 
 def read_off(data: bytes, source: Source) -> Solid:
-    """A solid from an OFF file; colours and normals are left alone.
+    """Return the solid in an OFF file; colours and normals are ignored.
 
     Raises:
-        InputError: Naming the line, or what kind of mesh this is.
+        InputError: A line cannot be read or the variant of OFF is not supported; names it.
     """
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"#" in data:
-        data = COMMENT.sub(b"", data)
+        data = HASH_COMMENT.sub(b"", data)
     (kind, *first), at, number = _words(data, 0, 0)
     if "4" in kind or "n" in kind:
         raise InputError(
@@ -69,7 +70,7 @@ def read_off(data: bytes, source: Source) -> Solid:
 
 
 def _words(data: bytes, at: int, number: int) -> tuple[list[str], int, int]:
-    """The words of the next line that has some, where the line after it begins, and its number."""
+    """Return the words of the next non-empty line, the offset after it, and its number."""
     while at < len(data):
         end = data.find(b"\n", at)
         end = len(data) if end < 0 else end
@@ -89,18 +90,18 @@ def _truncated(lines: int, vertices: int, polygons: int) -> InputError:
 
 
 def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
-    """All lines at once; None when they hold more than numbers."""
-    found: list[Table] = []
+    """Parse all lines at once; None if they hold anything but numbers."""
+    tables: list[Table] = []
     for chunk in chunks(body):
         ended = chunk if chunk.endswith(b"\n") else chunk + b"\n"
         part = table(np.frombuffer(ended, dtype=np.uint8))
         if part is None:
             return None
-        found.append(part)
-    values = np.concatenate([part.values for part in found])
-    counts = np.concatenate([part.counts for part in found])
+        tables.append(part)
+    values = np.concatenate([part.values for part in tables])
+    counts = np.concatenate([part.counts for part in tables])
     counts = counts[counts > 0]
-    del found
+    del tables
     if len(counts) < vertices + polygons:
         return None
     cut = int(counts[:vertices].sum())
@@ -110,7 +111,7 @@ def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
     sizes = whole(faces.values[starts])
     if points is None or sizes is None or not len(sizes):
         return None
-    good = (sizes >= 0) & (sizes <= MOST_CORNERS) & (sizes < faces.counts[:polygons])
+    good = (sizes >= 0) & (sizes <= MAX_POLYGON_CORNERS) & (sizes < faces.counts[:polygons])
     if not good.all():
         return None
     ends = np.cumsum(sizes)
@@ -123,7 +124,7 @@ def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
 
 
 def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
-    """Line by line, which tells where something is wrong."""
+    """Parse line by line, so that an error can name its line."""
     lines = [
         (n, words)
         for n, line in enumerate(body.decode("latin-1").split("\n"), number + 1)
@@ -140,7 +141,7 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
             points.append([float(words[0]), float(words[1]), float(words[2])])
         for number, words in lines[vertices : vertices + polygons]:  # noqa: B007
             corners = int(words[0])
-            if not 0 <= corners <= MOST_CORNERS or corners >= len(words):
+            if not 0 <= corners <= MAX_POLYGON_CORNERS or corners >= len(words):
                 raise ValueError(f"a polygon of {quote(words[0])} corners")
             flat += [int(word) for word in words[1 : corners + 1]]
             counts.append(corners)

@@ -14,16 +14,16 @@ from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import path_or_shape
 from planner.shapes.shape import Shape
 
-KEYS: Final = ("format", "name", "cells", "pitch_m")
+PATH_KEYS: Final = ("format", "name", "cells", "pitch_m")
 
 
 def read_path(document: dict[str, Any], source: Source) -> Path | Shape:
     """Return a path from a ``foldback-path/1`` object.
 
     Raises:
-        InputError: Naming the key or the cell.
+        InputError: The input is invalid; names the key or the cell.
     """
-    refuse_unread_keys(document, KEYS)
+    refuse_unread_keys(document, PATH_KEYS)
     rows = document.get("cells")
     if not isinstance(rows, list):
         found = "nothing" if "cells" not in document else quote(rows)
@@ -41,7 +41,7 @@ def read_voxels(document: dict[str, Any], source: Source) -> Shape:
     """Return a shape from a ``foldback-voxels/1`` object.
 
     Raises:
-        InputError: Naming the key or the cell.
+        InputError: The input is invalid; names the key or the cell.
     """
     found = read_path(document, replace(source, as_voxels=True))
     assert isinstance(found, Shape)
@@ -51,10 +51,10 @@ def read_voxels(document: dict[str, Any], source: Source) -> Shape:
 def path_from_rows(
     rows: list[Any], source: Source, *, name: str, where: str, pitch_m: float = DEFAULT_PITCH_M
 ) -> Path | Shape:
-    """A path from parsed JSON rows, or a shape where voxels are asked for.
+    """Return a path from parsed JSON rows, or a shape if ``source.as_voxels`` is set.
 
     Raises:
-        InputError: Naming the cell.
+        InputError: The input is invalid; names the cell.
     """
     if len(rows) > source.most_cells:
         raise too_many(len(rows), source.most_cells)

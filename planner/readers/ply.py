@@ -15,22 +15,25 @@ from planner.readers.limits import Source, quote
 from planner.readers.polygons import fans
 from planner.shapes.solid import Solid, check_triangles
 
-LONGEST_HEADER: Final = 65_536
+MAX_PLY_HEADER_BYTES: Final = 65_536
+"""Bytes in which the header must end. Chosen."""
 END_HEADER: Final = re.compile(rb"(?<=[\r\n])end_header[ \t]*(?:\r\n|\n|\r)")
 TYPES: Final = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
     **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4"},
     **{"uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
 }
-FORMATS: Final = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-CORNERS: Final = ("vertex_indices", "vertex_index")
+BYTE_ORDERS: Final = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+"""NumPy byte order for each format of the header; empty for text."""
+CORNER_LISTS: Final = ("vertex_indices", "vertex_index")
+"""Names of the list property with the corners of a face."""
 
 Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Property:
-    """One property: its type, and for lists the type of their length."""
+    """A property: its type, and for lists the type of their length."""
 
     name: str
     kind: str
@@ -39,27 +42,27 @@ class _Property:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Element:
-    """What the header says of one kind of element."""
+    """Name, count and properties of an element of the header."""
 
     name: str
     count: int
     properties: list[_Property] = field(default_factory=list[_Property])
 
     def column(self, names: tuple[str, ...]) -> int:
-        """Place of the first property with one of these names; −1 when there is none."""
+        """Return the index of the first property with one of these names; −1 if there is none."""
         return next((i for i, p in enumerate(self.properties) if p.name in names), -1)
 
 
 def is_ply(data: bytes) -> bool:
-    """Whether the first line is that of PLY files."""
+    """Return True if the first line is the signature of PLY."""
     return data[:4] in (b"ply\n", b"ply\r", b"ply ")
 
 
 def read_ply(data: bytes, source: Source) -> Solid:
-    """A solid from a PLY file.
+    """Return the solid in a PLY file.
 
     Raises:
-        InputError: For lying headers, truncated data, and meshes that are no solid.
+        InputError: The header is wrong, data is missing, or the mesh is no solid.
     """
     order, elements, start = _header(data)
     body = _Text(data[start:], elements) if order == "" else _Binary(data[start:], order)
@@ -78,7 +81,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
             with np.errstate(invalid="ignore"):
                 points = np.column_stack([columns[p][0].astype(np.float64) for p in places])
         elif element.name in ("face", "tristrips"):
-            place = element.column(CORNERS)
+            place = element.column(CORNER_LISTS)
             if place == -1 or not element.properties[place].length:
                 raise _damaged("the faces have no list of vertices")
             corners, counts = columns[place]
@@ -127,7 +130,7 @@ def _damaged(found: str) -> InputError:
 
 
 def _header(data: bytes) -> tuple[str, list[_Element], int]:
-    last = END_HEADER.search(data, 0, LONGEST_HEADER)
+    last = END_HEADER.search(data, 0, MAX_PLY_HEADER_BYTES)
     if last is None:
         raise InputError("truncated", "the file ends within its header; save or send it again.")
     order: str | None = None
@@ -135,8 +138,8 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
     for number, line in enumerate(data[: last.start()].decode("latin-1").splitlines(), 1):
         words = line.split()
         match words:
-            case ["format", name, _] if name in FORMATS:
-                order = FORMATS[name]
+            case ["format", name, _] if name in BYTE_ORDERS:
+                order = BYTE_ORDERS[name]
             case ["element", name, count] if count.isascii() and count.isdigit():
                 elements.append(_Element(name=name, count=int(count[:15])))
             case ["property", "list", length, kind, name] if (
@@ -162,7 +165,7 @@ Columns = list[tuple[NDArray[Any], Ints]]
 
 
 class _Rows:
-    """The words of rows, a list for each property, and how many of them each row has."""
+    """Words of rows, one list per property, and the number of words of each row."""
 
     def __init__(self, element: _Element) -> None:
         self._lists = [bool(p.length) for p in element.properties]
@@ -170,7 +173,7 @@ class _Rows:
         self.counts: list[list[int]] = [[] for _ in element.properties]
 
     def add(self, words: list[bytes], at: int) -> int | None:
-        """Takes a row from a place on; where it ends, or None when there is none."""
+        """Add the row that begins at an index; return its end, or None if it is incomplete."""
         for i, is_list in enumerate(self._lists):
             length = 1
             if is_list:
@@ -200,7 +203,7 @@ class _Text:
         self._at = 0
 
     def read(self, element: _Element) -> Columns:
-        """Columns of an element: values one after the other, and how many each row has."""
+        """Read the columns of an element: all values in a row, and the number in each row."""
         lines = self._lines[self._at : self._at + element.count]
         found = self._by_line(element, lines) if self._line_a_row else None
         if found is not None:
@@ -224,7 +227,7 @@ class _Text:
         return any(self._lines[self._at :])
 
     def _by_line(self, element: _Element, lines: list[list[bytes]]) -> Columns | None:
-        """The same of a line for each row; None when a line holds less than that."""
+        """Read one row per line; None if a line has too few words."""
         wide = len(element.properties)
         if not any(p.length for p in element.properties):
             if any(len(line) < wide for line in lines):
@@ -251,7 +254,7 @@ class _Text:
 
 
 def _fits(lines: list[list[bytes]], elements: list[_Element]) -> bool:
-    """Whether the rows of all elements, one after the other, are all the words that there are."""
+    """Return True if the rows of all elements take exactly all words."""
     words = list(chain.from_iterable(lines))
     at = 0
     for element in elements:
@@ -276,7 +279,7 @@ class _Binary:
         self._at = 0
 
     def read(self, element: _Element) -> Columns:
-        """Columns of an element: values one after the other, and how many each row has."""
+        """Read the columns of an element: all values in a row, and the number in each row."""
         lists = [p for p in element.properties if p.length]
         least = sum(np.dtype(p.length or p.kind).itemsize for p in element.properties)
         if element.count * least > len(self._data) - self._at:
@@ -325,7 +328,7 @@ class _Binary:
         return lengths
 
     def _rows(self, element: _Element, lengths: list[int]) -> NDArray[Any] | None:
-        """All rows when they are like the first; None when the data is too short for that."""
+        """Return all rows with the lengths of the first; None if the data is too short."""
         fields: list[Any] = []
         for i, (column, length) in enumerate(zip(element.properties, lengths, strict=True)):
             if column.length:

@@ -9,11 +9,11 @@ Ints = NDArray[np.int64]
 
 
 def fans(corners: Ints, counts: Ints) -> Ints:
-    """(T, 3) triangles of polygons, each cut into a fan from its first corner.
+    """Return the (T, 3) triangles of polygons, each cut into a fan from its first corner.
 
     Args:
         corners: The polygons' corners, one polygon after the other.
-        counts: (P,) how many corners each has; those with fewer than three are left out.
+        counts: (P,) corners of each polygon; polygons with fewer than three are left out.
     """
     if len(counts) and (counts == 3).all():
         return corners.reshape(-1, 3)

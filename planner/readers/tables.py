@@ -1,4 +1,4 @@
-"""Tables: numbers of many lines of text, read without a loop over them, a part at a time."""
+"""Tables: numbers of many lines of text, read in large chunks without a loop over lines."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-CHUNK_BYTES: Final = 4 << 20
-SPACE: Final = 32
-NEWLINE: Final = 10
-LARGEST: Final = 1e15
+TEXT_CHUNK_BYTES: Final = 4 << 20
+"""Bytes of text parsed at once. Larger values take more memory. Chosen."""
+SPACE_BYTE: Final = 32
+"""Code of a space in ASCII; smaller codes are white space too."""
+NEWLINE_BYTE: Final = 10
+"""Code of a line feed in ASCII."""
+MAX_WHOLE_NUMBER: Final = 1e15
+"""Largest number that is taken for an integer; below 2⁵³, so that float64 is exact."""
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -25,7 +29,7 @@ class Table:
 
     Attributes:
         values: (N,) float64, one line after the other.
-        counts: (L,) how many each line has.
+        counts: (L,) numbers of each line.
     """
 
     values: NDArray[np.float64]
@@ -33,11 +37,11 @@ class Table:
 
     @property
     def starts(self) -> Ints:
-        """(L,) place of each line's first number."""
+        """(L,) indices of the first number of each line."""
         return np.cumsum(self.counts) - self.counts
 
     def columns(self, first: int, wide: int) -> NDArray[np.float64] | None:
-        """(L, wide) numbers of each line from its ``first`` one on; None when a line has fewer."""
+        """Return (L, wide) numbers of each line from index ``first``; None if a line is shorter."""
         if not len(self.counts):
             return np.zeros((0, wide))
         if self.counts.min() < first + wide:
@@ -48,34 +52,34 @@ class Table:
 
 
 def whole(values: NDArray[np.float64]) -> Ints | None:
-    """The same as whole numbers, None when one is none."""
-    if not (np.abs(values) <= LARGEST).all() or (values % 1 != 0).any():
+    """Return the values as integers, None if one is not whole."""
+    if not (np.abs(values) <= MAX_WHOLE_NUMBER).all() or (values % 1 != 0).any():
         return None
     return values.astype(np.int64)
 
 
 def chunks(data: bytes) -> Iterator[bytes]:
-    """Whole lines, a few megabytes at a time."""
+    """Yield whole lines, a few megabytes at a time."""
     at = 0
     while at < len(data):
-        end = data.find(b"\n", at + CHUNK_BYTES)
+        end = data.find(b"\n", at + TEXT_CHUNK_BYTES)
         end = len(data) if end < 0 else end + 1
         yield data[at:end]
         at = end
 
 
 def table(text: Bytes) -> Table | None:
-    """The numbers of lines that hold nothing else; None where they do.
+    """Parse lines of numbers; None if they hold anything else.
 
     Args:
-        text: Whole lines, the last one ended too.
+        text: Whole lines, the last one with its line feed.
     """
     if not len(text):
         return Table(values=np.zeros(0), counts=np.zeros(0, dtype=np.int64))
-    dark = text > SPACE
+    dark = text > SPACE_BYTE
     begins = dark.copy()
     begins[1:] &= ~dark[:-1]
-    starts = np.concatenate([[0], np.flatnonzero(text[:-1] == NEWLINE) + 1])
+    starts = np.concatenate([[0], np.flatnonzero(text[:-1] == NEWLINE_BYTE) + 1])
     counts = np.add.reduceat(begins, starts, dtype=np.int64)
     try:
         with warnings.catch_warnings():

@@ -12,17 +12,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.chain.path import DEFAULT_PITCH_M, LARGEST_COORDINATE, Path
 from planner.errors import InputError
-from planner.readers.kinds import wrong_kind
+from planner.readers.file_signatures import wrong_kind
 from planner.readers.limits import Source, quote
 from planner.shapes.shape import Shape
 
-NUMBER: Final = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?\Z")
+NUMBER_PATTERN: Final = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?\Z")
 NOT_FINITE: Final = re.compile(r"[+-]?(?:nan|inf|infinity)\Z", re.IGNORECASE)
-SEPARATOR: Final = re.compile(r'[\s,;"]+')
-COMMENT: Final = "#"
-LOOKED_AT: Final = 20_000
-LONGEST_PROBE: Final = 64
-"""Characters whose bytes must look like UTF-16 where a file has no byte order mark. Chosen."""
+WORD_SEPARATOR: Final = re.compile(r'[\s,;"]+')
+COMMENT_MARK: Final = "#"
+HASH_COMMENT: Final = re.compile(rb"#[^\n]*")
+"""A comment from its mark to the end of the line, in bytes."""
+TEXT_PROBE_SIZE: Final = 20_000
+"""Bytes, or characters, at the beginning of a file that are checked for text and numbers.
+Chosen."""
+UTF16_PROBE_CHARACTERS: Final = 64
+"""Characters whose bytes must look like UTF-16 if a file has no byte order mark. Chosen."""
 BYTE_ORDER_MARKS: Final = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),
@@ -31,7 +35,7 @@ BYTE_ORDER_MARKS: Final = (
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
 """Marks at the beginning of a text; those of UTF-32 begin like those of UTF-16."""
-REMEDY: Final = "for voxels in any order, read them as voxels"
+READ_AS_VOXELS: Final = "for voxels in any order, read them as voxels"
 
 
 def to_utf8(data: bytes) -> bytes:
@@ -42,7 +46,7 @@ def to_utf8(data: bytes) -> bytes:
                 return data[len(mark) :].decode(encoding).encode()
             except UnicodeError:
                 return data
-    pairs = data[: 2 * LONGEST_PROBE]
+    pairs = data[: 2 * UTF16_PROBE_CHARACTERS]
     for encoding, first in (("utf-16-le", 0), ("utf-16-be", 1)):
         # Without a mark, every other byte of plain text is zero.
         if len(pairs) >= 8 and not any(pairs[1 - first :: 2]) and all(pairs[first::2]):
@@ -71,12 +75,12 @@ def decode(data: bytes, expected: str) -> str:
 
 
 def refuse_binary(data: bytes, expected: str) -> None:
-    """Refuses what is not text by its first bytes, whatever its size; see ``decode``.
+    """Refuse files whose first bytes are not text; see ``decode``.
 
     Raises:
         InputError: ``wrong-kind``.
     """
-    start = data[:LOOKED_AT]
+    start = data[:TEXT_PROBE_SIZE]
     try:
         text = codecs.getincrementaldecoder("utf-8")().decode(start)
     except UnicodeDecodeError:
@@ -86,21 +90,21 @@ def refuse_binary(data: bytes, expected: str) -> None:
 
 
 def refuse_prose(text: str, expected: str) -> None:
-    """Refuses text without a single number near its beginning.
+    """Refuse text without a single number near its beginning.
 
     Raises:
-        InputError: ``wrong-kind``, quoting its first line.
+        InputError: ``wrong-kind``; quotes its first line.
     """
-    words = SEPARATOR.split(text.strip()[:LOOKED_AT])
+    words = WORD_SEPARATOR.split(text.strip()[:TEXT_PROBE_SIZE])
     if not any(is_number(word) for word in words):
         raise wrong_kind(f"this is text that begins with {quote(text.strip())!r}", expected)
 
 
 def coordinate(field: str, axis: str, line: int) -> float:
-    """One coordinate of a cell.
+    """Parse one coordinate of a cell.
 
     Raises:
-        InputError: When it is not a whole number of sensible size; ``where`` names the line.
+        InputError: The field is no whole number up to ``LARGEST_COORDINATE``; names the line.
     """
     where = f"line {line}"
     word = field.strip()
@@ -108,7 +112,7 @@ def coordinate(field: str, axis: str, line: int) -> float:
         raise InputError(
             "not-finite", f"got {quote(word)} for {axis}, expected a whole number.", where=where
         )
-    if not NUMBER.match(word):
+    if not NUMBER_PATTERN.match(word):
         found = f"got {quote(word)!r}" if word else "got nothing"
         raise InputError(
             "not-a-number", f"{found} for {axis}, expected a whole number.", where=where
@@ -132,23 +136,23 @@ def coordinate(field: str, axis: str, line: int) -> float:
 
 
 def is_number(field: str) -> bool:
-    """Whether a field is written as a number, finite or not."""
+    """Return True if a field is a number, finite or not."""
     word = field.strip()
-    return bool(NUMBER.match(word) or NOT_FINITE.match(word))
+    return bool(NUMBER_PATTERN.match(word) or NOT_FINITE.match(word))
 
 
 def cells_array(rows: Sequence[Sequence[float]]) -> NDArray[np.int64]:
-    """(n, 3) cells from checked rows."""
+    """Return the (n, 3) cells of checked rows."""
     return np.array(rows, dtype=np.int64).reshape(-1, 3)
 
 
 def path_or_shape(
     cells: ArrayLike, source: Source, *, name: str = "", pitch_m: float = DEFAULT_PITCH_M
 ) -> Path | Shape:
-    """A path of cells in their order, or with ``source.as_voxels`` a shape.
+    """Return a path of cells in their order, or a shape if ``source.as_voxels`` is set.
 
     Raises:
-        InputError: Naming the cells; where the order is to blame, saying how to read them else.
+        InputError: The cells are no path; if only their order is wrong, names the alternative.
     """
     if source.as_voxels:
         return Shape.from_cells(cells, name=name or source.name or "shape", pitch_m=pitch_m)
@@ -157,5 +161,5 @@ def path_or_shape(
     except InputError as refusal:
         if refusal.code != "not-adjacent":
             raise
-        detail = f"{refusal.detail.removesuffix('.')}; {REMEDY}."
+        detail = f"{refusal.detail.removesuffix('.')}; {READ_AS_VOXELS}."
         raise InputError(refusal.code, detail, where=refusal.where) from refusal

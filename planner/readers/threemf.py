@@ -19,20 +19,27 @@ from planner.errors import InputError
 from planner.readers.limits import Source, quote
 from planner.shapes.solid import Solid, check_triangles
 
-MAGIC: Final = b"PK\x03\x04"
-MOST_ENTRIES: Final = 4_000
-MOST_UNPACKED: Final = 400 << 20
-PLENTY_UNPACKED: Final = 16 << 20
-LARGEST_RATIO: Final = 100
-MOST_INSTANCES: Final = 20_000
-DEEPEST: Final = 64
-PIECE: Final = 1 << 18
+ZIP_MAGIC: Final = b"PK\x03\x04"
+MAX_ENTRIES: Final = 4_000
+"""Maximum number of files in the archive. Chosen; bounds time."""
+MAX_UNPACKED_BYTES: Final = 400 << 20
+"""Maximum size of all models after unpacking. Larger values admit larger models. Chosen."""
+FREE_UNPACKED_BYTES: Final = 16 << 20
+"""Unpacked size up to which any compression ratio is allowed. Chosen."""
+MAX_COMPRESSION_RATIO: Final = 100
+"""Maximum ratio of unpacked to packed size; more is a zip bomb. Chosen."""
+MAX_INSTANCES: Final = 20_000
+"""Maximum number of placed parts, nested ones included. Chosen; bounds time."""
+MAX_NESTING: Final = 64
+"""Maximum depth of nested components. Chosen; excludes cycles."""
+XML_PIECE_BYTES: Final = 1 << 18
+"""Bytes of XML parsed at once. Chosen."""
 RELATIONSHIPS: Final = "_rels/.rels"
 """Entry of the archive that names its main model."""
 MAIN_MODEL: Final = re.compile(rb"<[^<>]*/3dmodel[\"'][^<>]*>")
 TARGET: Final = re.compile(rb"\bTarget\s*=\s*[\"']/?([^\"'<>]*)")
 MAX_RELATIONSHIPS_BYTES: Final = 1 << 16
-"""Bytes read of the relationships. Chosen: they take about 200 bytes each."""
+"""Bytes of the relationships that are read, about 200 for each. Chosen."""
 MATERIAL: Final = ("model", "surface")
 """Types of objects that are material."""
 CURA_ROLES: Final = frozenset(
@@ -40,12 +47,12 @@ CURA_ROLES: Final = frozenset(
 )
 """Settings by which Cura marks modifiers, cutters and supports."""
 UNBUILT: Final = "objects that are not part of the build were ignored."
-UNPRINTED: Final = "parts that are not printed were ignored."
+UNPRINTED_IGNORED: Final = "parts that are not printed were ignored."
 LEFT_OUT: Final = "cutters, modifiers and supports were ignored, because they are not material."
 SLICER_CONFIGS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
 """Lists of the parts' roles, as PrusaSlicer and those that came from it write them."""
 READ_EXTENSIONS: Final = ("/production/", "/material/", "/trianglesets/")
-"""Words in the names of extensions that are read, or say nothing of the form."""
+"""Words in the names of extensions that are read or do not affect the geometry."""
 OTHER_FORMS: Final = {
     "beam": "beams",
     "ball": "balls of a lattice",
@@ -81,15 +88,15 @@ class _Object:
 
 
 def is_zip(data: bytes) -> bool:
-    """Whether the bytes begin as zip archives do."""
-    return data.startswith(MAGIC)
+    """Return True if the bytes begin with the signature of zip archives."""
+    return data.startswith(ZIP_MAGIC)
 
 
 def read_threemf(data: bytes, source: Source) -> Solid:
-    """A solid from a 3MF archive.
+    """Return the solid in a 3MF archive.
 
     Raises:
-        InputError: For other archives, bombs, damaged ones, and meshes that are no solid.
+        InputError: The archive is no 3MF model, a zip bomb or damaged, or the mesh is no solid.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -116,12 +123,12 @@ def _damaged(found: str) -> InputError:
 
 
 def _models(archive: zipfile.ZipFile) -> list[str]:
-    """Names of the archive's models, the main one first; refuses bombs by what they announce."""
+    """Return the names of the archive's models, the main one first; refuse zip bombs."""
     entries = archive.infolist()
-    if len(entries) > MOST_ENTRIES:
+    if len(entries) > MAX_ENTRIES:
         raise InputError(
             "too-large",
-            f"got {len(entries)} files in the archive, expected at most {MOST_ENTRIES}.",
+            f"got {len(entries)} files in the archive, expected at most {MAX_ENTRIES}.",
         )
     models = [e for e in entries if e.filename.lower().endswith(".model")]
     if not models and any(e.filename.endswith(".npy") for e in entries):
@@ -139,7 +146,7 @@ def _models(archive: zipfile.ZipFile) -> list[str]:
         raise InputError("unsupported", "the archive is encrypted; export it without a password.")
     unpacked = sum(e.file_size for e in models)
     packed = sum(e.compress_size for e in models)
-    if unpacked > MOST_UNPACKED or _is_bomb(unpacked, packed):
+    if unpacked > MAX_UNPACKED_BYTES or _is_bomb(unpacked, packed):
         raise _bomb(unpacked, packed)
     main = _main_model(archive)
     names = [e.filename for e in sorted(models, key=lambda e: e.filename.count("/"))]
@@ -158,7 +165,7 @@ def _main_model(archive: zipfile.ZipFile) -> str:
 
 
 def _is_bomb(unpacked: int, packed: int) -> bool:
-    return unpacked > PLENTY_UNPACKED and unpacked > LARGEST_RATIO * max(packed, 1)
+    return unpacked > FREE_UNPACKED_BYTES and unpacked > MAX_COMPRESSION_RATIO * max(packed, 1)
 
 
 def _bomb(unpacked: int, packed: int) -> InputError:
@@ -188,13 +195,13 @@ class _Models:
         self._volume: tuple[int, int] | None = None
 
     def read(self, archive: zipfile.ZipFile, name: str) -> None:
-        """Parses one model piece by piece."""
+        """Parse one model piece by piece."""
         self._name, self._now = name.strip("/").lower(), None
         self._is_root = not self._units
         self._parse(archive, name, self._start)
 
     def read_roles(self, archive: zipfile.ZipFile, name: str, model: str) -> None:
-        """Parses a slicer's list of parts that cut, modify or support others."""
+        """Parse a slicer's list of parts that cut, modify or support others."""
         self._name, self._now = model.strip("/").lower(), None
         self._volume = None
         self._parse(archive, name, self._start_role)
@@ -212,10 +219,10 @@ class _Models:
         unpacked = 0
         try:
             with archive.open(name) as stream:
-                while piece := stream.read(PIECE):
+                while piece := stream.read(XML_PIECE_BYTES):
                     unpacked += len(piece)
                     self._unpacked += len(piece)
-                    if self._unpacked > MOST_UNPACKED or _is_bomb(unpacked, packed):
+                    if self._unpacked > MAX_UNPACKED_BYTES or _is_bomb(unpacked, packed):
                         raise _bomb(self._unpacked, packed)
                     parser.Parse(piece, False)
                 parser.Parse(b"", True)
@@ -245,14 +252,14 @@ class _Models:
                 pass
 
     def _leave_out(self, number: str) -> None:
-        """Leaves out the objects that an assembled object names so."""
+        """Leave out the components of an assembly with this number."""
         wanted = {key for key, _ in self._now.parts if key[1] == number} if self._now else set()
         for key in wanted or {key for key in self._objects if key[1] == number}:
             if key in self._objects:
                 self._objects[key].kind = "other"
 
     def _check_model(self, fields: dict[str, str]) -> None:
-        """Refuses extensions of the form that are required, and models of several units."""
+        """Refuse unsupported required extensions and models of several units."""
         self._units.add(fields.get("unit", "millimeter"))
         if len(self._units) > 1:
             units = " and ".join(sorted(map(quote, self._units)))
@@ -295,7 +302,7 @@ class _Models:
             case "item" if self._is_root:
                 printable = next((v for k, v in fields.items() if k.endswith("printable")), "1")
                 if printable.strip().lower() in ("0", "false"):
-                    self._notes[UNPRINTED] = None
+                    self._notes[UNPRINTED_IGNORED] = None
                     self._unprinted.append(self._reference(fields)[0])
                 else:
                     self._items.append(self._reference(fields))
@@ -327,8 +334,8 @@ class _Models:
         return key, np.array(numbers).reshape(4, 3)
 
     def solid(self) -> Solid:
-        """Everything that is built, as one solid."""
-        if not self._items and UNPRINTED in self._notes:
+        """Return all built items as one solid."""
+        if not self._items and UNPRINTED_IGNORED in self._notes:
             raise InputError("empty", "no part of the model is printable; mark one as printable.")
         inner = {key for model in self._objects.values() for key, _ in model.parts}
         items = self._items or [
@@ -339,8 +346,8 @@ class _Models:
         for key, _ in items:
             more = self._amount(key, known, 0)
             triangles, instances = triangles + more[0], instances + more[1]
-        if instances > MOST_INSTANCES:
-            raise InputError("too-large", f"got {instances} parts, expected {MOST_INSTANCES}.")
+        if instances > MAX_INSTANCES:
+            raise InputError("too-large", f"got {instances} parts, expected {MAX_INSTANCES}.")
         check_triangles(triangles, self._source.most_triangles)
         points: list[Floats] = []
         faces: list[Ints] = []
@@ -413,10 +420,10 @@ class _Models:
         return corners[kept]
 
     def _amount(self, key: Key, known: dict[Key, tuple[int, int]], depth: int) -> tuple[int, int]:
-        """Triangles and parts that an object comes to, counted without making them."""
+        """Count the triangles and parts of an object without building them."""
         if key in known:
             return known[key]
-        if key not in self._objects or depth > DEEPEST:
+        if key not in self._objects or depth > MAX_NESTING:
             found = "parts nested too deeply" if key in self._objects else "a missing object"
             raise _damaged(f"its model refers to {found}")
         model = self._objects[key]
@@ -429,6 +436,6 @@ class _Models:
 
 
 def _after(inner: Floats, outer: Floats) -> Floats:
-    """First one transform of row vectors, then the other."""
+    """Return the composition of two transforms of row vectors, the inner one first."""
     with np.errstate(all="ignore"):
         return np.vstack([inner[:3] @ outer[:3], inner[3] @ outer[:3] + outer[3]])

@@ -1,4 +1,4 @@
-"""Meshes as trimesh reads them, once a format's own check has counted what is announced.
+"""Meshes read by trimesh after a format's own check of the declared counts.
 
 trimesh gets bytes and no resolver: it can neither find nor fetch another file. It is loaded with
 the first mesh, since most inputs are paths.
@@ -26,7 +26,7 @@ Triangles: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64]]"
 
 
 def triangles_in(data: bytes, kind: Format) -> Triangles:
-    """The triangles of all parts of a mesh or a scene, each where the scene puts it.
+    """Return the triangles of all parts of a mesh or a scene, in the scene's frame.
 
     Args:
         data: A whole file whose announced counts are checked.
@@ -49,16 +49,16 @@ def triangles_in(data: bytes, kind: Format) -> Triangles:
                 process=False,
                 skip_materials=True,
             )
-            found = _parts(scene)
+            parts = _parts(scene)
             del scene
         except MemoryError:
             raise
         except Exception as error:
             # Its readers raise of many kinds, from KeyError to those of other libraries.
             raise incomplete(kind, f"{type(error).__name__}: {quote(str(error))}") from error
-    if not found:
+    if not parts:
         raise incomplete(kind, "no triangles")
-    return joined(found)
+    return joined(parts)
 
 
 def joined(parts: Sequence[Triangles]) -> Triangles:
@@ -96,10 +96,10 @@ def incomplete(kind: Format, found: str) -> InputError:
 
 
 def _parts(scene: Scene) -> list[Triangles]:
-    """Points and triangles of each instance of a mesh, in the scene's frame."""
+    """Return points and triangles of each instance of a mesh, in the scene's frame."""
     import trimesh
 
-    found: list[Triangles] = []
+    parts: list[Triangles] = []
     for node in scene.graph.nodes_geometry:
         transform, name = scene.graph[node]
         mesh = scene.geometry[name]
@@ -107,5 +107,5 @@ def _parts(scene: Scene) -> list[Triangles]:
             continue
         points = np.asarray(mesh.vertices, dtype=np.float64)
         faces = np.asarray(mesh.faces, dtype=np.int64)
-        found.append(placed((points, faces), transform))
-    return found
+        parts.append(placed((points, faces), transform))
+    return parts

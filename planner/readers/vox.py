@@ -12,14 +12,19 @@ from planner.errors import InputError
 from planner.readers.limits import Source, quote, too_many
 from planner.shapes.shape import Shape
 
-MAGIC: Final = b"VOX "
-MOST_CHUNKS: Final = 100_000
-MOST_PLACED: Final = 10_000
-HEAD_BYTES: Final = 8
+VOX_MAGIC: Final = b"VOX "
+MAX_CHUNKS: Final = 100_000
+"""Maximum number of chunks of a file. Chosen; bounds time."""
+MAX_SCENE_NODES: Final = 10_000
+"""Maximum number of visited nodes of the scene. Chosen; bounds time."""
+FILE_HEADER_BYTES: Final = 8
+"""Size of the signature and version before the first chunk."""
 COLOURLESS: Final = "voxels of colour 0, which means empty, were ignored."
 HIDDEN: Final = "hidden objects were ignored."
-CHUNK_BYTES: Final = 12
-DIGITS_OF_A_FRAME: Final = 9
+CHUNK_HEADER_BYTES: Final = 12
+"""Size of a chunk's header: its type and the sizes of content and children."""
+MAX_FRAME_DIGITS: Final = 9
+"""Digits of a frame number that are read; further ones are cut off. Chosen."""
 
 Ints = NDArray[np.int64]
 
@@ -34,7 +39,7 @@ class _Placed:
 
 @dataclass(slots=True, kw_only=True)
 class _File:
-    """What the chunks hold: models as (size, voxels), and the scene's nodes, some hidden."""
+    """Content of the chunks: models as (size, voxels), and the scene's nodes, some hidden."""
 
     sizes: list[Ints] = field(default_factory=list[Ints])
     models: list[Ints] = field(default_factory=list[Ints])
@@ -49,44 +54,48 @@ class _File:
 
 
 def is_vox(data: bytes) -> bool:
-    """Whether the bytes begin as .vox files do."""
-    return data.startswith(MAGIC)
+    """Return True if the bytes begin with the signature of .vox."""
+    return data.startswith(VOX_MAGIC)
 
 
 def read_vox(data: bytes, source: Source) -> Shape:
-    """Return a shape from the models in sight of a .vox file, as its scene places them; z is up.
+    """Return the shape of the visible models of a .vox file in its scene; z is up.
 
     Raises:
-        InputError: When chunks and their headers disagree.
+        InputError: Chunks and their headers disagree.
     """
-    if len(data) < HEAD_BYTES + CHUNK_BYTES or data[8:12] != b"MAIN":
+    if len(data) < FILE_HEADER_BYTES + CHUNK_HEADER_BYTES or data[8:12] != b"MAIN":
         raise _damaged("its first chunk is not MAIN")
-    found = _chunks(data)
-    if not found.models:
+    content = _chunks(data)
+    if not content.models:
         raise InputError("empty", "got a .vox file without voxels.")
     cells: list[Ints] = []
     total = 0
-    placements = _placements(found)
+    placements = _placements(content)
     for model, placed in placements:
-        if not 0 <= model < len(found.models):
-            raise _damaged(f"its scene refers to model {model}, but there are {len(found.models)}")
-        total += len(found.models[model])
+        if not 0 <= model < len(content.models):
+            raise _damaged(
+                f"its scene refers to model {model}, but there are {len(content.models)}"
+            )
+        total += len(content.models[model])
         if total > source.most_cells:
             raise too_many(total, source.most_cells)
         # A model turns about its middle, and the middle of an even side is a corner: so in halves.
-        doubled = 2 * found.models[model] + 1 - 2 * (found.sizes[model] // 2)
+        doubled = 2 * content.models[model] + 1 - 2 * (content.sizes[model] // 2)
         cells.append((doubled @ placed.turn.T - 1) // 2 + placed.shift)
     if total == 0:
         sight = (
-            " that are visible: show its objects and save it again" if HIDDEN in found.notes else ""
+            " that are visible: show its objects and save it again"
+            if HIDDEN in content.notes
+            else ""
         )
         sight = sight or (
-            " that have a colour (0 means empty)" if COLOURLESS in found.notes else ""
+            " that have a colour (0 means empty)" if COLOURLESS in content.notes else ""
         )
         raise InputError("empty", f"got a .vox file without voxels{sight}.")
     joined = np.concatenate(cells)
     shape = Shape.from_cells(joined - joined.min(axis=0), name=source.name or "shape")
-    return replace(shape, notes=tuple(found.notes))
+    return replace(shape, notes=tuple(content.notes))
 
 
 def _damaged(found: str) -> InputError:
@@ -94,71 +103,71 @@ def _damaged(found: str) -> InputError:
 
 
 def _chunks(data: bytes) -> _File:
-    found = _File()
-    at = HEAD_BYTES + CHUNK_BYTES + int.from_bytes(data[12:16], "little")
-    for _ in range(MOST_CHUNKS):
+    content = _File()
+    at = FILE_HEADER_BYTES + CHUNK_HEADER_BYTES + int.from_bytes(data[12:16], "little")
+    for _ in range(MAX_CHUNKS):
         if at == len(data):
             break
-        if at + CHUNK_BYTES > len(data):
+        if at + CHUNK_HEADER_BYTES > len(data):
             raise InputError("truncated", "the file ends within a chunk; save or send it again.")
         kind = data[at : at + 4]
         size = int.from_bytes(data[at + 4 : at + 8], "little")
-        start = at + CHUNK_BYTES
+        start = at + CHUNK_HEADER_BYTES
         if start + size > len(data):
             raise InputError(
                 "truncated",
                 f"a chunk {quote(kind.decode('latin-1'))!r} announces {size} bytes, but the file "
                 f"ends after {len(data) - start}.",
             )
-        _take(kind, _Reader(data[start : start + size]), found)
+        _take(kind, _Reader(data[start : start + size]), content)
         at = start + size
     else:
-        raise InputError("too-large", f"got more than {MOST_CHUNKS} chunks.")
-    if len(found.sizes) != len(found.models):
+        raise InputError("too-large", f"got more than {MAX_CHUNKS} chunks.")
+    if len(content.sizes) != len(content.models):
         raise _damaged("its models and their sizes do not match")
-    return found
+    return content
 
 
-def _take(kind: bytes, reader: _Reader, found: _File) -> None:
+def _take(kind: bytes, reader: _Reader, content: _File) -> None:
     match kind:
         case b"SIZE":
-            found.sizes.append(np.array([reader.number() for _ in range(3)]))
+            content.sizes.append(np.array([reader.number() for _ in range(3)]))
         case b"XYZI":
             count = reader.number()
             if count < 0 or 4 * count != reader.left:
                 raise _damaged(f"a model announces {count} voxels but has {reader.left // 4}")
             cells, colours = reader.voxels(count)
-            found.models.append(cells[colours > 0])
-            if len(found.sizes) < len(found.models):
+            content.models.append(cells[colours > 0])
+            if len(content.sizes) < len(content.models):
                 raise _damaged("a model has no size")
-            if count and (cells >= found.sizes[len(found.models) - 1]).any():
+            if count and (cells >= content.sizes[len(content.models) - 1]).any():
                 raise _damaged("a voxel lies outside of its model")
             if not colours.all():
-                _note(found, COLOURLESS)
+                _note(content, COLOURLESS)
         case b"nTRN":
             node = reader.number()
-            _hide(node, reader.words(), found.hidden)
+            _hide(node, reader.words(), content.hidden)
             child = reader.number()
             reader.skip(4)
-            found.layers[node] = reader.number()
+            content.layers[node] = reader.number()
             frames = [reader.words() for _ in range(reader.counted(4))]
-            found.moves[node] = child, _placed(min(frames, key=_frame, default={}))
+            content.moves[node] = child, _placed(min(frames, key=_frame, default={}))
             if len(frames) > 1:
-                _note(found, "the file is animated; its first frame was read.")
+                _note(content, "the file is animated; its first frame was read.")
         case b"nGRP":
             node = reader.number()
-            _hide(node, reader.words(), found.hidden)
-            found.groups[node] = reader.numbers()
+            _hide(node, reader.words(), content.hidden)
+            content.groups[node] = reader.numbers()
         case b"nSHP":
             node = reader.number()
-            _hide(node, reader.words(), found.hidden)
+            _hide(node, reader.words(), content.hidden)
             models = [(reader.number(), reader.words()) for _ in range(reader.counted(8))]
-            found.shapes[node] = [model for model, _ in sorted(models, key=_frame_of_model)[:1]]
-            found.named.update(model for model, _ in models)
+            content.shapes[node] = [model for model, _ in sorted(models, key=_frame_of_model)[:1]]
+            content.named.update(model for model, _ in models)
             if len(models) > 1:
-                _note(found, "an object has several frames; the first one was read.")
+                _note(content, "an object has several frames; the first one was read.")
         case b"LAYR":
-            _hide(reader.number(), reader.words(), found.hidden_layers)
+            _hide(reader.number(), reader.words(), content.hidden_layers)
         case _:
             pass
 
@@ -173,20 +182,20 @@ def _frame(words: dict[bytes, bytes]) -> int:
     word = words.get(b"_f", b"0")
     if not word.isdigit():
         raise _damaged("a frame has no valid number")
-    return int(word[:DIGITS_OF_A_FRAME])
+    return int(word[:MAX_FRAME_DIGITS])
 
 
 def _frame_of_model(model: tuple[int, dict[bytes, bytes]]) -> int:
     return _frame(model[1])
 
 
-def _note(found: _File, note: str) -> None:
-    if note not in found.notes:
-        found.notes.append(note)
+def _note(content: _File, note: str) -> None:
+    if note not in content.notes:
+        content.notes.append(note)
 
 
 class _Reader:
-    """Numbers and words of a chunk, one after the other."""
+    """Sequential reader of the numbers and words of a chunk."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -194,37 +203,37 @@ class _Reader:
 
     @property
     def left(self) -> int:
-        """Bytes that are not read yet."""
+        """Number of unread bytes."""
         return len(self._data) - self._at
 
     def skip(self, size: int) -> bytes:
-        """The next bytes."""
+        """Read the next bytes."""
         if not 0 <= size <= self.left:
             raise _damaged("a chunk ends too early")
         self._at += size
         return self._data[self._at - size : self._at]
 
     def number(self) -> int:
-        """A signed whole number."""
+        """Read a signed 32-bit integer."""
         return int.from_bytes(self.skip(4), "little", signed=True)
 
     def counted(self, least: int) -> int:
-        """A number of things that take ``least`` bytes each."""
+        """Read a number of items of at least ``least`` bytes each."""
         count = self.number()
         if count < 0 or count * least > self.left:
             raise _damaged(f"a chunk announces {count} items but has fewer")
         return count
 
     def numbers(self) -> list[int]:
-        """A counted list of numbers."""
+        """Read a list of numbers with its length."""
         return [self.number() for _ in range(self.counted(4))]
 
     def words(self) -> dict[bytes, bytes]:
-        """Pairs of words."""
+        """Read a dictionary of byte strings."""
         return {self.skip(self.number()): self.skip(self.number()) for _ in range(self.counted(8))}
 
     def voxels(self, count: int) -> tuple[Ints, Ints]:
-        """Return (count, 3) cells and (count,) their colours."""
+        """Read (count, 3) cells and their (count,) colours."""
         rows = np.frombuffer(self.skip(4 * count), dtype=np.uint8).reshape(-1, 4).astype(np.int64)
         return rows[:, :3], rows[:, 3]
 
@@ -249,36 +258,36 @@ def _placed(words: dict[bytes, bytes]) -> _Placed:
     return _Placed(turn=turn, shift=shift)
 
 
-def _placements(found: _File) -> list[tuple[int, _Placed]]:
-    """Return the models in sight and where they go; without a scene, the first one."""
-    nodes = len(found.moves) + len(found.groups) + len(found.shapes)
-    if not nodes or not found.moves:
-        if len(found.models) > 1:
-            _note(found, f"the file has {len(found.models)} frames; the first one was read.")
+def _placements(content: _File) -> list[tuple[int, _Placed]]:
+    """Return the visible models and their transforms; without a scene, the first one."""
+    nodes = len(content.moves) + len(content.groups) + len(content.shapes)
+    if not nodes or not content.moves:
+        if len(content.models) > 1:
+            _note(content, f"the file has {len(content.models)} frames; the first one was read.")
         return [(0, _Placed())]
     placements: list[tuple[int, _Placed]] = []
     waiting = [(0, _Placed())]
     seen: set[int] = set()
     while waiting:
         node, above = waiting.pop()
-        if node in seen or len(seen) > MOST_PLACED:
+        if node in seen or len(seen) > MAX_SCENE_NODES:
             raise _damaged(f"its scene uses node {node} twice, or has too many nodes")
         seen.add(node)
-        if node in found.hidden or found.layers.get(node) in found.hidden_layers:
-            _note(found, HIDDEN)
+        if node in content.hidden or content.layers.get(node) in content.hidden_layers:
+            _note(content, HIDDEN)
             continue
-        if node in found.moves:
-            child, own = found.moves[node]
+        if node in content.moves:
+            child, own = content.moves[node]
             shift = above.turn @ own.shift + above.shift
             if np.abs(shift).max() > 1 << 30:
                 raise _damaged("its scene is too large")
             waiting.append((child, _Placed(turn=above.turn @ own.turn, shift=shift)))
-        elif node in found.groups:
-            waiting += [(child, above) for child in found.groups[node]]
-        elif node in found.shapes:
-            placements += [(model, above) for model in found.shapes[node]]
+        elif node in content.groups:
+            waiting += [(child, above) for child in content.groups[node]]
+        elif node in content.shapes:
+            placements += [(model, above) for model in content.shapes[node]]
         else:
             raise _damaged(f"its scene names node {node}, which it does not have")
-    if any(len(cells) for model, cells in enumerate(found.models) if model not in found.named):
-        _note(found, "models outside of the scene were ignored.")
+    if any(len(cells) for model, cells in enumerate(content.models) if model not in content.named):
+        _note(content, "models outside of the scene were ignored.")
     return placements

@@ -13,10 +13,11 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.readers.axis_names import AXES, check_filled, columns_of
 from planner.readers.limits import Source, quote, too_many
-from planner.readers.text import COMMENT, cells_array, coordinate, is_number, path_or_shape
+from planner.readers.text import COMMENT_MARK, cells_array, coordinate, is_number, path_or_shape
 from planner.shapes.shape import Shape
 
-DIGITS_OF_A_COUNT: Final = 9
+MAX_COUNT_DIGITS: Final = 9
+"""Digits of the leading count that are read; longer ones never match. Chosen."""
 
 
 def is_xyz(text: str) -> bool:
@@ -41,7 +42,7 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
     """Return a path from triples separated by white space.
 
     Raises:
-        InputError: Naming the line.
+        InputError: A line cannot be read; names it.
     """
     lines = [line.split() for line in text.splitlines()]
     first = next((i for i, words in enumerate(lines) if words and not _is_comment(words)), 0)
@@ -89,17 +90,17 @@ def _headers(words: list[str]) -> list[str]:
 def _commented_columns(comments: list[list[str]]) -> tuple[int, ...] | None:
     """Return the columns of x, y and z if one of the comments before the data names them."""
     headers = [" ".join(words).lstrip("# ").split() for words in comments]
-    found = [columns_of(words) for words in headers if len(words) == len(AXES)]
-    return next((columns for columns in found if columns is not None), None)
+    candidates = [columns_of(words) for words in headers if len(words) == len(AXES)]
+    return next((columns for columns in candidates if columns is not None), None)
 
 
 def _is_comment(words: list[str]) -> bool:
-    return words[0].startswith(COMMENT)
+    return words[0].startswith(COMMENT_MARK)
 
 
 def _count(words: list[str]) -> int | None:
     if len(words) == 1 and words[0].isascii() and words[0].isdigit():
-        return int(words[0][: DIGITS_OF_A_COUNT + 1])
+        return int(words[0][: MAX_COUNT_DIGITS + 1])
     return None
 
 

@@ -1,4 +1,4 @@
-"""Bodies: the closed surfaces of a mesh, each of them turned by itself.
+"""Bodies: the closed surfaces of a mesh, each oriented by itself.
 
 A body that lies inside another bounds a cavity, and one inside a cavity is solid again. So a body
 inside an odd number of others faces inwards, and every other body faces outwards, however the file
@@ -13,21 +13,28 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-MIN_FILLED: Final = 1e-9
-"""Volume of a body over that of its box, below which it has no outside. Chosen."""
-PROBES: Final = 64
-"""Points of a body, at most, that must all lie inside another one that contains it. Chosen."""
-PROBE: Final = np.array([0.4142, 0.3183, 0.2675])
-"""Weights of a triangle's corners in its probe, so that no ray meets an edge of a regular mesh."""
-INWARDS: Final = 1e-7
-"""Distance of a probe from its triangle, over the size of the mesh: walls that touch are apart."""
+MIN_FILLED_SHARE: Final = 1e-9
+"""Volume over that of the bounding box below which a mesh encloses nothing. Chosen: rounding."""
+MAX_PROBES: Final = 64
+"""Maximum number of points of a body that are tested for lying inside another body. Larger values
+are slower and miss less. Chosen."""
+PROBE_WEIGHTS: Final = np.array([0.4142, 0.3183, 0.2675])
+"""Weights of a triangle's corners in its probe, irregular so that no ray meets an edge of a regular
+mesh. Chosen."""
+PROBE_DEPTH_SHARE: Final = 1e-7
+"""Distance of a probe from its triangle over the size of the mesh; separates touching walls.
+Chosen."""
 MAX_CONTAINERS: Final = 1000
-"""Bodies, the largest first, that may contain others. Further ones are taken as in the file."""
+"""Maximum number of bodies, the largest first, that are tested as containers. Others keep their
+orientation. Chosen; bounds time."""
 MAX_TESTS: Final = 10_000_000
-"""Tests of a probe against a triangle: two seconds. Beyond them the file's word is taken."""
+"""Maximum number of tests of a probe against a triangle, about two seconds. Beyond it bodies keep
+the orientation of the file. Chosen."""
 TESTS_AT_ONCE: Final = 1 << 20
-LARGEST_GRID: Final = 512
-"""Columns along each side of the grid that finds the triangles above and below a probe."""
+"""Number of tests of a probe against a triangle per NumPy call. Chosen; bounds memory."""
+MAX_GRID_COLUMNS: Final = 512
+"""Maximum number of columns along each side of the grid that finds the triangles above and below a
+probe. Chosen."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -36,12 +43,12 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Oriented:
-    """Triangles whose outside is known.
+    """Consistently oriented triangles.
 
     Attributes:
         faces: (F, 3) triangles, counter-clockwise seen from outside.
         volume: Volume that the bodies enclose, cavities taken off.
-        notes: What was turned, in plain words.
+        notes: Messages about corrected orientations.
     """
 
     faces: Ints
@@ -57,7 +64,7 @@ class _Bodies:
         points: (V, 3) vertices.
         faces: (F, 3) triangles that agree within each body.
         order: (F,) triangles, one body after the other.
-        begins: (B + 1,) places in ``order`` where each body begins.
+        begins: (B + 1,) index in ``order`` of the first triangle of each body.
         volumes: (B,) signed volumes.
         low, high: (B, 3) corners of the bodies' boxes.
         filled: (B,) True for bodies with an inside.
@@ -90,7 +97,7 @@ class _Bodies:
             volumes=volumes,
             low=low,
             high=high,
-            filled=np.abs(volumes) > MIN_FILLED * np.prod(high - low, axis=1),
+            filled=np.abs(volumes) > MIN_FILLED_SHARE * np.prod(high - low, axis=1),
         )
 
     def rows(self, body: int) -> Ints:
@@ -160,7 +167,7 @@ def _notes(changed: Ints, *, bodies: int, triangles: int) -> list[str]:
 def _surfaces(points: Floats, faces: Ints) -> tuple[Ints, Bools] | None:
     """Return (F,) the body of each triangle, and whether it must be turned to agree with it.
 
-    Triangles hang together where two of them share an edge. Where more do, bodies touch: what is
+    Triangles are connected if two of them share an edge. Where more do, bodies touch: what is
     not closed without such an edge goes on there with the next triangle around the edge.
     """
     count = len(faces)
@@ -208,7 +215,7 @@ def _angles(points: Floats, faces: Ints, half: Ints, forward: Bools) -> Floats:
     Args:
         points, faces: The mesh.
         half: (H,) edges: three times the triangle, and 0 to 2 for the corner that it begins at.
-        forward: (H,) True where the edge runs to the vertex of the larger number.
+        forward: (H,) True if the edge runs to the vertex of the larger number.
     """
     row, corner = half // 3, half % 3
     start, end, third = (points[faces[row, (corner + k) % 3]] for k in range(3))
@@ -227,8 +234,8 @@ def _consistent(count: int, pairs: Ints, forward: Bools) -> tuple[Ints, Bools] |
 
     Args:
         count: Number of triangles.
-        pairs: (P, 2) edges of two triangles that hang together there.
-        forward: (3 F,) True where an edge runs to the vertex of the larger number.
+        pairs: (P, 2) edges at which two triangles are connected.
+        forward: (3 F,) True if an edge runs to the vertex of the larger number.
     """
     first, second = pairs.T // 3
     against = forward[pairs[:, 0]] == forward[pairs[:, 1]]
@@ -276,7 +283,7 @@ def _containers(mesh: _Bodies, said: Floats) -> Ints:
         bodies = np.flatnonzero(within)
         own = mesh.points[mesh.faces[mesh.rows(outer)]]
         # The probes and the triangles are gone through once, whatever they are tested against.
-        tests -= len(own) + int(np.minimum(np.diff(mesh.begins)[bodies], PROBES).sum())
+        tests -= len(own) + int(np.minimum(np.diff(mesh.begins)[bodies], MAX_PROBES).sum())
         owners, probes = _probes(mesh, bodies if tests > 0 else bodies[:0])
         crossings = _crossings(own, probes, tests) if len(probes) else None
         if crossings is None:
@@ -293,7 +300,7 @@ def _containers(mesh: _Bodies, said: Floats) -> Ints:
 def _probes(mesh: _Bodies, bodies: Ints) -> tuple[Ints, Floats]:
     """Return (P,) bodies and (P, 3) points of theirs, a little below the surface."""
     counts = mesh.begins[bodies + 1] - mesh.begins[bodies]
-    taken = np.minimum(counts, PROBES)
+    taken = np.minimum(counts, MAX_PROBES)
     owners = np.repeat(bodies, taken)
     number = np.arange(len(owners)) - np.repeat(np.cumsum(taken) - taken, taken)
     steps = (number * np.repeat(counts, taken)) // np.repeat(taken, taken)
@@ -301,8 +308,10 @@ def _probes(mesh: _Bodies, bodies: Ints) -> tuple[Ints, Floats]:
     a, b, c = corners.transpose(1, 0, 2)
     normals = np.cross(b - a, c - a) * np.sign(mesh.volumes[owners])[:, None]
     lengths = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
-    depth = INWARDS * float(np.ptp(mesh.points, axis=0).max())
-    return owners, np.einsum("k,pki->pi", PROBE, corners) - depth * normals / lengths[:, None]
+    depth = PROBE_DEPTH_SHARE * float(np.ptp(mesh.points, axis=0).max())
+    return owners, np.einsum("k,pki->pi", PROBE_WEIGHTS, corners) - depth * normals / lengths[
+        :, None
+    ]
 
 
 def _crossings(triangles: Floats, probes: Floats, most: int) -> tuple[Bools, int] | None:
@@ -320,7 +329,7 @@ def _crossings(triangles: Floats, probes: Floats, most: int) -> tuple[Bools, int
     low, high = flat.min(axis=1), flat.max(axis=1)
     corner = low.min(axis=0)
     extent = np.maximum(high.max(axis=0) - corner, np.finfo(float).tiny)
-    side = int(np.clip(np.sqrt(len(flat)), 1, LARGEST_GRID))
+    side = int(np.clip(np.sqrt(len(flat)), 1, MAX_GRID_COLUMNS))
     while True:
         first, last = (
             np.clip(((places - corner) / extent * side).astype(np.int64), 0, side - 1)

@@ -1,4 +1,4 @@
-"""Bridges: parts of a shape that fell apart are joined by cells that the solid touches."""
+"""Bridges: separate parts of a shape, joined by cells that the solid touches."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_BRIDGES: Final = 64
-LEAST_PART: Final = 0.005
+MAX_BRIDGES: Final = 64
+"""Maximum number of parts that are joined; the rest is dropped. Chosen; bounds time."""
+MIN_PART_SHARE: Final = 0.005
+"""Share of all cells below which a part is a speck and is dropped. Larger values drop more.
+Chosen."""
 
 Cell = tuple[int, int, int]
-NEIGHBOURS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+FACE_STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -21,8 +24,8 @@ class Bridged:
     """A shape in one piece.
 
     Attributes:
-        cells: (X, Y, Z) which cells it has.
-        parts: In how many parts it was.
+        cells: (X, Y, Z) True for the cells of the shape.
+        parts: Number of parts before joining.
         added: Cells added to join parts.
         dropped: Cells left out: specks, and parts that nothing joins.
     """
@@ -34,7 +37,7 @@ class Bridged:
 
 
 def parts_of(cells: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Parts that hang together by faces: their numbers from 1, and (P,) their sizes."""
+    """Return the face-connected part of each cell, counted from 1, and the (P,) sizes."""
     from scipy import ndimage  # not before a mesh is read: importing it takes a while
 
     label: Any = ndimage.label
@@ -43,19 +46,19 @@ def parts_of(cells: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.in
 
 
 def bridged(cells: NDArray[np.bool_], filled: NDArray[np.float64]) -> Bridged:
-    """Joins the parts of a shape along the fullest of the cells between them.
+    """Join the parts of a shape along the fullest of the cells between them.
 
     Args:
-        cells: (X, Y, Z) which cells the shape has, at least one.
+        cells: (X, Y, Z) True for the cells of the shape, at least one.
         filled: (X, Y, Z) share of each cell that the solid fills; bridges go where it is not 0.
     """
     numbers, sizes = parts_of(cells)
     if len(sizes) == 1:
         return Bridged(cells=cells, parts=1, added=0, dropped=0)
     main = int(np.argmax(sizes)) + 1
-    least = max(2.0, LEAST_PART * float(sizes.sum()))
+    least = max(2.0, MIN_PART_SHARE * float(sizes.sum()))
     order = np.argsort(-sizes, kind="stable") + 1
-    wanted = {int(p) for p in order[: MOST_BRIDGES + 1] if p != main and sizes[p - 1] >= least}
+    wanted = {int(p) for p in order[: MAX_BRIDGES + 1] if p != main and sizes[p - 1] >= least}
     joined = numbers == main
     added = 0
     for end, came_from in _ways(numbers, filled, main, wanted) if wanted else ():
@@ -77,9 +80,9 @@ def bridged(cells: NDArray[np.bool_], filled: NDArray[np.float64]) -> Bridged:
 def _ways(
     numbers: NDArray[np.int32], filled: NDArray[np.float64], main: int, wanted: set[int]
 ) -> list[tuple[Cell, dict[Cell, Cell]]]:
-    """The cheapest way from the main part to each wanted one: its last cell, and where from."""
-    left = set(wanted)
-    found: list[tuple[Cell, dict[Cell, Cell]]] = []
+    """Return the cheapest bridge to each wanted part: its last cell, and predecessors."""
+    remaining = set(wanted)
+    bridges: list[tuple[Cell, dict[Cell, Cell]]] = []
     cost: dict[Cell, float] = {}
     came_from: dict[Cell, Cell] = {}
     queue: list[tuple[float, Cell]] = []
@@ -88,16 +91,16 @@ def _ways(
         cost[start] = 0.0
         queue.append((0.0, start))
     done: set[Cell] = set()
-    while queue and left:
+    while queue and remaining:
         paid, cell = heapq.heappop(queue)
         if cell in done:
             continue
         done.add(cell)
         part = int(numbers[cell])
-        if part in left:
-            left.discard(part)
-            found.append((cell, came_from))
-        for step in NEIGHBOURS:
+        if part in remaining:
+            remaining.discard(part)
+            bridges.append((cell, came_from))
+        for step in FACE_STEPS:
             near: Cell = (cell[0] + step[0], cell[1] + step[1], cell[2] + step[2])
             if min(near) < 0 or any(n >= s for n, s in zip(near, numbers.shape, strict=True)):
                 continue
@@ -108,11 +111,11 @@ def _ways(
                 cost[near] = paid + price
                 came_from[near] = cell
                 heapq.heappush(queue, (paid + price, near))
-    return found
+    return bridges
 
 
 def _rim(numbers: NDArray[np.int32], filled: NDArray[np.float64], main: int) -> NDArray[np.bool_]:
-    """The cells of the main part from which a way may lead out."""
+    """Return the (X, Y, Z) cells of the main part at which a bridge may begin."""
     free = np.pad((numbers != main) & ((filled > 0.0) | (numbers > 0)), 1)
     near = np.zeros(free.shape, dtype=np.bool_)
     for axis in range(3):

@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
-FINER: Final = 1.25
-MOST_ROUNDS: Final = 40
+GRID_COARSENING: Final = 1.25
+"""Factor by which the grid gets coarser in each round. Smaller values come closer to the limit in
+more rounds. Chosen."""
+MAX_COARSENINGS: Final = 40
+"""Maximum number of rounds; beyond it nothing is left. Chosen: 1.25⁴⁰ is 7500."""
 
 
 def decimated(vertices: Array, faces: Faces, *, most: int) -> tuple[Array, Faces]:
-    """A mesh of at most ``most`` triangles that looks like the one given.
+    """Return a similar mesh of at most ``most`` triangles.
 
     Vertices in one cell of a grid become one, in their middle; triangles that vanish are left out.
     The grid is made coarser until few enough are left.
@@ -23,18 +26,18 @@ def decimated(vertices: Array, faces: Faces, *, most: int) -> tuple[Array, Faces
     Args:
         vertices: (V, 3) points.
         faces: (F, 3) indices.
-        most: Triangles there may be.
+        most: Maximum number of triangles.
     """
     if len(faces) <= most:
         return vertices, faces
     low = vertices.min(axis=0)
     size = float((vertices.max(axis=0) - low).max())
     cells = max(4.0, 2.0 * np.sqrt(most / 4.0))
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_COARSENINGS):
         fewer = _merged(vertices, faces, low, size / cells if size > 0 else 1.0)
         if len(fewer[1]) <= most:
             return fewer
-        cells /= FINER
+        cells /= GRID_COARSENING
     return vertices[:0], faces[:0]
 
 

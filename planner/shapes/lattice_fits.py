@@ -18,32 +18,55 @@ from numpy.typing import NDArray
 from planner.errors import InputError, checked_fraction
 from planner.kernels.crossings import block_sums, window_histograms, window_sums
 from planner.shapes.bridges import Bridged, bridged, parts_of
+from planner.shapes.mesh_repair import welded
 from planner.shapes.sampling import Sampling, grid_of, sample
-from planner.shapes.seams import welded
 from planner.shapes.solid import Solid, signed_volume
 
 OFFSETS: Final = 4
-"""Offsets along each axis that are tried, in parts of a cell."""
-LEVELS: Final = 64
-EMPTIEST_KEPT: Final = 0.06
-FULLEST_LEFT: Final = 0.65
-STEP: Final = 1.0125
-PLAIN_SIZE: Final = 4
-SMALL_SIZE: Final = 8
-LARGEST_SIZE: Final = 16
-SMALL_SAMPLES: Final = 250_000
-FINE_SAMPLES: Final = 2_000_000
-FINER_SAMPLES: Final = 3_000_000
+"""Number of lattice offsets per cell tried along each axis. Larger values fit better at cubic cost.
+Chosen."""
+THRESHOLD_LEVELS: Final = 64
+"""Maximum number of levels of the fill histogram, and so of thresholds. Chosen."""
+MIN_FILL_THRESHOLD: Final = 0.06
+"""Smallest tried threshold of the filled share above which a cell is kept. Chosen."""
+MAX_FILL_THRESHOLD: Final = 0.65
+"""Largest tried threshold of the filled share above which a cell is kept. Chosen."""
+PITCH_STEP: Final = 1.0125
+"""Ratio of two neighbouring pitches of the ladder. Smaller values try more pitches. Chosen."""
+BASE_CELL_SAMPLES: Final = 4
+"""Samples along a cell's edge without other needs, and step of that number. Larger values are more
+exact at cubic cost. Chosen."""
+SMALL_CELL_SAMPLES: Final = 8
+"""Samples along a cell's edge where the whole solid takes few samples. Chosen."""
+MAX_CELL_SAMPLES: Final = 16
+"""Maximum number of samples along a cell's edge, for thin solids. Chosen."""
+MAX_SMALL_SAMPLES: Final = 250_000
+"""Samples of a solid's box up to which a cell gets ``SMALL_CELL_SAMPLES``. Chosen."""
+MAX_FINE_SAMPLES: Final = 2_000_000
+"""Samples of a solid's box up to which thin solids get more samples per cell. Chosen."""
+MAX_FINER_SAMPLES: Final = 3_000_000
+"""Samples of a solid's box up to which a fit is measured with twice the samples per cell.
+Chosen."""
 MANY_SAMPLES: Final = 8_000_000
-THIN: Final = 2.0
-"""Samples that the mean thickness of a solid takes at least."""
+"""Samples of a solid's box above which cells get half of ``BASE_CELL_SAMPLES``; twice as many are
+refused. Chosen; bounds memory."""
+MIN_THICKNESS_SAMPLES: Final = 2.0
+"""Minimum number of samples across the mean thickness of a solid. Larger values find thinner walls.
+Chosen."""
 BODY_SAMPLES: Final = 1_000_000
-MOST_BODY_SAMPLES: Final = 4_000_000
-LEAST_BODY: Final = 0.01
-ROUGH: Final = 0.12
-MANY_TRIANGLES: Final = 20_000
-STORED: Final = 64 << 20
-"""Bytes of samples that are kept for the next time."""
+"""Number of samples of the box at which separate bodies are counted. Chosen."""
+MAX_BODY_SAMPLES: Final = 4_000_000
+"""Maximum number of samples at which the bodies of thin solids are counted. Chosen; bounds
+memory."""
+MIN_BODY_SHARE: Final = 0.01
+"""Share of the volume below which a body is a speck and does not count. Chosen."""
+WELD_TOLERANCE_SHARE: Final = 0.12
+"""Distance up to which vertices of large meshes are merged, as a share of the pitch. Larger values
+are faster and less exact. Chosen."""
+MIN_WELDED_TRIANGLES: Final = 20_000
+"""Number of triangles from which vertices are merged before sampling. Chosen."""
+MAX_STORED_BYTES: Final = 64 << 20
+"""Maximum size of cached samplings; further ones are computed again. Chosen."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -53,7 +76,7 @@ OffsetThreshold = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LatticeFit:
-    """One sampling, judged for every offset and threshold.
+    """Overlap of one sampling for every offset and threshold.
 
     Attributes:
         turn: Number of the orientation.
@@ -72,13 +95,13 @@ class LatticeFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedCells:
-    """Cells in one piece, as one fit has them with one offset and threshold.
+    """Connected cells of one fit with one offset and threshold.
 
     Attributes:
-        turn, pitch: Of the fit.
+        turn, pitch: Orientation and pitch of the fit.
         offset_threshold: The offset along each axis, and the number of the threshold.
-        joined: The cells, and what was joined or left out.
-        count: How many they are.
+        joined: The cells, with counts of added and dropped ones.
+        count: Number of cells.
         iou: Intersection over union, by finer samples than those that were searched with.
     """
 
@@ -92,13 +115,13 @@ class FittedCells:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid:
-    """A sampling summed up in parts of cells.
+    """A sampling, summed over parts of cells.
 
     Attributes:
         parts: (X, Y, Z) samples inside each part.
         split: Parts along the edge of a cell.
         size: Samples along it.
-        offset: (3,) where the solid's origin went, in samples.
+        offset: (3,) position of the solid's origin, in samples.
         crossed: Share of the samples inside that the surface goes around more than once.
     """
 
@@ -110,7 +133,7 @@ class Grid:
 
     @property
     def count(self) -> int:
-        """Samples inside."""
+        """Number of samples inside."""
         return int(self.parts.sum(dtype=np.int64))
 
     def fill(self, offset_threshold: OffsetThreshold) -> NDArray[np.int32]:
@@ -120,7 +143,7 @@ class Grid:
 
 
 class Ladder:
-    """All fits of a solid; each is made when it is first asked for."""
+    """All fits of a solid, computed on demand and cached."""
 
     def __init__(self, solid: Solid, turns: tuple[Floats, ...]) -> None:
         self.solid = solid
@@ -142,7 +165,7 @@ class Ladder:
 
     @property
     def extents(self) -> tuple[Floats, ...]:
-        """For each turn (3,) the box of the turned solid."""
+        """(3,) bounding box of the solid in each orientation."""
         return tuple(high - low for low, high in self._bounds)
 
     def _count_bodies(self) -> None:
@@ -150,13 +173,13 @@ class Ladder:
         boxes = [float(np.prod(extents)) for extents in self.extents]
         turn = int(np.argmin(boxes))
         edge = max(float(np.cbrt(boxes[turn] / BODY_SAMPLES)), self.thickness / 6.0)
-        edge = min(edge, self.thickness / THIN)
-        while float(np.prod(grid_of(self.extents[turn], 2.0 * edge, 2))) > MOST_BODY_SAMPLES:
+        edge = min(edge, self.thickness / MIN_THICKNESS_SAMPLES)
+        while float(np.prod(grid_of(self.extents[turn], 2.0 * edge, 2))) > MAX_BODY_SAMPLES:
             edge *= 1.25
         sampling = sample(self.solid, pitch=2.0 * edge, size=2, rotation=self.turns[turn])
         numbers, sizes = parts_of(sampling.inside)
         if len(sizes):
-            self.bodies = max(1, int((sizes >= LEAST_BODY * sizes.sum()).sum()))
+            self.bodies = max(1, int((sizes >= MIN_BODY_SHARE * sizes.sum()).sum()))
         if self.bodies == 1:
             return
         self.share = checked_fraction(float(sizes.max() / sizes.sum()), "share of the largest body")
@@ -170,19 +193,19 @@ class Ladder:
                 self.volume = abs(signed_volume(body.vertices, body.faces)) or self.volume
 
     def pitch_for(self, cells: int) -> float:
-        """Edge of so many cells as large as the solid together."""
+        """Return the edge of cells with the volume of the solid together."""
         return float(np.cbrt(self.volume / cells))
 
     def step(self, pitch: float) -> int:
-        """Number of the plain step that is nearest to a pitch."""
-        return round(float(np.log(pitch / self._base) / np.log(STEP)))
+        """Return the number of the ladder step nearest to a pitch."""
+        return round(float(np.log(pitch / self._base) / np.log(PITCH_STEP)))
 
     def pitch_of(self, step: int) -> float:
-        """The pitch of a plain step."""
-        return self._base * STEP**step
+        """Return the pitch of a ladder step."""
+        return self._base * PITCH_STEP**step
 
     def dividing(self, turn: int, pitch: float) -> list[float]:
-        """Pitches near one that divide the box of the turned solid."""
+        """Return pitches near one that divide the box of the turned solid."""
         found: list[float] = []
         for extent in self.extents[turn].tolist():
             middle = round(extent / pitch)
@@ -190,30 +213,35 @@ class Ladder:
         return [p for p in found if 0.8 <= p / pitch <= 1.26]
 
     def samples(self, turn: int, pitch: float, size: int) -> float:
-        """How many samples the turned solid's box takes."""
+        """Return the number of samples of the turned solid's box."""
         return float(np.prod(grid_of(self.extents[turn], pitch, size).astype(np.float64)))
 
     def size(self, turn: int, pitch: float) -> int:
-        """Samples along a cell: more where the solid is thin; 0 where they are too many."""
-        thin = PLAIN_SIZE * int(np.ceil(min(THIN * pitch / self.thickness, 1e3) / PLAIN_SIZE))
-        size = min(max(thin, PLAIN_SIZE), LARGEST_SIZE)
-        while size > PLAIN_SIZE and self.samples(turn, pitch, size) > FINE_SAMPLES:
-            size -= PLAIN_SIZE
-        if size < SMALL_SIZE and self.samples(turn, pitch, SMALL_SIZE) <= SMALL_SAMPLES:
-            return SMALL_SIZE
-        if size == PLAIN_SIZE and self.samples(turn, pitch, size) > MANY_SAMPLES:
-            size = PLAIN_SIZE // 2
+        """Return the samples along a cell's edge, more for thin solids; 0 if there are too many."""
+        thin = BASE_CELL_SAMPLES * int(
+            np.ceil(min(MIN_THICKNESS_SAMPLES * pitch / self.thickness, 1e3) / BASE_CELL_SAMPLES)
+        )
+        size = min(max(thin, BASE_CELL_SAMPLES), MAX_CELL_SAMPLES)
+        while size > BASE_CELL_SAMPLES and self.samples(turn, pitch, size) > MAX_FINE_SAMPLES:
+            size -= BASE_CELL_SAMPLES
+        if (
+            size < SMALL_CELL_SAMPLES
+            and self.samples(turn, pitch, SMALL_CELL_SAMPLES) <= MAX_SMALL_SAMPLES
+        ):
+            return SMALL_CELL_SAMPLES
+        if size == BASE_CELL_SAMPLES and self.samples(turn, pitch, size) > MANY_SAMPLES:
+            size = BASE_CELL_SAMPLES // 2
         return size if self.samples(turn, pitch, size) <= 2 * MANY_SAMPLES else 0
 
     def work(self, turn: int, pitch: float) -> float:
-        """About what a fit costs."""
-        samples = self.samples(turn, pitch, self.size(turn, pitch) or PLAIN_SIZE // 2)
+        """Estimate the work of a fit, in samples."""
+        samples = self.samples(turn, pitch, self.size(turn, pitch) or BASE_CELL_SAMPLES // 2)
         triangles = len(self._roughened(pitch)[1])
         several = 4.0 if self._apart else 1.0
         return several * samples + (40.0 if self.solid.oriented else 120.0) * triangles
 
     def fit(self, turn: int, pitch: float) -> LatticeFit | None:
-        """The fit of a turn and pitch; None where it would take too many samples."""
+        """Return the fit of an orientation and pitch; None if it takes too many samples."""
         key = (turn, pitch)
         if key not in self._fits:
             size = self.size(turn, pitch)
@@ -221,7 +249,7 @@ class Ladder:
         return self._fits[key]
 
     def grid(self, turn: int, pitch: float, size: int, *, exact: bool = False) -> Grid:
-        """Samples the turned solid; with ``exact`` all of its triangles."""
+        """Sample the turned solid; with ``exact`` without merging vertices."""
         key = (turn, pitch, size)
         if not exact and key in self._grids:
             return self._grids[key]
@@ -245,13 +273,13 @@ class Ladder:
             offset=sampling.offset,
             crossed=sampling.crossed,
         )
-        if not exact and self._stored + grid.parts.nbytes <= STORED:
+        if not exact and self._stored + grid.parts.nbytes <= MAX_STORED_BYTES:
             self._stored += grid.parts.nbytes
             self._grids[key] = grid
         return grid
 
     def made(self, fit: LatticeFit, offset_threshold: OffsetThreshold) -> FittedCells:
-        """The cells of a fit in one piece, and how much of the solid they truly keep."""
+        """Return the connected cells of a fit and their overlap by finer samples."""
         key = (fit.turn, fit.pitch, offset_threshold)
         if key not in self._made:
             grid = self.grid(fit.turn, fit.pitch, self.size(fit.turn, fit.pitch))
@@ -259,7 +287,7 @@ class Ladder:
             joined = bridged(
                 sums >= fit.thresholds[offset_threshold[3]], sums / float(grid.size**3)
             )
-            finer = self.finer(fit.turn, fit.pitch, FINER_SAMPLES)
+            finer = self.finer(fit.turn, fit.pitch, MAX_FINER_SAMPLES)
             fine = self.grid(fit.turn, fit.pitch, finer)
             self._made[key] = FittedCells(
                 turn=fit.turn,
@@ -272,18 +300,18 @@ class Ladder:
         return self._made[key]
 
     def finer(self, turn: int, pitch: float, most: int) -> int:
-        """Samples along a cell to measure with: twice as many where they are not too many."""
+        """Return the samples along a cell's edge for measuring, twice as many if possible."""
         size = self.size(turn, pitch)
         return 2 * size if self.samples(turn, pitch, 2 * size) <= most else size
 
     def _roughened(self, pitch: float) -> tuple[int, Solid]:
-        """The solid with vertices that are nearly the same made one, where they are many."""
-        if len(self.solid) < MANY_TRIANGLES or not self.solid.closed:
+        """Return a level and the solid, with close vertices merged if it is large."""
+        if len(self.solid) < MIN_WELDED_TRIANGLES or not self.solid.closed:
             return 0, self.solid
         level = int(np.floor(2.0 * np.log2(pitch / self._base)))
         if level not in self._rough:
             solid = self.solid
-            tolerance = ROUGH * self._base * 2.0 ** (level / 2.0)
+            tolerance = WELD_TOLERANCE_SHARE * self._base * 2.0 ** (level / 2.0)
             vertices, faces = welded(solid.vertices, solid.faces, tolerance=tolerance, once=False)
             rough = replace(solid, vertices=vertices, faces=faces) if len(faces) else solid
             self._rough[level] = rough
@@ -305,11 +333,11 @@ def overlap(grid: Grid, offset_threshold: OffsetThreshold, cells: Bools) -> floa
 
 def _judged(grid: Grid, turn: int, pitch: float) -> LatticeFit:
     full = grid.size**3
-    levels = min(LEVELS, full)
+    levels = min(THRESHOLD_LEVELS, full)
     sums = window_sums(grid.parts, grid.split)
     windows, samples = window_histograms(sums, grid.split, full, levels)
     chosen = np.arange(
-        max(1, round(EMPTIEST_KEPT * levels)), max(1, round(FULLEST_LEFT * levels)) + 1
+        max(1, round(MIN_FILL_THRESHOLD * levels)), max(1, round(MAX_FILL_THRESHOLD * levels)) + 1
     )
     counts = np.cumsum(windows[..., ::-1], axis=-1)[..., ::-1][..., chosen]
     shared = np.cumsum(samples[..., ::-1], axis=-1)[..., ::-1][..., chosen]
@@ -334,7 +362,7 @@ def _largest_body(sampling: Sampling) -> Sampling:
 
 
 def _around(solid: Solid, sampling: Sampling, body: Bools) -> Solid:
-    """The surfaces of a solid that go around or lie in one of its bodies, or all of them."""
+    """Return the surfaces around or inside one body of a solid; all if there are none."""
     from scipy import sparse  # not before a mesh is read: importing it takes a while
 
     a, b, c = solid.faces.T
@@ -368,7 +396,7 @@ def _area(solid: Solid) -> float:
 
 
 def _volume(solid: Solid) -> float:
-    """About what a solid encloses."""
+    """Estimate the volume that a solid encloses."""
     if solid.oriented:
         volume = abs(signed_volume(solid.vertices, solid.faces))
         if volume > 0.0:

@@ -20,21 +20,24 @@ from planner.shapes.bridges import parts_of
 
 Ints = NDArray[np.int64]
 
-ROUNDS: Final = 4
-"""Trees that are tried for the same layers."""
-TURNS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))
-"""Along each side of a square the way round it, or out through that side."""
-OUT: Final = ((0, -1), (1, 0), (0, 1), (-1, 0))
-CORNERS: Final = ((0, 0), (1, 0), (1, 1), (0, 1))
+LAYER_TRIALS: Final = 4
+"""Number of random spanning trees tried for the same layers. Larger values find more paths.
+Chosen."""
+ROUND_STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))
+"""Step of the cycle around a square from each of its corners."""
+OUT_STEPS: Final = ((0, -1), (1, 0), (0, 1), (-1, 0))
+"""Step of the cycle into the neighbouring square from each corner."""
+SQUARE_CORNERS: Final = ((0, 0), (1, 0), (1, 1), (0, 1))
+"""Corners of a square, in the order of the cycle around it."""
 
 
 def layered_path(coarse: Ints, axis: int, rng: np.random.Generator) -> Ints | None:
-    """A path through doubled cells, layer by layer along an axis, or None when there is none.
+    """Return a path through doubled cells, layer by layer along an axis, or None.
 
     Args:
         coarse: (m, 3) the cells; cell c becomes the cells 2 c + {0, 1}³.
-        axis: What the layers are counted along.
-        rng: Decides between equals.
+        axis: Axis along which the layers are counted.
+        rng: Random choice between equals.
 
     Returns:
         (8 m, 3) the cells in order, the lowest layer first.
@@ -46,7 +49,7 @@ def layered_path(coarse: Ints, axis: int, rng: np.random.Generator) -> Ints | No
     layers = [coarse[coarse[:, axis] == height][:, across] for height in heights.tolist()]
     if len(heights) != extents[axis] + 1:
         return None
-    for _ in range(ROUNDS):
+    for _ in range(LAYER_TRIALS):
         cycles: list[dict[Cell, Cell]] = []
         for layer in layers:
             cycle = _cycle(layer, rng)
@@ -58,20 +61,20 @@ def layered_path(coarse: Ints, axis: int, rng: np.random.Generator) -> Ints | No
             break
     else:
         return None
-    found = np.empty((8 * len(coarse), 3), dtype=np.int64)
+    path = np.empty((8 * len(coarse), 3), dtype=np.int64)
     at = 0
     for level, way in enumerate(ways):
-        found[at : at + len(way), across] = way
-        found[at : at + len(way), axis] = 2 * int(heights[0]) + level
+        path[at : at + len(way), across] = way
+        path[at : at + len(way), axis] = 2 * int(heights[0]) + level
         at += len(way)
-    return found
+    return path
 
 
 def has_whole_layers(grid: NDArray[np.bool_]) -> bool:
-    """Whether some axis has layers that each hang together: then there mostly is such a path.
+    """Return True if the layers along some axis are connected; then a path mostly exists.
 
     Args:
-        grid: (X, Y, Z) which cells a solid in one piece has.
+        grid: (X, Y, Z) True for the cells of a connected solid.
     """
     return any(
         all(len(parts_of(layer)[1]) <= 1 for layer in np.moveaxis(grid, axis, 0))
@@ -83,7 +86,7 @@ Cell = tuple[int, int]
 
 
 def _cycle(squares: Ints, rng: np.random.Generator) -> dict[Cell, Cell] | None:
-    """What follows each cell on a closed way through the doubled squares; None for several parts.
+    """Return the successors of cells on a closed path through doubled squares, or None.
 
     The tree is a comb, as far as the squares allow: rows along the first axis, joined at one side.
     """
@@ -105,7 +108,7 @@ def _cycle(squares: Ints, rng: np.random.Generator) -> dict[Cell, Cell] | None:
     joined = set(zip(tree.row.tolist(), tree.col.tolist(), strict=True))
     following: dict[Cell, Cell] = {}
     for (x, y), k in index.items():
-        for corner, turn, out in zip(CORNERS, TURNS, OUT, strict=True):
+        for corner, turn, out in zip(SQUARE_CORNERS, ROUND_STEPS, OUT_STEPS, strict=True):
             other = index.get((x + out[0], y + out[1]), -1)
             step = out if (k, other) in joined or (other, k) in joined else turn
             cell = (2 * x + corner[0], 2 * y + corner[1])
@@ -114,7 +117,7 @@ def _cycle(squares: Ints, rng: np.random.Generator) -> dict[Cell, Cell] | None:
 
 
 def _joined(cycles: list[dict[Cell, Cell]], rng: np.random.Generator) -> list[Ints] | None:
-    """The way through each layer, each begun above the end of the one before."""
+    """Return the path through each layer; each begins above the end of the one before."""
     before = [{cell: last for last, cell in cycle.items()} for cycle in cycles]
     entered: list[dict[Cell, Cell | None]] = [dict.fromkeys(cycles[0])]
     for level in range(1, len(cycles)):

@@ -10,31 +10,34 @@ from numpy.typing import NDArray
 
 from planner.shapes.solid import Solid
 
-RANDOM: Final = 3
-SAME: Final = 0.05
-MOST_LOOKED_AT: Final = 20_000
+RANDOM_ORIENTATIONS: Final = 3
+"""Number of random orientations that are tried. Larger values fit better, more slowly. Chosen."""
+SAME_ORIENTATION_RAD: Final = 0.05
+"""Angle up to which two orientations count as one. Chosen."""
+MAX_AXES_VERTICES: Final = 20_000
+"""Number of vertices from which the main axes are computed, about. Chosen; bounds time."""
 
 Floats = NDArray[np.float64]
 
 
 def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Floats, ...]:
-    """Rotations to try: as it is, along its main axes, by an eighth of a turn, and random ones.
+    """Return rotations to try: identity, main axes, eighths of a turn and random ones.
 
     Rotations that differ by a symmetry of the lattice count as the same.
     """
-    found: list[Floats] = [np.eye(3)]
+    rotations: list[Floats] = [np.eye(3)]
     wanted = [_main_axes(solid)]
     wanted += [_about(axis, np.pi / 4) for axis in (2, 0, 1)]
-    wanted += [_random(rng) for _ in range(RANDOM)]
+    wanted += [_random(rng) for _ in range(RANDOM_ORIENTATIONS)]
     for rotation in wanted:
         nearest = _nearest_to_upright(rotation)
-        if all(_apart(nearest, other) > SAME for other in found):
-            found.append(nearest)
-    return tuple(found)
+        if all(_apart(nearest, other) > SAME_ORIENTATION_RAD for other in rotations):
+            rotations.append(nearest)
+    return tuple(rotations)
 
 
 def _main_axes(solid: Solid) -> Floats:
-    points = solid.vertices[:: max(1, len(solid.vertices) // MOST_LOOKED_AT)]
+    points = solid.vertices[:: max(1, len(solid.vertices) // MAX_AXES_VERTICES)]
     spread = np.cov((points - points.mean(axis=0)).T / solid.extents.max())
     _, axes = np.linalg.eigh(spread)
     rotation = axes.T
@@ -56,21 +59,21 @@ def _random(rng: np.random.Generator) -> Floats:
 
 
 def _symmetries() -> list[Floats]:
-    found: list[Floats] = []
+    symmetries: list[Floats] = []
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         matrix: Any = np.zeros((3, 3))
         matrix[range(3), order] = signs
         if np.linalg.det(matrix) > 0:
-            found.append(matrix)
-    return found
+            symmetries.append(matrix)
+    return symmetries
 
 
 def _nearest_to_upright(rotation: Floats) -> Floats:
-    """Of the rotations that lay the solid equally on the lattice, the smallest."""
+    """Return the smallest rotation that is equivalent under the symmetries of the lattice."""
     return max((s @ rotation for s in _symmetries()), key=lambda r: float(np.trace(r)))
 
 
 def _apart(a: Floats, b: Floats) -> float:
-    """Angle between two rotations, over all symmetries of the lattice."""
+    """Return the smallest angle between two rotations under the lattice's symmetries, rad."""
     trace = max(float(np.trace(s @ a @ b.T)) for s in _symmetries())
     return float(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))

@@ -12,8 +12,11 @@ from planner.errors import InputError
 from planner.kernels.crossings import fill_by_winding, mark_crossings, vote_by_parity
 from planner.shapes.solid import Solid
 
-MOST_SAMPLES: Final = 48_000_000
-VOTES_NEEDED: Final = 2
+MAX_GRID_SAMPLES: Final = 48_000_000
+"""Maximum number of samples of a grid; finer grids are refused. Chosen; bounds memory."""
+MIN_VOTES: Final = 2
+"""Number of the three axes whose parity must agree that a sample is inside. Chosen: the
+majority."""
 
 Floats = NDArray[np.float64]
 
@@ -25,12 +28,12 @@ class Sampling:
     A point x of the solid lies in sample ``floor(R x · size / pitch + offset)``.
 
     Attributes:
-        inside: (X, Y, Z) whether the sample is inside; at least ``size`` empty samples around.
+        inside: (X, Y, Z) True for samples inside, with a rim of at least ``size`` empty ones.
         size: Samples along the edge of a cell.
         pitch: Edge of a cell, in the solid's units.
-        rotation: (3, 3) how the solid was turned.
-        offset: (3,) where its origin went, in samples.
-        crossed: Share of the samples inside that the surface goes around more than once.
+        rotation: (3, 3) rotation of the solid.
+        offset: (3,) position of its origin, in samples.
+        crossed: Share of the inside samples that the surface encloses more than once, 0…1.
     """
 
     inside: NDArray[np.bool_]
@@ -42,23 +45,23 @@ class Sampling:
 
     @property
     def count(self) -> int:
-        """Samples inside."""
+        """Number of samples inside."""
         return int(np.count_nonzero(self.inside))
 
     @property
     def volume(self) -> float:
-        """What the samples inside take up, in the solid's units."""
+        """Volume of the samples inside, in the solid's units."""
         return self.count * (self.pitch / self.size) ** 3
 
 
 def grid_of(extents: Floats, pitch: float, size: int) -> NDArray[np.int64]:
-    """(3,) samples that a box needs with its middle on a corner of samples."""
+    """Return the (3,) grid size of a box whose middle is a corner of samples."""
     half = size * np.ceil(extents / (2.0 * pitch) - 1e-9) + size
     return 2 * half.astype(np.int64)
 
 
 def too_fine(pitch: float, extents: Floats) -> InputError:
-    """The refusal of cells that are too small for the box that they would lie in."""
+    """Return the error for cells that are too small for a box."""
     box = " × ".join(f"{extent:.4g}" for extent in extents)
     return InputError(
         "too-fine",
@@ -76,19 +79,19 @@ def sample(
     turned: Floats | None = None,
     bounds: tuple[Floats, Floats] | None = None,
 ) -> Sampling:
-    """Samples the inside of a solid.
+    """Sample the inside of a solid.
 
     What the surface goes around is inside: by winding where neighbouring triangles agree on the
     outside, else by the parity of crossings along three axes, of which two must agree.
 
     Args:
-        solid: What to sample.
+        solid: Solid to sample.
         pitch: Edge of a cell, in the solid's units.
         size: Samples along it, an even number.
-        rotation: (3, 3) how to turn the solid before.
-        turned: (V, 3) its vertices turned, where they are at hand.
-        bounds: Two (3,) corners of the box that is sampled, around all of ``turned``; as tight as
-            it can be where there are none.
+        rotation: (3, 3) rotation that is applied first.
+        turned: (V, 3) turned vertices, if they are known.
+        bounds: Two (3,) corners of the sampled box around all of ``turned``; by default the
+            bounding box.
 
     Raises:
         InputError: ``too-fine`` when there would be too many samples.
@@ -98,7 +101,7 @@ def sample(
     low, high = (turned.min(axis=0), turned.max(axis=0)) if bounds is None else bounds
     middle = (low + high) / 2.0
     shape = grid_of(high - low, pitch, size)
-    if float(np.prod(shape.astype(np.float64))) > MOST_SAMPLES:
+    if float(np.prod(shape.astype(np.float64))) > MAX_GRID_SAMPLES:
         raise too_fine(pitch, high - low)
     scale = size / pitch
     # What is equal but for rounding shall fall on the same side of every sample.
@@ -118,7 +121,7 @@ def sample(
             marks = np.zeros(tuple(shape[list(order)]), dtype=np.int16)
             mark_crossings(u, v, w, solid.faces, marks)
             vote_by_parity(marks, votes.transpose(order))
-        inside = votes >= VOTES_NEEDED
+        inside = votes >= MIN_VOTES
     return Sampling(
         inside=inside,
         size=size,

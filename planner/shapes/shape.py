@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,16 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 from planner.chain.path import DEFAULT_PITCH_M, check_pitch, checked_cells
 from planner.errors import InputError
 
+MAX_CELLS: Final = 200_000
+"""Maximum number of cells or modules of an input. Larger values take more memory. Chosen."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Shape:
     """A set of cubic cells.
 
     Attributes:
-        name: What people call it.
+        name: Name of the shape.
         cells: (n, 3) int64, read-only, unique, in lexicographic order (x first).
         pitch_m: Distance of neighbouring cells in metres.
-        notes: Parts of the file that were left out, in plain words.
+        notes: Messages about omitted parts of the file.
     """
 
     name: str
@@ -31,15 +35,15 @@ class Shape:
     def from_cells(
         cls, cells: ArrayLike, *, name: str = "shape", pitch_m: float = DEFAULT_PITCH_M
     ) -> Shape:
-        """Checks cells and makes a shape of them; cells that come twice count once.
+        """Check cells and make a shape of them; repeated cells count once.
 
         Args:
             cells: (n, 3) whole numbers in any order.
-            name: What people call the shape.
+            name: Name of the shape.
             pitch_m: Distance of neighbouring cells in metres.
 
         Raises:
-            InputError: When there are none, or naming the cell that is no cell.
+            InputError: There are no cells, or one is invalid; names it.
         """
         raw = np.asarray(cells)
         if raw.size == 0:

@@ -11,16 +11,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.chain.path import check_coordinates
 from planner.errors import InputError
-from planner.shapes.bodies import orient_bodies
-from planner.shapes.seams import closed_holes, edges_of, is_surface, welded
+from planner.shapes.bodies import MIN_FILLED_SHARE, orient_bodies
+from planner.shapes.mesh_repair import closed_holes, edges_of, is_surface, welded
 
-MOST_TRIANGLES: Final = 2_000_000
-LARGEST_LENGTH: Final = 1e9
-FLATTEST: Final = 1e-6
-LEAST_FILLED: Final = 1e-9
-LOOSE: Final = 1e-5
-MOST_LOOSE: Final = 200_000
-CHUNK: Final = 1 << 17
+MAX_TRIANGLES: Final = 2_000_000
+"""Maximum number of triangles of a mesh. Larger values take more memory and time. Chosen."""
+MAX_VERTEX_COORDINATE: Final = 1e9
+"""Largest coordinate of a vertex, in the file's unit. Chosen; larger ones are damage."""
+MIN_THICKNESS_SHARE: Final = 1e-6
+"""Smallest over largest extent below which a mesh is flat and is refused. Chosen."""
+WELD_TOLERANCE: Final = 1e-5
+"""Distance of vertices that are merged in open meshes, as a share of the size. Larger values close
+wider gaps and lose detail. Chosen."""
+MAX_LOOSE_TRIANGLES: Final = 200_000
+"""Number of triangles above which meshes are checked by a sample of edges first, and scattered ones
+are not repaired. Chosen; bounds time."""
+TRIANGLE_CHUNK: Final = 1 << 17
+"""Number of triangles whose areas are computed at once. Chosen; bounds memory."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,12 +38,12 @@ class Solid:
     """A surface mesh that bounds a volume.
 
     Attributes:
-        name: What people call it.
+        name: Name of the solid.
         vertices: (V, 3) float64, read-only, in the units of the file.
         faces: (F, 3) int64, read-only: triangles as rows of ``vertices``.
-        closed: Whether every edge is shared by an even number of triangles.
-        oriented: Whether neighbours agree about what is outside; then it is outside.
-        notes: What was repaired, in plain words.
+        closed: True if every edge is shared by an even number of triangles.
+        oriented: True if neighbours agree on the outside and triangles face it.
+        notes: Messages about repairs.
     """
 
     name: str
@@ -54,20 +61,20 @@ class Solid:
         *,
         name: str = "solid",
         notes: Sequence[str] = (),
-        most_triangles: int = MOST_TRIANGLES,
+        most_triangles: int = MAX_TRIANGLES,
     ) -> Solid:
-        """Checks triangles, cleans them, closes holes and makes a solid of them.
+        """Check triangles, clean them, close holes and make a solid of them.
 
         Args:
             vertices: (V, 3) lengths in any unit.
             faces: (F, 3) rows of ``vertices``, counter-clockwise seen from outside.
-            name: What people call it.
-            notes: What its reader has to say of the file.
-            most_triangles: More are refused.
+            name: Name of the solid.
+            notes: Messages of the reader about the file.
+            most_triangles: Maximum number of triangles.
 
         Raises:
-            InputError: For numbers that are no lengths, for meshes without triangles, and for
-                flat ones and those without volume.
+            InputError: A coordinate is invalid, or the mesh has no triangles, is flat or has no
+                volume.
         """
         points = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
         corners = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
@@ -95,7 +102,7 @@ class Solid:
 
 
 def check_triangles(found: int, most: int) -> None:
-    """Refuses meshes of none and of too many triangles.
+    """Refuse meshes without triangles and with too many.
 
     Raises:
         InputError: ``no-triangles`` or ``too-many-triangles``.
@@ -110,7 +117,7 @@ def check_triangles(found: int, most: int) -> None:
 
 
 def signed_volume(vertices: Floats, faces: Ints) -> float:
-    """What a closed mesh encloses; negative when it is inside out."""
+    """Return the volume of a closed mesh; negative if it is inside out."""
     a, b, c = (vertices[faces[:, i]] - vertices.mean(axis=0) for i in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
@@ -133,9 +140,10 @@ def _check_lengths(points: Floats) -> None:
         (
             (~np.isfinite(points), "not-finite", "a finite length"),
             (
-                np.abs(points) > LARGEST_LENGTH,
+                np.abs(points) > MAX_VERTEX_COORDINATE,
                 "too-far",
-                f"at most {LARGEST_LENGTH:g} in size; scale the mesh and move it to the origin",
+                f"at most {MAX_VERTEX_COORDINATE:g} in size; scale the mesh and move it to the "
+                "origin",
             ),
         ),
         row="vertex",
@@ -143,7 +151,7 @@ def _check_lengths(points: Floats) -> None:
 
 
 def _used(points: Floats, corners: Ints) -> tuple[Floats, Ints]:
-    """Without the vertices that belong to no triangle."""
+    """Remove the vertices that belong to no triangle."""
     used = np.zeros(len(points), dtype=bool)
     used[corners.ravel()] = True
     if used.all():
@@ -154,8 +162,8 @@ def _used(points: Floats, corners: Ints) -> tuple[Floats, Ints]:
 def _without_slivers(points: Floats, corners: Ints, said: list[str]) -> Ints:
     longest = max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)
     good = np.empty(len(corners), dtype=bool)
-    for start in range(0, len(corners), CHUNK):
-        some = slice(start, start + CHUNK)
+    for start in range(0, len(corners), TRIANGLE_CHUNK):
+        some = slice(start, start + TRIANGLE_CHUNK)
         a, b, c = (points[corners[some, i]] for i in range(3))
         normals = np.cross(b - a, c - a)
         good[some] = np.linalg.norm(normals, axis=1) > 1e-14 * longest * longest
@@ -176,7 +184,10 @@ def _check_extents(points: Floats, triangles: int) -> None:
     centred = points - points.mean(axis=0)
     # Squares of the spread along three directions, the smallest first.
     spread = np.linalg.eigvalsh(centred.T @ centred)
-    if extents.min() <= FLATTEST * extents.max() or spread[0] <= FLATTEST**2 * spread[-1]:
+    if (
+        extents.min() <= MIN_THICKNESS_SHARE * extents.max()
+        or spread[0] <= MIN_THICKNESS_SHARE**2 * spread[-1]
+    ):
         size = " × ".join(f"{e:g}" for e in extents)
         what = "one triangle encloses" if triangles == 1 else f"{triangles} flat triangles enclose"
         raise InputError(
@@ -187,16 +198,16 @@ def _check_extents(points: Floats, triangles: int) -> None:
 
 
 def _sewn(solid: Solid, said: list[str]) -> Solid:
-    """The solid with equal vertices made one, and its holes closed."""
-    if len(solid.faces) > MOST_LOOSE and not is_surface(solid.vertices, solid.faces):
+    """Return the solid with equal vertices merged and holes closed."""
+    if len(solid.faces) > MAX_LOOSE_TRIANGLES and not is_surface(solid.vertices, solid.faces):
         raise _no_surface(len(solid.faces))
     points, corners = welded(solid.vertices, solid.faces, tolerance=0.0)
     if not len(corners):
         raise InputError("degenerate", "got triangles that coincide, expected a closed surface.")
     edges = edges_of(corners)
-    if edges.open and (len(corners) <= MOST_LOOSE or not edges.scattered):
+    if edges.open and (len(corners) <= MAX_LOOSE_TRIANGLES or not edges.scattered):
         loose_points, loose_corners = welded(
-            points, corners, tolerance=LOOSE * float(solid.extents.max())
+            points, corners, tolerance=WELD_TOLERANCE * float(solid.extents.max())
         )
         loose = edges_of(loose_corners) if len(loose_corners) else edges
         if loose.open < edges.open:
@@ -238,7 +249,7 @@ def _outside_out(solid: Solid, said: list[str]) -> Solid:
     if oriented is None:
         said.append("its triangles have inconsistent orientations, so the inside was estimated.")
         return replace(solid, oriented=False)
-    if oriented.volume <= LEAST_FILLED * float(np.prod(solid.extents)):
+    if oriented.volume <= MIN_FILLED_SHARE * float(np.prod(solid.extents)):
         raise InputError(
             "no-volume",
             "got a closed mesh that encloses no volume, expected a solid: its walls lie on each "

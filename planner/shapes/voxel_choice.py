@@ -1,4 +1,4 @@
-"""Choice: of the fits of a solid, the cells that come near a count and keep the most.
+"""Choice of the fit of a solid that comes near a count and overlaps most.
 
 ``Chooser.choose`` depends on the solid and the count alone. So a count may be offered when asking
 for it was tried and gave it.
@@ -19,30 +19,46 @@ from planner.shapes.lattice_fits import FittedCells, Ladder, LatticeFit, OffsetT
 from planner.shapes.layers import has_whole_layers
 from planner.shapes.sampling import too_fine
 
-NEAR_COUNT: Final = 0.1
-"""How far off a count may be, as a part of it, for the sake of the shape."""
-OFF_COUNT: Final = 0.3
-"""How much more of the shape is to be kept for a count that is off by as much as it is itself."""
-NEARLY_AS_GOOD: Final = 0.01
+COUNT_TOLERANCE: Final = 0.1
+"""Deviation from the requested count, relative, within which overlap decides. Larger values keep
+more of the shape. Chosen."""
+COUNT_PENALTY: Final = 0.3
+"""Overlap (IoU) that a relative deviation of 1 from the count must gain. Larger values come nearer
+to the count. Chosen."""
+SCORE_TOLERANCE: Final = 0.01
+"""Difference of scores (IoU) within which two fits count as equally good. Chosen."""
 UPRIGHT_BONUS: Final = 0.02
-LAYERED_FROM: Final = 75
-"""Cells from which on layers that hang together count: so many blocks of 2×2×2 are peeled."""
-FOR_LAYERS: Final = 0.02
-"""How much less of the shape such cells may keep."""
-SLACKS: Final = (0.03, 0.1, 0.3, 1.0)
-"""How much less of the shape offered counts may keep: more where there are none that keep more."""
+"""Score (IoU) that the orientation of the file gains. Larger values turn fewer solids. Chosen."""
+MIN_LAYERED_CELLS: Final = 75
+"""Number of cells from which connected layers are preferred: such 2×2×2 blocks are peeled.
+Chosen."""
+LAYERED_LOSS: Final = 0.02
+"""Score (IoU) that connected layers may cost. Chosen."""
+OFFER_LOSSES: Final = (0.03, 0.1, 0.3, 1.0)
+"""Scores (IoU) that offered counts may cost, tried in this order until one is found. Chosen."""
 OTHER_PITCHES: Final = {False: (1.08, 1.25), True: (0.93, 0.8)}
+"""Factors of the pitch at which larger (True) and smaller counts are searched. Chosen."""
 OTHER_COUNTS: Final = {False: (0.85, 0.7, 0.5), True: (1.18, 1.4, 2.0)}
-FARTHEST_OFFER: Final = 2.5
-OFFERS_TRIED: Final = 8
-MOST_LOOKED_AT: Final = 400
-WORK: Final = 1.2e8
-FEWEST_TRIED: Final = 10
-MOST_TRIED: Final = 120
-MUCH_TRIED: Final = 30
-"""Fits that a solid can afford whose candidates are all looked at."""
+"""Factors of the count that are tried above (True) and below if no fit is near. Chosen."""
+MAX_OFFER_FACTOR: Final = 2.5
+"""Maximum ratio of an offered count to the limit, or of the limit to it. Chosen."""
+MAX_OFFERS_TRIED: Final = 8
+"""Maximum number of likely counts that are tried on each side. Chosen; bounds time."""
+MAX_OFFER_COUNTS: Final = 400
+"""Maximum number of counts that are compared on each side. Chosen; bounds time."""
+FIT_WORK: Final = 1.2e8
+"""Work of all fits for one count, in samples. Larger values try more pitches and orientations.
+Chosen."""
+MIN_FITS: Final = 10
+"""Minimum number of fits tried for one count. Chosen."""
+MAX_FITS: Final = 120
+"""Maximum number of fits tried for one count. Chosen."""
+THOROUGH_FITS: Final = 30
+"""Number of affordable fits from which more candidates are compared. Chosen."""
 STEPS_TO_SIDES: Final = 4
+"""Number of ladder steps tried on each side of a pitch. Chosen."""
 WIDE_STEPS: Final = range(-16, 17, 2)
+"""Ladder steps around the pitch that are tried if no count is near. Chosen."""
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -50,12 +66,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChosenVoxels:
-    """What is made when a count is asked for.
+    """Cells chosen for a requested count.
 
     Attributes:
-        made: The cells.
-        visited: The fits that were looked at.
-        score: What they keep, with the bonus for the orientation of the file.
+        made: Chosen cells.
+        visited: Evaluated fits.
+        score: IoU of the cells, with the bonus for the orientation of the file.
     """
 
     made: FittedCells
@@ -65,15 +81,15 @@ class ChosenVoxels:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Entries:
-    """Everything that some fits have for some counts.
+    """Table of all counts and scores of some fits.
 
     Attributes:
         fits: The fits.
-        rows: (E,) number of the fit.
-        places: (E,) offset and threshold in it.
-        counts: (E,) cells before they are joined.
-        scores: (E,) what they keep.
-        misfits: (E,) by how much their volume differs from the solid's, as a part of it.
+        rows: (E,) index of the fit.
+        places: (E,) flat index of offset and threshold in the fit.
+        counts: (E,) number of cells before joining.
+        scores: (E,) IoU with the bonus for the orientation.
+        misfits: (E,) relative difference of volume to the solid.
     """
 
     fits: tuple[LatticeFit, ...]
@@ -89,7 +105,7 @@ class _Entries:
         return fit, (int(x), int(y), int(z), int(t))
 
     def first(self, order: Ints, most: int, *, each: int) -> Iterator[int]:
-        """The first entries of an order, so many of each fit."""
+        """Yield the first ``most`` entries of an order, at most ``each`` of one fit."""
         taken: dict[int, int] = {}
         for entry in order.tolist():
             row = int(self.rows[entry])
@@ -101,20 +117,20 @@ class _Entries:
 
 
 class Chooser:
-    """Chooses among the fits of a solid; remembers what was chosen for which count."""
+    """Choice among the fits of a solid, with a cache of the chosen cells per count."""
 
     def __init__(self, ladder: Ladder) -> None:
         self._ladder = ladder
         self._chosen: dict[int, ChosenVoxels] = {}
 
     def choose(self, cells: int) -> ChosenVoxels:
-        """What is made when so many cells are asked for."""
+        """Return the cells for a requested count."""
         if cells not in self._chosen:
             self._chosen[cells] = self._search(cells)
         return self._chosen[cells]
 
     def offers(self, cells: int) -> tuple[int | None, int | None]:
-        """The counts next to the one that is made, no nearer to the asked one, that hold."""
+        """Return the next smaller and larger counts that requests for them give."""
         return self._offer(cells, above=False), self._offer(cells, above=True)
 
     def _search(self, cells: int) -> ChosenVoxels:
@@ -157,7 +173,7 @@ class Chooser:
 
     def _most(self, cells: int) -> int:
         work = self._ladder.work(0, self._ladder.pitch_for(cells))
-        return int(np.clip(WORK / max(work, 1.0), FEWEST_TRIED, MOST_TRIED))
+        return int(np.clip(FIT_WORK / max(work, 1.0), MIN_FITS, MAX_FITS))
 
     def _visit(self, turn: int, pitch: float, visited: dict[tuple[int, float], LatticeFit]) -> bool:
         fit = self._ladder.fit(turn, pitch)
@@ -179,21 +195,21 @@ class Chooser:
                 self._visit(turn, pitch, visited)
 
     def _around(self, turn: int, pitch: float) -> list[float]:
-        """Pitches near one: those that divide the box first, then a few to both sides."""
+        """Return pitches near one: those that divide the box, then a few to both sides."""
         step = self._ladder.step(pitch)
         sides = [step + sign * n for n in range(STEPS_TO_SIDES + 1) for sign in (1, -1)]
         return self._ladder.dividing(turn, pitch) + [self._ladder.pitch_of(s) for s in sides]
 
     def _best(self, fits: Iterable[LatticeFit], cells: int) -> FittedCells | None:
-        """Of what is nearly as good as the best of a count, what comes nearest to the count."""
-        many = self._most(cells) >= MUCH_TRIED
+        """Return the cells nearest to the count among those with nearly the best score."""
+        many = self._most(cells) >= THOROUGH_FITS
         entries = _entries(fits, self._ladder.volume)
         off = np.abs(entries.counts - cells)
         inside = np.flatnonzero(_near(entries.counts, cells))
         if len(inside):
-            scores = entries.scores[inside] - OFF_COUNT * off[inside] / cells
+            scores = entries.scores[inside] - COUNT_PENALTY * off[inside] / cells
             by_score = inside[np.lexsort((entries.misfits[inside], -scores))]
-            good = inside[scores >= scores.max() - NEARLY_AS_GOOD]
+            good = inside[scores >= scores.max() - SCORE_TOLERANCE]
             by_count = good[np.lexsort((entries.misfits[good], -entries.scores[good], off[good]))]
             wanted = [
                 *entries.first(by_score, 6 if many else 2, each=1),
@@ -205,13 +221,13 @@ class Chooser:
                 found = self._made_of(entries, more, cells)
             if found:
                 most = max(_worth(made, cells) for made in found)
-                good_ones = [m for m in found if _worth(m, cells) >= most - NEARLY_AS_GOOD]
-                if cells >= LAYERED_FROM:
+                good_ones = [m for m in found if _worth(m, cells) >= most - SCORE_TOLERANCE]
+                if cells >= MIN_LAYERED_CELLS:
                     more = entries.first(by_score, 24 if many else 6, each=4)
                     layered = [
                         made
                         for made in (*found, *self._made_of(entries, more, cells))
-                        if _worth(made, cells) >= most - FOR_LAYERS
+                        if _worth(made, cells) >= most - LAYERED_LOSS
                         and has_whole_layers(made.joined.cells)
                     ]
                     good_ones = layered or good_ones
@@ -232,12 +248,12 @@ class Chooser:
         return [made for made in all_made if _near(made.count, cells)]
 
     def _offer(self, cells: int, *, above: bool) -> int | None:
-        """The nearest count to one side that is made when it is asked for."""
+        """Return the nearest count to one side that a request for it gives, or None."""
         choice = self.choose(cells)
         got = choice.made.count
         # What comes nearer than what was made would belie it.
         limit = max(got + 1, 2 * cells - got) if above else min(got - 1, 2 * cells - got)
-        most = OFFERS_TRIED if self._most(cells) >= MUCH_TRIED else 2
+        most = MAX_OFFERS_TRIED if self._most(cells) >= THOROUGH_FITS else 2
         for count in islice(self._likely(choice, limit, above=above), most):
             held = self._held(count, limit, above=above, most=2)
             if held is not None:
@@ -249,7 +265,7 @@ class Chooser:
         return None
 
     def _held(self, count: int, limit: int, *, above: bool, most: int) -> int | None:
-        """A count beyond a limit that asking for it gives: this one, or what this one gives."""
+        """Return a reproducible count beyond a limit: this one, or what it gives; else None."""
         for _ in range(most):
             if count < limit if above else count > limit:
                 return None
@@ -260,7 +276,7 @@ class Chooser:
         return None
 
     def _likely(self, choice: ChosenVoxels, limit: int, *, above: bool) -> Iterator[int]:
-        """Counts to one side that fits near the chosen one have, those that keep most first."""
+        """Yield counts of nearby fits to one side, those with the largest overlap first."""
         ladder = self._ladder
         fits = {(fit.turn, fit.pitch): fit for fit in choice.visited}
         turn, pitch = choice.made.turn, choice.made.pitch
@@ -270,28 +286,30 @@ class Chooser:
         entries = _entries(fits.values(), ladder.volume)
         counts = entries.counts
         beyond = counts >= limit if above else counts <= limit
-        far = counts <= FARTHEST_OFFER * limit if above else counts >= limit / FARTHEST_OFFER
+        far = counts <= MAX_OFFER_FACTOR * limit if above else counts >= limit / MAX_OFFER_FACTOR
         reached, which = np.unique(counts, return_inverse=True)
         kept = np.full(len(reached), -np.inf)
         np.maximum.at(kept, which, entries.scores)
         rows = np.unique(which[beyond & far])
         said: set[int] = set()
-        for slack in SLACKS:
-            least = choice.score - NEARLY_AS_GOOD - slack
-            for row in (rows if above else rows[::-1])[:MOST_LOOKED_AT].tolist():
+        for slack in OFFER_LOSSES:
+            least = choice.score - SCORE_TOLERANCE - slack
+            for row in (rows if above else rows[::-1])[:MAX_OFFER_COUNTS].tolist():
                 count = int(reached[row])
                 if kept[row] < least or count in said:
                     continue
                 low, high = np.searchsorted(reached, [0.9 * count, 1.1 * count])
                 off = np.abs(reached[low:high] - count) / count
-                if kept[row] >= (kept[low:high] - OFF_COUNT * off).max() - NEARLY_AS_GOOD:
+                if kept[row] >= (kept[low:high] - COUNT_PENALTY * off).max() - SCORE_TOLERANCE:
                     said.add(count)
                     yield count
 
 
 def _near(counts: Ints | int, cells: int) -> NDArray[np.bool_]:
-    """Whether counts are near an asked one."""
-    return np.asarray((np.abs(np.asarray(counts) - cells) <= NEAR_COUNT * cells) & (counts != 0))
+    """Return True for nonzero counts within ``COUNT_TOLERANCE`` of a requested one."""
+    return np.asarray(
+        (np.abs(np.asarray(counts) - cells) <= COUNT_TOLERANCE * cells) & (counts != 0)
+    )
 
 
 def _entries(fits: Iterable[LatticeFit], volume: float) -> _Entries:
@@ -314,7 +332,7 @@ def _entries(fits: Iterable[LatticeFit], volume: float) -> _Entries:
 
 
 def _count_factor(fit: LatticeFit, cells: int) -> float:
-    """By how much to change the pitch to come near the count, as the best offset has it."""
+    """Return the factor of the pitch that brings the best offset near the count."""
     count = int(fit.counts.ravel()[int(np.argmax(fit.ious))])
     return float(np.clip(np.cbrt(max(count, 0.2) / cells), 0.6, 1.4))
 
@@ -328,12 +346,12 @@ def _score(made: FittedCells) -> float:
 
 
 def _worth(made: FittedCells, cells: int) -> float:
-    """What is kept, less what the count is off."""
-    return _score(made) - OFF_COUNT * abs(made.count - cells) / cells
+    """Return the score less the penalty of the count."""
+    return _score(made) - COUNT_PENALTY * abs(made.count - cells) / cells
 
 
 def _merit(fit: LatticeFit, cells: int) -> float:
-    """What a fit keeps at best, less what the count is off beyond what is near."""
+    """Return the best score of a fit less the deviation beyond ``COUNT_TOLERANCE``."""
     off = np.abs(fit.counts - cells) / cells
-    scores = fit.ious + _bonus(fit.turn) - np.maximum(0.0, off - NEAR_COUNT)
+    scores = fit.ious + _bonus(fit.turn) - np.maximum(0.0, off - COUNT_TOLERANCE)
     return float(scores.max())

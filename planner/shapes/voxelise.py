@@ -1,4 +1,4 @@
-"""Voxeliser: a solid becomes a shape of about as many cells as are asked for."""
+"""Voxeliser: turns a solid into a shape of about the requested number of cells."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 from planner.errors import InputError, checked_fraction
 from planner.shapes.lattice_fits import MANY_SAMPLES, FittedCells, Grid, Ladder, overlap
 from planner.shapes.orientations import candidates
-from planner.shapes.shape import Shape
+from planner.shapes.shape import MAX_CELLS, Shape
 from planner.shapes.solid import Solid
 from planner.shapes.voxel_choice import Chooser
 
-MOST_CELLS: Final = 200_000
-POOR: Final = 0.5
-MUCH_BETTER: Final = 0.1
-MUCH_LOST: Final = 0.7
+POOR_IOU: Final = 0.5
+"""Overlap (IoU) below which a note tells that the shape is poorly preserved. Chosen."""
+MIN_IOU_GAIN: Final = 0.1
+"""Overlap (IoU) that the next smaller count must gain for a note to name it. Chosen."""
+MIN_PRESERVED_SHARE: Final = 0.7
+"""Share of the volume below which a poor overlap is put down to lost parts. Chosen."""
 
 Floats = NDArray[np.float64]
 
@@ -31,13 +33,13 @@ class Voxels:
         shape: Its cells, in one piece; the smallest coordinates are 0.
         iou: Intersection over union of the cells with the solid (its largest body).
         pitch: Edge of a cell in the solid's units.
-        rotation: (3, 3) how the solid was turned.
-        offset: (3,) in cells: a point x of the solid lies in ``floor(R x / pitch + offset)``.
-        asked: How many cells were asked for.
-        below: The nearest smaller count than that of the shape that asking for it gives, or None.
-        above: The nearest larger one, or None.
-        bodies: How many bodies the solid has; the largest was kept.
-        notes: What was lost, joined or left out, in plain words.
+        rotation: (3, 3) rotation of the solid.
+        offset: (3,) shift in cells: a point x of the solid lies in ``floor(R x / pitch + offset)``.
+        asked: Requested number of cells.
+        below: Nearest smaller count that a request for it gives, or None.
+        above: Nearest larger count that a request for it gives, or None.
+        bodies: Number of bodies of the solid; the largest was kept.
+        notes: Messages about lost, joined and omitted parts.
     """
 
     shape: Shape
@@ -53,23 +55,23 @@ class Voxels:
 
 
 def voxelise(solid: Solid, *, cells: int, seed: int = 0, upright: bool = False) -> Voxels:
-    """Makes about ``cells`` solid cells of a solid.
+    """Convert a solid into about ``cells`` cells.
 
     What comes within a tenth of the count and keeps the most of the shape is taken; where nothing
     does, the nearest count. The counts offered next to it are those that asking for them gives.
 
     Args:
-        solid: What to make cells of.
-        cells: How many are asked for.
-        seed: Of the orientations that are tried besides the plain ones.
-        upright: Keep the solid's orientation.
+        solid: Solid to voxelise.
+        cells: Requested number of cells.
+        seed: Seed of the random orientations.
+        upright: True to keep the solid's orientation.
 
     Raises:
-        InputError: For counts out of range, and for solids without an inside.
+        InputError: The count is out of range, or the solid has no inside.
     """
-    if not 1 <= cells <= MOST_CELLS:
+    if not 1 <= cells <= MAX_CELLS:
         raise InputError(
-            "wrong-count", f"got a request for {cells} cells, expected 1 to {MOST_CELLS}."
+            "wrong-count", f"got a request for {cells} cells, expected 1 to {MAX_CELLS}."
         )
     turns = candidates(solid, np.random.default_rng(seed))[: 1 if upright else None]
     ladder = Ladder(solid, turns)
@@ -79,16 +81,16 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, upright: bool = False) 
     fine = ladder.grid(
         made.turn, made.pitch, ladder.finer(made.turn, made.pitch, 2 * MANY_SAMPLES), exact=True
     )
-    found = np.argwhere(made.joined.cells)
+    filled_cells = np.argwhere(made.joined.cells)
     at = np.array(made.offset_threshold[:3]) * (fine.size // fine.split)
     iou = overlap(fine, made.offset_threshold, made.joined.cells)
-    better = below is not None and chooser.choose(below).made.iou > iou + MUCH_BETTER
+    better = below is not None and chooser.choose(below).made.iou > iou + MIN_IOU_GAIN
     return Voxels(
-        shape=Shape.from_cells(found - found.min(axis=0), name=solid.name),
+        shape=Shape.from_cells(filled_cells - filled_cells.min(axis=0), name=solid.name),
         iou=iou,
         pitch=made.pitch,
         rotation=ladder.turns[made.turn],
-        offset=(fine.offset - at) / fine.size - found.min(axis=0),
+        offset=(fine.offset - at) / fine.size - filled_cells.min(axis=0),
         asked=cells,
         below=below,
         above=above,
@@ -122,9 +124,9 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
             f"{100 * lost:.1f} % of the volume is thinner than a cell and is lost; "
             "use more modules to keep it."
         )
-    if iou < POOR and kept < MUCH_LOST:
+    if iou < POOR_IOU and kept < MIN_PRESERVED_SHARE:
         notes.append(f"only {100 * kept:.0f} % of the shape is preserved; use more modules.")
-    elif iou < POOR:
+    elif iou < POOR_IOU:
         notes.append(
             f"the shape is thinner than the cells, which match only {100 * iou:.0f} % of it; "
             "use more modules."

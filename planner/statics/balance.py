@@ -1,4 +1,4 @@
-"""Balance: the smallest largest hinge torque with which a chain stands on the floor.
+"""Balance: the smallest maximum hinge torque with which a chain stands on the floor.
 
 Every module balances its weight, the floor's push, what touching modules push and what its joints
 bear. Joints bear any force and any moment across their hinges; the moment about a hinge is its
@@ -7,7 +7,7 @@ program. That is a lower bound of limit analysis: right for motors that saturate
 optimistic for servos that hold their position stiffly.
 
 The joints' forces are eliminated: a hinge bears the moment of all that acts beyond it, and what is
-left are unknown pushes along rays (``program``).
+left are unknown pushes along rays (``equilibrium_lp``).
 
 Weights are 1 and lengths in pitches: torques are in w·p, the weight of a module times the pitch.
 """
@@ -25,26 +25,28 @@ from planner.chain.kinematics import Poses
 from planner.chain.statics import hinge_frames
 from planner.kernels.statics import EQUATIONS, Hinges, torque_columns
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
+from planner.statics.equilibrium_lp import Columns, Program
 from planner.statics.friction import Friction, drifting, rays, wider
-from planner.statics.program import Columns, Program
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-LEAST: Final = 0.01
-"""Torques up to this are told as none, in w·p."""
-UNBALANCED: Final = 1e-3
-"""Weights, or weights times pitch, by which the whole chain may be out of balance: rounding."""
+MIN_TORQUE_WP: Final = 0.01
+"""Torque up to which a hinge counts as unloaded, w·p. Larger values end the search for smaller
+torques sooner. Chosen."""
+EQUILIBRIUM_TOLERANCE_W: Final = 1e-3
+"""Largest residual of the whole chain's equilibrium, in weights or weights times pitch: rounding.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Standing:
-    """How a configuration stands. Torques in w·p, forces in weights of a module.
+    """Equilibrium of a configuration. Torques in w·p, forces in weights of a module.
 
     Attributes:
-        torque: The smallest largest torque of a hinge; infinite where nothing balances.
-        torques: (J,) torques of a way to balance that has it: what the module before a hinge
-            exerts on the one behind. NaN where nothing balances.
-        contacts: Where the chain touches the floor and itself.
+        torque: Smallest maximum torque of the hinges; infinite without equilibrium.
+        torques: (J,) torques of an equilibrium with that maximum, which the module before a hinge
+            exerts on the one behind. NaN without equilibrium.
+        contacts: Contacts of the chain with the floor and itself.
         forces: (C, 3) force on the first module of every contact.
     """
 
@@ -55,12 +57,12 @@ class Standing:
 
     @property
     def balances(self) -> bool:
-        """Whether there is any way to balance."""
+        """True if an equilibrium exists."""
         return bool(np.isfinite(self.torque))
 
     @property
     def floor(self) -> tuple[Ints, Array, Array]:
-        """Modules (K,), points (K, 3) and forces (K, 3) of the corners that stand on the floor."""
+        """(K,) modules, (K, 3) points and (K, 3) forces of the corners on the floor."""
         at = self.contacts.on_floor
         return self.contacts.first[at], self.contacts.points[at], self.forces[at]
 
@@ -75,14 +77,14 @@ class _At(NamedTuple):
 
 
 class Balance:
-    """Solves one configuration after another of a chain.
+    """Solver for the equilibrium of configurations of a chain.
 
-    What it found last is where it begins the next time.
+    Each solution starts from the last one.
 
     Args:
         chain: The chain.
-        size: Module size as a fraction of the pitch: where the corners are.
-        floor_gap, module_gap: See ``contacts``.
+        size: Module size as a fraction of the pitch, which places the corners.
+        floor_gap, module_gap: Contact distances, pitches; see ``contacts``.
     """
 
     def __init__(
@@ -114,17 +116,17 @@ class Balance:
         *,
         friction: Friction | None = None,
         clamped: int | None = None,
-        enough: float = LEAST,
+        enough: float = MIN_TORQUE_WP,
     ) -> Standing:
-        """How a configuration stands with the smallest largest torque.
+        """Find the equilibrium of a configuration with the smallest maximum torque.
 
         Args:
             positions: (n, 3) centres in pitches; the floor is z = 0.
             rotations: (n, 3, 3) orientations.
-            angles_rad: (J,) its hinge angles.
-            friction: With the floor, see ``Friction``; none at all where there is none.
-            clamped: A module that is held in its place by whatever that takes.
-            enough: No smaller torque is looked for: a larger one answers sooner.
+            angles_rad: (J,) hinge angles, rad.
+            friction: Friction with the floor; None for a smooth floor.
+            clamped: Index of a module that is held in place by any force; None for a free chain.
+            enough: Torque below which the search ends, w·p; larger values are faster.
         """
         found = contacts(
             self.chain.module,
@@ -144,7 +146,7 @@ class Balance:
         )
         at = _At(found, hinges, np.array(positions, dtype=np.float64), rotations)
         if friction is not None and clamped is None and friction.positions is not None:
-            smooth = self._solved(at, None, None, LEAST)
+            smooth = self._solved(at, None, None, MIN_TORQUE_WP)
             if not smooth.balances:
                 return smooth
             pressures = smooth.forces[found.on_floor, 2]
@@ -163,16 +165,16 @@ class Balance:
         friction: Friction | None = None,
         clamped: int | None = None,
     ) -> bool:
-        """Whether a configuration stands with torques up to a bound in w·p; see ``solve``."""
-        found = self.solve(
+        """Return True if a configuration stands with torques up to a bound, w·p; see ``solve``."""
+        standing = self.solve(
             positions, rotations, angles_rad, friction=friction, clamped=clamped, enough=bound
         )
-        return found.torque <= bound * (1.0 + 1e-6)
+        return standing.torque <= bound * (1.0 + 1e-6)
 
     def _solved(
         self, at: _At, friction: Friction | None, clamped: int | None, enough: float
     ) -> Standing:
-        """The smallest largest torque for one way of rubbing."""
+        """Find the smallest maximum torque for one friction model."""
         found, joints = at.found, len(self._before)
         which, forces = rays(found, friction, at.positions, at.rotations)
         root = self.chain.root if clamped is None else clamped
@@ -180,10 +182,10 @@ class Balance:
         first, second, points = found.first[which], found.second[which], found.points[which]
         matrix = torque_columns(at.hinges, root, held, first, second, points, forces)
         weight = self._weight(at.hinges, root, held, at.positions)
-        most = 1.0 / max(enough, LEAST)
+        most = 1.0 / max(enough, MIN_TORQUE_WP)
         pushes = self._program.pushes(_keys(found, which), matrix, weight, joints, most)
         told = weight + _times(matrix, pushes, len(weight))
-        if np.abs(told[joints:]).max(initial=0.0) > UNBALANCED:
+        if np.abs(told[joints:]).max(initial=0.0) > EQUILIBRIUM_TOLERANCE_W:
             nothing = np.full((len(found), 3), np.nan)
             return Standing(
                 torque=np.inf, torques=np.full(joints, np.nan), contacts=found, forces=nothing
@@ -192,14 +194,14 @@ class Balance:
         np.add.at(on_first, which, pushes[:, None] * forces)
         largest = float(np.abs(told[:joints]).max(initial=0.0))
         return Standing(
-            torque=0.0 if largest <= LEAST * (1.0 + 1e-6) else largest,
+            torque=0.0 if largest <= MIN_TORQUE_WP * (1.0 + 1e-6) else largest,
             torques=told[:joints],
             contacts=found,
             forces=on_first,
         )
 
     def _weight(self, hinges: Hinges, root: int, held: bool, positions: Array) -> Array:
-        """(rows,) what the modules' weights ask of every row."""
+        """Return the (rows,) load of the modules' weights on every row."""
         _, rows, values = torque_columns(
             hinges, root, held, self._all, self._none, positions, self._down
         )
@@ -208,14 +210,14 @@ class Balance:
 
 
 def _keys(found: Contacts, which: Ints) -> Ints:
-    """(R,) numbers that tell rays apart from frame to frame."""
+    """Return (R,) keys that identify rays from frame to frame."""
     ray = np.arange(len(which)) - np.searchsorted(which, which)
     first, second = found.first[which], found.second[which]
     return ((first << 20 | second + 1) << 12 | found.feature[which] + 1 << 4) | ray
 
 
 def _times(matrix: Columns, pushes: Array, count: int) -> Array:
-    """(count,) the product of a matrix of columns with as many numbers."""
+    """Return the (count,) product of a sparse matrix of columns with a vector."""
     starts, rows, values = matrix
     each = values * np.repeat(pushes, np.diff(starts))
     return np.bincount(rows, each, minlength=count).astype(np.float64)

@@ -1,8 +1,8 @@
-"""Contacts: where a chain that stands on the plane z = 0 touches it, and where it touches itself.
+"""Contacts of a chain with the plane z = 0 and with itself.
 
-Gaps are told of modules of a full pitch, which touch on the lattice with a gap of 0. Smaller ones
-leave a gap of (1 − size) between two faces there; it is allowed for, so that the size only moves
-the points inwards.
+Gaps are stated for modules of a full pitch, which touch on the lattice with a gap of 0. Smaller
+ones leave a gap of (1 − size) between two faces there; it is allowed for, so that the size only
+moves the points inwards.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from planner.kernels.statics import FacetedHull, contact_points
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 FLOOR: Final = -1
-"""Stands for the floor where a number of a module is expected."""
+"""Index that stands for the floor in place of a module."""
 FLOOR_GAP: Final = 0.02
-"""Corners of modules up to this high stand on the floor, in pitches."""
+"""Height up to which a corner touches the floor, pitches. Larger values find more contacts.
+Chosen."""
 MODULE_GAP: Final = 0.03
-"""Modules up to this far from each other touch, in pitches."""
-SUNK: Final = 0.01
-"""Pitches that a module of a motion may lie in the table: a simulated one gives."""
+"""Distance up to which two modules touch, pitches. Larger values find more contacts. Chosen."""
+MAX_TABLE_PENETRATION_PITCH: Final = 0.01
+"""Maximum depth of a module of a motion in the table: simulated tables are soft. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,10 +35,10 @@ class Contacts:
     """C contact points of a configuration. Forces act along the normals and only push.
 
     Attributes:
-        first: (C,) the module that is pushed along the normal.
-        second: (C,) the module that is pushed against it; ``FLOOR`` where that is the floor.
-        feature: (C,) which corner stands on the floor, or which of a pair's points it is.
-        points: (C, 3) where, in pitches.
+        first: (C,) module that is pushed along the normal.
+        second: (C,) module that is pushed against it; ``FLOOR`` for the floor.
+        feature: (C,) index of the corner on the floor, or of the point of a pair.
+        points: (C, 3) contact points, pitches.
         normals: (C, 3) unit normals.
         gaps: (C,) distance of the two surfaces at this size; negative where they overlap.
     """
@@ -54,7 +55,7 @@ class Contacts:
 
     @property
     def on_floor(self) -> NDArray[np.bool_]:
-        """(C,) which of them are with the floor; they come before all others."""
+        """(C,) flags of contacts with the floor, which come before all others."""
         return self.second == FLOOR
 
     @property
@@ -72,20 +73,21 @@ def contacts(
     floor_gap: float = FLOOR_GAP,
     module_gap: float = MODULE_GAP,
 ) -> Contacts:
-    """The contact points of one configuration.
+    """Find the contact points of one configuration.
 
-    Linked cubes don't count (``Module.apart``): they share a joint and lack what would touch.
+    Linked cubes are skipped (``Module.apart``): they share a joint and lack the parts that would
+    touch.
 
     Args:
         module: The kind of module.
         positions: (n, 3) centres in pitches.
         rotations: (n, 3, 3) orientations.
         size: Module size as a fraction of the pitch.
-        floor_gap: Corners of full-size modules up to this high stand on the floor.
-        module_gap: Full-size modules up to this far from each other touch.
+        floor_gap: Height up to which corners of full-size modules touch the floor, pitches.
+        module_gap: Distance up to which full-size modules touch, pitches.
     """
     less = (1.0 - size) * module.inner_radius
-    found = contact_points(
+    points = contact_points(
         # Copies: a read-only array would be another type, for which all is compiled anew.
         np.array(positions, dtype=np.float64),
         np.array(rotations, dtype=np.float64),
@@ -94,12 +96,12 @@ def contacts(
         floor_gap + less,
         module_gap + 2.0 * less,
     )
-    return Contacts(**found._asdict())
+    return Contacts(**points._asdict())
 
 
 @lru_cache(maxsize=16)
 def solid_of(module: Module, size: float) -> FacetedHull:
-    """A module's hull with its faces and edges, as kernels take it."""
+    """Return a module's hull with its faces and edges for kernels."""
     reach = module.vertices @ module.face_normals.T
     normals: list[Array] = []
     loops: list[list[int]] = []
@@ -127,7 +129,7 @@ def solid_of(module: Module, size: float) -> FacetedHull:
 
 
 def _around(points: Array, normal: Array, corners: Ints) -> list[int]:
-    """Corners of a face in their order, counterclockwise seen against its normal."""
+    """Return the corners of a face counterclockwise, seen against its normal."""
     middle = points.mean(axis=0)
     ahead = points[0] - middle
     aside = np.cross(normal, ahead)
@@ -138,7 +140,7 @@ def _around(points: Array, normal: Array, corners: Ints) -> list[int]:
 def floor_clearances(
     module: Module, positions: Array, rotations: Array, *, size: float = 1.0
 ) -> Array:
-    """(F,) how high the lowest corner is; a module that lies flat on the floor has 0.
+    """Return the (F,) height of the lowest corner, pitches; 0 for a module flat on the floor.
 
     Args:
         module: The kind of module.
@@ -153,5 +155,5 @@ def floor_clearances(
 def lowest_corners(
     module: Module, positions: Array, rotations: Array, *, size: float = 1.0
 ) -> Array:
-    """(F, n) how high the lowest corner of each module is; see ``floor_clearances``."""
+    """Return the (F, n) height of the lowest corner of each module, pitches."""
     return (rotations[..., 2, :] @ (module.vertices * size).T).min(axis=-1) + positions[..., 2]

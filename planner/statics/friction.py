@@ -2,13 +2,13 @@
 
 A corner that slips is pushed back against its way with μ times what the floor bears there, so that
 all stays linear. A corner that does not slip is held by anything in the cone, of which an
-eight-sided pyramid inside it is taken. Modules that touch rub against each other without friction.
+eight-sided pyramid inside it is taken. Contacts between modules have no friction.
 
-Where the base is clamped the ways of the corners are those of the motion. Where it is free nobody
-knows how the chain as a whole drifts meanwhile: its twist in the plane is the one that rubs least,
+If the base is clamped, the displacements of the corners are those of the motion. If it is free, the
+planar drift of the whole chain is unknown: its twist is the one with the least friction work,
 Σ μ N |v|, a convex function of three unknowns, for the forces N that the floor bears without
-friction. As friction changes those a little, a corner may be pushed back up to ``FANS`` either side
-of its way then.
+friction. As friction changes those a little, a corner may be pushed back within
+``DIRECTION_SPREADS_RAD`` of the direction −v then.
 """
 
 from __future__ import annotations
@@ -23,47 +23,51 @@ from planner.statics.contacts import Contacts
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-SIDES: Final = 8
-"""Edges of the pyramid that stands for the cone of a corner that does not slip."""
-SLIPS_FROM: Final = 1e-3
-"""Share of the farthest module's way from which on a corner slips."""
-DRIFTS_FROM: Final = 0.02
-"""The same share where the chain drifts, whose way is not known that well."""
-FANS: Final = (0.2, 0.8)
-"""Radians either side of its way by which a corner of a chain that drifts may be pushed back; the
-second where nothing balances with the first."""
-SMOOTH: Final = 2e-3
-"""Share of the farthest module's way below which rubbing is taken as smooth in the way."""
-ITERATIONS: Final = 100
+CONE_SIDES: Final = 8
+"""Number of edges of the pyramid inside the friction cone of a sticking corner. Larger values are
+closer to the cone, more slowly. Chosen."""
+SLIP_THRESHOLD: Final = 1e-3
+"""Displacement from which a corner slips, as a share of the largest one of a module. Chosen."""
+DRIFT_SLIP_THRESHOLD: Final = 0.02
+"""Displacement from which a corner of a drifting chain slips, as a share; the drift is only
+estimated. Chosen."""
+DIRECTION_SPREADS_RAD: Final = (0.2, 0.8)
+"""Half-angles about −v within which friction of a drifting chain may point; the second if there is
+no equilibrium with the first. Chosen."""
+SMOOTHING_SHARE: Final = 2e-3
+"""Displacement below which friction is smoothed in the estimate of the drift, as a share of the
+largest one. Chosen."""
+MAX_DRIFT_ITERATIONS: Final = 100
+"""Maximum number of iterations of the estimate of the drift. Chosen; bounds time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Friction:
-    """Friction with the floor and where the motion goes on to.
+    """Friction with the floor and the configuration that the motion approaches.
 
     Attributes:
-        coefficient: μ.
-        positions: (n, 3) where the modules are a moment later; None where nothing moves.
-        rotations: (n, 3, 3) how they are turned then.
-        fan: Radians either side of its way by which a corner may be pushed back.
-        slips_from: Share of the farthest module's way from which on a corner slips.
+        coefficient: Coefficient of friction μ.
+        positions: (n, 3) centres a moment later, pitches; None without motion.
+        rotations: (n, 3, 3) orientations a moment later; None without motion.
+        fan: Half-angle about −v within which friction may point, rad.
+        slips_from: Displacement from which a corner slips, as a share of the largest one.
     """
 
     coefficient: float
     positions: Array | None = None
     rotations: Array | None = None
     fan: float = 0.0
-    slips_from: float = SLIPS_FROM
+    slips_from: float = SLIP_THRESHOLD
 
 
 def rays(
     found: Contacts, friction: Friction | None, positions: Array, rotations: Array
 ) -> tuple[Ints, Array]:
-    """Directions in which contacts push: the contact of each, and the force for a unit of it.
+    """Return generators of the friction cones: contact and unit force of each.
 
     Args:
         found: C contacts.
-        friction: With the floor; None for none.
+        friction: Friction with the floor; None for a smooth floor.
         positions: (n, 3) centres.
         rotations: (n, 3, 3) orientations.
 
@@ -79,9 +83,9 @@ def rays(
     moving, still = floor[slipping], floor[~slipping]
     back = np.arctan2(-ways[slipping, 1], -ways[slipping, 0])
     fan = (0.0,) if friction.fan == 0.0 else (-friction.fan, friction.fan)
-    turns = 2.0 * np.pi * np.arange(SIDES) / SIDES
+    turns = 2.0 * np.pi * np.arange(CONE_SIDES) / CONE_SIDES
     which = np.concatenate(
-        [np.setdiff1d(everything, floor), *(moving for _ in fan), np.repeat(still, SIDES)]
+        [np.setdiff1d(everything, floor), *(moving for _ in fan), np.repeat(still, CONE_SIDES)]
     )
     forces = np.concatenate(
         [
@@ -95,7 +99,7 @@ def rays(
 
 
 def slips(found: Contacts, friction: Friction, positions: Array, rotations: Array) -> Array:
-    """(K, 2) way of each corner along the floor; exactly zero for those that don't slip."""
+    """Return the (K, 2) displacement of each corner on the floor; exactly 0 for sticking ones."""
     ways = _ways(found, friction, positions, rotations)
     farthest = _farthest(friction, positions)
     ways[np.linalg.norm(ways, axis=1) <= friction.slips_from * farthest] = 0.0
@@ -105,14 +109,14 @@ def slips(found: Contacts, friction: Friction, positions: Array, rotations: Arra
 def drifting(
     found: Contacts, friction: Friction, positions: Array, rotations: Array, pressures: Array
 ) -> Friction:
-    """The same friction where the chain as a whole drifts so that it rubs least.
+    """Return the friction after the rigid drift of the whole chain with the least work.
 
     Args:
         found: C contacts, K of them with the floor.
-        friction: With the floor.
+        friction: Friction with the floor.
         positions: (n, 3) centres.
         rotations: (n, 3, 3) orientations.
-        pressures: (K,) what the floor bears at each corner, in weights of a module.
+        pressures: (K,) normal forces at the corners, in weights of a module.
     """
     if friction.positions is None or friction.rotations is None:
         return friction
@@ -123,9 +127,11 @@ def drifting(
     moves = np.zeros((len(ends), 2, 3))
     moves[:, 0, 0] = moves[:, 1, 1] = 1.0
     moves[:, 0, 2], moves[:, 1, 2] = middle[1] - ends[:, 1], ends[:, 0] - middle[0]
-    least = SMOOTH * max(_farthest(friction, positions), 1e-9)
+    least = SMOOTHING_SHARE * max(_farthest(friction, positions), 1e-9)
     twist = np.zeros(3)
-    for _ in range(ITERATIONS):  # by least squares whose weights follow (Weiszfeld's method)
+    for _ in range(
+        MAX_DRIFT_ITERATIONS
+    ):  # by least squares whose weights follow (Weiszfeld's method)
         now = ways + moves @ twist
         weights = pressures / np.sqrt((now**2).sum(axis=1) + least**2)
         normal = np.einsum("k,kix,kiy->xy", weights, moves, moves)
@@ -141,18 +147,18 @@ def drifting(
         friction,
         positions=(friction.positions - pivot) @ turn.T + pivot + np.array([*twist[:2], 0.0]),
         rotations=turn @ friction.rotations,
-        fan=FANS[0],
-        slips_from=DRIFTS_FROM,
+        fan=DIRECTION_SPREADS_RAD[0],
+        slips_from=DRIFT_SLIP_THRESHOLD,
     )
 
 
 def wider(friction: Friction) -> Friction:
-    """The same with the wider one of ``FANS``."""
-    return replace(friction, fan=FANS[1])
+    """Return the friction with the wider one of ``DIRECTION_SPREADS_RAD``."""
+    return replace(friction, fan=DIRECTION_SPREADS_RAD[1])
 
 
 def _ways(found: Contacts, friction: Friction, positions: Array, rotations: Array) -> Array:
-    """(K, 2) way of each corner along the floor."""
+    """Return the (K, 2) displacement of each corner along the floor."""
     floor = found.on_floor
     modules, points = found.first[floor], found.points[floor]
     if friction.positions is None or friction.rotations is None:
@@ -164,14 +170,14 @@ def _ways(found: Contacts, friction: Friction, positions: Array, rotations: Arra
 
 
 def _farthest(friction: Friction, positions: Array) -> float:
-    """How far the module goes that goes farthest."""
+    """Return the largest displacement of a module, pitches."""
     if friction.positions is None:
         return 0.0
     return float(np.linalg.norm(friction.positions - positions, axis=1).max(initial=0.0))
 
 
 def _leaning(angles: Array, coefficient: float) -> Array:
-    """(R, 3) upright unit forces that lean towards directions in the plane."""
+    """Return (R, 3) forces with unit normal part that lean towards directions in the plane."""
     return np.column_stack(
         [coefficient * np.cos(angles), coefficient * np.sin(angles), np.ones(len(angles))]
     )

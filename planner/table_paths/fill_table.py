@@ -10,18 +10,18 @@ from planner.errors import InputError
 from planner.pathfinding import Cell
 from planner.pathfinding.blocks import halved
 from planner.pathfinding.feasibility import Feasibility, Problem
-from planner.pathfinding.fill_cubes import BLOCK, doubled
+from planner.pathfinding.fill_cubes import BLOCK_CELLS, doubled
 from planner.pathfinding.filled import Filled
+from planner.pathfinding.infeasibility import tuples
 from planner.pathfinding.knots import knot_of
-from planner.pathfinding.obstacles import tuples
 from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
+from planner.table_paths.base_sides import sides_of
+from planner.table_paths.infeasibility import NoPath, closest, most_telling, ruled_out
 from planner.table_paths.mending import added_words, cells_to_add, with_cells
-from planner.table_paths.reasons import NoPath, closest, most_telling, ruled_out
-from planner.table_paths.resting import sides_of
 from planner.table_paths.table_paths import paths_or_reasons
 
-SIDES: dict[str, str] = {
+SIDE_NAMES: dict[str, str] = {
     "+x": "right",
     "-x": "left",
     "+y": "back",
@@ -29,25 +29,25 @@ SIDES: dict[str, str] = {
     "+z": "top",
     "-z": "bottom",
 }
-"""What people call the sides of a shape that may lie down."""
+"""Names of the sides on which a shape may lie."""
 
 
 class TableCubes:
     """One cube in each cell, or eight; see ``planner.pathfinding.filling.Filling``."""
 
     def cells_for(self, options: PathOptions) -> int:
-        """How many cells a solid should be voxelised into."""
+        """Return the number of cells for the voxelisation of a solid."""
         modules = DEFAULT_MODULES if options.modules is None else options.modules
-        return max(1, round(modules / BLOCK)) if options.method == "blocks" else modules
+        return max(1, round(modules / BLOCK_CELLS)) if options.method == "blocks" else modules
 
     def modules_of(self, shape: Shape, options: PathOptions) -> int:
-        """One for each cell, or eight."""
-        return BLOCK * len(shape) if _doubles(shape, options, of_solid=False) else len(shape)
+        """Return the number of modules of given cells: one for each, or eight."""
+        return BLOCK_CELLS * len(shape) if _doubles(shape, options, of_solid=False) else len(shape)
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
-        """Finds chains through cells; a shape that was drawn as a mesh keeps standing."""
+        """Find chains through cells; a mesh keeps its orientation."""
         del time_limit_s
         notes: tuple[str, ...] = ()
         added: list[Cell] = []
@@ -62,7 +62,7 @@ class TableCubes:
             notes = (f"Repaired: {added_words(added)}",)
         shift = paths[0].shift if paths else np.zeros(3, dtype=np.int64)
         if paths and paths[0].down != "-z":
-            notes = (*notes, f"The shape lies on its {SIDES[paths[0].down]} side.")
+            notes = (*notes, f"The shape lies on its {SIDE_NAMES[paths[0].down]} side.")
         cells = paths[0].cells if paths else shape.cells
         return Filled(
             chains=tuple(
@@ -79,24 +79,24 @@ class TableCubes:
             not_started="",
             scale=2.0 if doubles else 1.0,
             shift=np.asarray(shift - 0.5, dtype=np.float64),  # a mesh is not turned
-            modules_per_cell=BLOCK if doubles else 1,
+            modules_per_cell=BLOCK_CELLS if doubles else 1,
             added=tuples(np.array(added, dtype=np.int64).reshape(-1, 3) + shift),
         )
 
     def check(self, shape: Shape, options: PathOptions) -> None:
-        """Refuses given cells of which it is seen at once that they have no path for a table.
+        """Refuse given cells that are quickly proved to have no path for a table.
 
         Raises:
-            InputError: As ``table_paths`` does.
+            InputError: There is no path; the codes are those of ``table_paths``.
         """
         if options.repair:
             return
         if _doubles(shape, options, of_solid=False):
             shape = doubled(shape)
         reasons = [ruled_out(side) for side in sides_of(shape.cells)]
-        told = tuple(reason for reason in reasons if reason is not None and not reason.may_fall)
-        if len(told) == len(reasons):
-            raise InputError(*most_telling(told))
+        proved = tuple(reason for reason in reasons if reason is not None and not reason.may_fall)
+        if len(proved) == len(reasons):
+            raise InputError(*most_telling(proved))
 
 
 def _doubles(shape: Shape, options: PathOptions, *, of_solid: bool) -> bool:
@@ -105,12 +105,12 @@ def _doubles(shape: Shape, options: PathOptions, *, of_solid: bool) -> bool:
 
 
 def _why_none(shape: Shape, reasons: tuple[NoPath, ...]) -> Feasibility:
-    """Why a shape has no path for a table, with cells where the shape has them."""
-    told = closest(reasons)
-    side = next(side for side in sides_of(shape.cells, turned=True) if side.down == told.down)
-    lying = np.array(told.cells, dtype=np.int64).reshape(-1, 3)
+    """Return the reason without a path, with cells in the frame of the given shape."""
+    reason = closest(reasons)
+    side = next(side for side in sides_of(shape.cells, turned=True) if side.down == reason.down)
+    lying = np.array(reason.cells, dtype=np.int64).reshape(-1, 3)
     cells = tuple((int(x), int(y), int(z)) for x, y, z in (lying - side.shift) @ side.turn)
     return Feasibility(
         feasible=None,
-        problems=(Problem(code=told.cause or told.code, detail=told.detail, cells=cells),),
+        problems=(Problem(code=reason.cause or reason.code, detail=reason.detail, cells=cells),),
     )

@@ -1,4 +1,4 @@
-"""Layer: the cells of one height, and ways through all of them from one cell to another.
+"""Layers: the cells of one height, and paths through all of them.
 
 Sets of cells are whole numbers with a bit for each cell, a row of the layer after the other with an
 empty cell between two, so that a shift moves all cells of a set at once.
@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
 
-ALL_OF: Final = 16
-"""Cells of a layer up to which all ways through it are looked for."""
-FIRST_STEPS: Final = 40
-"""Steps for each cell after which a random try is given up."""
+MAX_EXHAUSTIVE_CELLS: Final = 16
+"""Number of cells of a layer up to which all its paths are searched. Chosen; bounds time."""
+MAX_TRIAL_STEPS_PER_CELL: Final = 40
+"""Number of steps per cell after which a random trial is given up. Chosen."""
 
 
 @dataclass(slots=True)
 class Work:
-    """Steps of a search that are left; a step is a cell that a way is tried to go on to."""
+    """Budget of a search: remaining steps, each the extension of a path by a cell."""
 
     left: int
 
     def spent(self) -> bool:
-        """Takes one step, and tells whether none was left."""
+        """Take one step and return True if the budget is spent."""
         self.left -= 1
         return self.left < 0
 
@@ -40,7 +40,7 @@ class Layer:
 
     Attributes:
         cells: (m, 2) their x and y.
-        index: Of each of them among the cells of the shape.
+        index: (m,) indices of the cells among those of the shape.
     """
 
     cells: Ints
@@ -48,18 +48,18 @@ class Layer:
 
     @cached_property
     def width(self) -> int:
-        """Bits from one row to the next."""
+        """Number of bits from one row to the next."""
         return int(np.ptp(self.cells[:, 1])) + 2
 
     @cached_property
     def bits(self) -> list[int]:
-        """(m,) place of each cell's bit."""
+        """(m,) bit number of each cell."""
         offset = self.cells - self.cells.min(axis=0)
         return [int(bit) for bit in offset[:, 0] * self.width + offset[:, 1] + self.width]
 
     @cached_property
     def cell_at(self) -> dict[int, int]:
-        """The cell of each bit."""
+        """Index of the cell of each bit."""
         return {bit: k for k, bit in enumerate(self.bits)}
 
     @cached_property
@@ -69,7 +69,7 @@ class Layer:
 
     @cached_property
     def steps(self) -> tuple[int, int, int, int]:
-        """How far a bit moves along +x, −x, +y and −y; step k and k ^ 1 are opposite."""
+        """Bit steps along +x, −x, +y and −y; steps k and k ^ 1 are opposite."""
         return self.width, -self.width, 1, -1
 
     @cached_property
@@ -79,18 +79,18 @@ class Layer:
 
     @cached_property
     def rays(self) -> dict[int, tuple[int, ...]]:
-        """Of each bit the cells of the layer beyond it along each step."""
+        """Sets of the cells beyond each bit along each step."""
         return {bit: tuple(self._ray(bit, step) for step in range(4)) for bit in self.bits}
 
     def set_of(self, cells: range | list[int]) -> int:
-        """The set of some cells."""
-        found = 0
+        """Return the set of some cells."""
+        mask = 0
         for k in cells:
-            found |= 1 << self.bits[k]
-        return found
+            mask |= 1 << self.bits[k]
+        return mask
 
     def in_one_piece(self, cells: int) -> bool:
-        """Whether a set of cells hangs together."""
+        """Return True if a set of cells is connected."""
         width, reached = self.width, cells & -cells
         while True:
             grown = reached | reached << 1 | reached >> 1 | reached << width | reached >> width
@@ -111,7 +111,7 @@ class Layer:
 def ways(
     layer: Layer, starts: list[int], ends: int, rng: np.random.Generator, *, most: int, work: Work
 ) -> Iterator[tuple[int, ...]]:
-    """Ways through all cells of a layer, as the bits of the cells in their order.
+    """Yield paths through all cells of a layer, as the bits of the cells in order.
 
     A small layer's are all found, unless the work ends before; of a larger one's some at random,
     which turn as rarely as they happen to.
@@ -120,15 +120,15 @@ def ways(
         layer: The layer.
         starts: Bits that a way may begin with.
         ends: The set of cells that it may end with.
-        rng: Of all choices.
-        most: How many at most.
-        work: What may be spent.
+        rng: Random choices.
+        most: Maximum number of paths of a large layer.
+        work: Budget of the search.
     """
     starts = [start for start in starts if _ends_of(layer, start, ends)]
     if not starts or not layer.in_one_piece(layer.whole):
         return
     found: set[tuple[int, ...]] = set()
-    if len(layer.cells) <= ALL_OF:
+    if len(layer.cells) <= MAX_EXHAUSTIVE_CELLS:
         order = [int(k) for k in rng.permutation(len(starts))]
         for k in order:
             for way in _from(layer, starts[k], ends, None, work):
@@ -142,7 +142,7 @@ def ways(
         start = starts[
             attempt % len(starts) if attempt < len(starts) else rng.integers(len(starts))
         ]
-        own = Work(min(FIRST_STEPS * len(layer.cells), work.left))
+        own = Work(min(MAX_TRIAL_STEPS_PER_CELL * len(layer.cells), work.left))
         before = own.left
         for way in _from(layer, start, ends, rng, own):
             if way not in found:
@@ -153,7 +153,7 @@ def ways(
 
 
 def _ends_of(layer: Layer, start: int, ends: int) -> int:
-    """The cells that a way from a cell can end with, as far as colours tell."""
+    """Return the set of possible last cells of a path from a cell, by colours."""
     count, dark = len(layer.cells), layer.dark.bit_count()
     begins_dark = bool(layer.dark >> start & 1)
     first = (count + 1) // 2
@@ -167,7 +167,7 @@ def _ends_of(layer: Layer, start: int, ends: int) -> int:
 def _from(
     layer: Layer, start: int, ends: int, rng: np.random.Generator | None, work: Work
 ) -> Iterator[tuple[int, ...]]:
-    """Ways from one cell, depth first; with a generator in the order that it likes."""
+    """Yield paths from one cell by depth-first search, in random order with a generator."""
     ends = _ends_of(layer, start, ends)
     free = layer.whole & ~(1 << start)
     if not free:
@@ -185,14 +185,14 @@ def _from(
         head = stack[-1].pop()
         if work.spent():
             return
-        left = free & ~(1 << head)
-        if not left:
+        remaining = free & ~(1 << head)
+        if not remaining:
             if ends >> head & 1:
                 yield (*way, head)
             continue
-        if not _may_go_on(layer, head, left, ends):
+        if not _may_go_on(layer, head, remaining, ends):
             continue
-        free = left
+        free = remaining
         way.append(head)
         stack.append(_choices(layer, head, free, liked, style, rng))
 
@@ -205,32 +205,32 @@ def _choices(
     style: int,
     rng: np.random.Generator | None,
 ) -> list[int]:
-    """Free cells beside one, the one to be tried first last.
+    """Return the free neighbours of a cell, the first to be tried last.
 
     Styles: the liked steps first, which makes snakes; cells with the fewest free neighbours first,
     which follows the rim; any.
     """
-    found = [head + layer.steps[k] for k in liked]
-    found = [bit for bit in found if free >> bit & 1]
+    choices = [head + layer.steps[k] for k in liked]
+    choices = [bit for bit in choices if free >> bit & 1]
     if style == 1:
-        found.sort(key=lambda bit: sum(free >> (bit + step) & 1 for step in layer.steps))
+        choices.sort(key=lambda bit: sum(free >> (bit + step) & 1 for step in layer.steps))
     elif style == 2 and rng is not None:
-        found = [found[int(k)] for k in rng.permutation(len(found))]
-    return found[::-1]
+        choices = [choices[int(k)] for k in rng.permutation(len(choices))]
+    return choices[::-1]
 
 
-def _may_go_on(layer: Layer, head: int, left: int, ends: int) -> bool:
-    """Whether no dead end or cut forbids a way through the cells left from a cell beside them."""
-    if not left & ends:
+def _may_go_on(layer: Layer, head: int, remaining: int, ends: int) -> bool:
+    """Return True if no dead end or cut rules out a path through the remaining cells."""
+    if not remaining & ends:
         return False
-    width, around = layer.width, left | 1 << head
+    width, around = layer.width, remaining | 1 << head
     a, b, c, d = around << 1, around >> 1, around << width, around >> width
-    one = (a | b | c | d) & left
-    if one != left:
+    one = (a | b | c | d) & remaining
+    if one != remaining:
         return False
-    two = (a & b | c & d | (a | b) & (c | d)) & left
-    single = left & ~two
+    two = (a & b | c & d | (a | b) & (c | d)) & remaining
+    single = remaining & ~two
     if single & (single - 1) or (single and not single & ends):
         return False
     near = 1 << (head + 1) | 1 << (head - 1) | 1 << (head + width) | 1 << (head - width)
-    return bool(near & left) and layer.in_one_piece(left)
+    return bool(near & remaining) and layer.in_one_piece(remaining)

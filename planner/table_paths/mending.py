@@ -8,23 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.pathfinding import Cell
+from planner.pathfinding.infeasibility import obstacles
 from planner.pathfinding.lattice import colours, parts
-from planner.pathfinding.obstacles import obstacles
 from planner.shapes.shape import Shape
 from planner.table_paths.table_paths import paths_or_reasons
 
 Ints = NDArray[np.int64]
 
-MAX_ADDED: Final = 24
-"""Cells that a repair adds, at most; beyond it the shape is another one. Chosen."""
+MAX_ADDED_CELLS: Final = 24
+"""Maximum number of cells that a repair adds; beyond it the shape is another one. Chosen."""
 MAX_ADDED_SHARE: Final = 0.1
-"""The same as a share of the cells; the smaller of the two applies. Chosen."""
-MAX_COMPARED: Final = 16
-"""Candidate cells compared for each added cell. More find smaller repairs, more slowly. Chosen."""
-MAX_TRIED: Final = 6
-"""Single cells tried where no obstacle is left and there is no path, about 1 s each. Chosen."""
-APART: Final = 1000
-"""Weight of a layer in several parts against one cell too many of a colour."""
+"""Maximum share of cells that a repair adds; the smaller limit applies. Chosen."""
+MAX_COMPARED_ADDITIONS: Final = 16
+"""Number of candidate cells compared for each added cell. Larger values find smaller repairs, more
+slowly. Chosen."""
+MAX_TRIED_ADDITIONS: Final = 6
+"""Number of single cells tried without a known obstacle and without a path, about 1 s each.
+Chosen."""
+SEPARATE_PART_WEIGHT: Final = 1000
+"""Severity of a further part of a layer, in cells too many of a colour. Chosen."""
 
 
 def cells_to_add(cells: Ints, seed: int = 0) -> list[Cell]:
@@ -47,7 +49,7 @@ def cells_to_add(cells: Ints, seed: int = 0) -> list[Cell]:
         return []
     now = {(int(x), int(y), int(z)) for x, y, z in standing} | set(added)
     tries = [added] if added else []
-    tries += [[*added, cell] for cell in _near(now)[:MAX_TRIED]]
+    tries += [[*added, cell] for cell in _near(now)[:MAX_TRIED_ADDITIONS]]
     for each in tries:
         found, _ = paths_or_reasons(_with(standing, each), seed=seed, most=1, turned=False)
         if found:
@@ -76,7 +78,7 @@ def _obstacles_removed(cells: Ints) -> list[Cell] | None:
     """
     now = {(int(x), int(y), int(z)) for x, y, z in cells}
     added: list[Cell] = []
-    most = min(MAX_ADDED, max(2, round(MAX_ADDED_SHARE * len(cells))))
+    most = min(MAX_ADDED_CELLS, max(2, round(MAX_ADDED_SHARE * len(cells))))
     trouble = _trouble(now)
     while trouble and len(added) < most:
         options = [(_trouble(now | {cell}), rank, cell) for rank, cell in enumerate(_near(now))]
@@ -100,7 +102,7 @@ def _trouble(cells: set[Cell]) -> int:
 def _amount(cells: Ints) -> int:
     count = parts(cells)[0]
     if count > 1:
-        return APART * (count - 1)
+        return SEPARATE_PART_WEIGHT * (count - 1)
     return sum(problem.amount for problem in obstacles(cells)) if len(cells) > 2 else 0
 
 
@@ -117,7 +119,7 @@ def _near(now: set[Cell]) -> list[Cell]:
     if not wanted:
         colour = None if abs(whole) < 2 else (1 if whole > 0 else 0)
         wanted = dict.fromkeys(np.unique(array[:, 2]).tolist(), colour)
-    found: dict[Cell, int] = {}
+    neighbour_counts: dict[Cell, int] = {}
     for x, y, z in now:
         if z not in wanted:
             continue
@@ -126,7 +128,7 @@ def _near(now: set[Cell]) -> list[Cell]:
             borne = z == 0 or (cell[0], cell[1], z - 1) in now
             if cell in now or not borne:
                 continue
-            found[cell] = found.get(cell, 0) + 1
-    shade = {cell: int(colours(np.array([cell], dtype=np.int64))[0]) for cell in found}
-    fitting = [c for c in found if wanted[c[2]] is None or shade[c] == wanted[c[2]]]
-    return sorted(fitting, key=lambda c: (-found[c], c))[:MAX_COMPARED]
+            neighbour_counts[cell] = neighbour_counts.get(cell, 0) + 1
+    shade = {cell: int(colours(np.array([cell], dtype=np.int64))[0]) for cell in neighbour_counts}
+    fitting = [c for c in neighbour_counts if wanted[c[2]] is None or shade[c] == wanted[c[2]]]
+    return sorted(fitting, key=lambda c: (-neighbour_counts[c], c))[:MAX_COMPARED_ADDITIONS]

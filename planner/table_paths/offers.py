@@ -1,4 +1,4 @@
-"""Offers: changes that give a shape without a path for a table one, each of them checked."""
+"""Offers: checked changes of shapes without a path for a table that give them one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 from planner.pathfinding import Cell
-from planner.pathfinding.fill_cubes import BLOCK, doubled
+from planner.pathfinding.fill_cubes import BLOCK_CELLS, doubled
 from planner.pathfinding.options import (
     DEFAULT_MODULES,
     MAX_TABLE_MODULES,
@@ -18,21 +18,21 @@ from planner.pathfinding.options import (
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import voxelise
+from planner.table_paths.base_sides import sides_of
+from planner.table_paths.infeasibility import ruled_out
 from planner.table_paths.mending import cells_to_add
-from planner.table_paths.reasons import ruled_out
-from planner.table_paths.resting import sides_of
 from planner.table_paths.table_paths import paths_or_reasons
 
 Kind = Literal["repair", "modules", "blocks"]
 
-SEARCH_S: Final = 20.0
-"""Seconds for all offers of one shape. A larger value finds more of them, later. Chosen."""
+OFFERS_LIMIT_S: Final = 20.0
+"""Wall-clock limit of all offers of one shape. A larger value finds more of them, later. Chosen."""
 MAX_COUNTS: Final = 12
-"""Module counts tried on each side of the one asked for. Chosen."""
+"""Maximum number of module counts tried on each side of the requested one. Chosen."""
 MAX_BLOCK_COUNTS: Final = 9
-"""Counts tried for 2×2×2 modules. Chosen."""
-PLAIN: Final[dict[str, Any]] = {"method": "auto", "repair": False}
-"""Options of a solid that each offer sets."""
+"""Maximum number of module counts tried for 2×2×2 modules. Chosen."""
+OFFER_DEFAULTS: Final[dict[str, Any]] = {"method": "auto", "repair": False}
+"""Options that each offer for a solid sets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ class Offer:
     added: tuple[Cell, ...] = ()
 
     def report(self) -> dict[str, Any]:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         return {
             "kind": self.kind,
             "modules": self.modules,
@@ -62,7 +62,7 @@ class Offer:
         }
 
     def options(self, asked: PathOptions) -> PathOptions:
-        """The options with which a fold takes this offer."""
+        """Return the options of a fold that takes this offer."""
         return replace(asked, **self.change)
 
 
@@ -71,7 +71,7 @@ def table_offers(
     options: PathOptions,
     *,
     seed: int = 0,
-    time_limit_s: float = SEARCH_S,
+    time_limit_s: float = OFFERS_LIMIT_S,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Iterator[Offer]:
     """Search for changes with which a chain can fold on a table.
@@ -80,11 +80,11 @@ def table_offers(
     nearest counts, none above ``MAX_TABLE_MODULES``. Of cells, a repair comes first.
 
     Args:
-        found: What was read.
-        options: How it was to become a chain on a table.
+        found: Input solid or shape.
+        options: Requested options.
         seed: Seed of the searches; a fold with the same seed finds the same paths.
         time_limit_s: Wall time, s. It is checked between shapes, each of which takes a second.
-        cancelled: Asked between shapes; once True the search ends.
+        cancelled: Returns True to end the search; called between shapes.
     """
     deadline = time.monotonic() + time_limit_s
 
@@ -104,7 +104,7 @@ def _of_cells(
         return
     if not options.repair and (added := cells_to_add(shape.cells, seed)):
         yield _repair(shape, added)
-    count = BLOCK * len(shape)
+    count = BLOCK_CELLS * len(shape)
     if options.method == "blocks" or count > MAX_TABLE_MODULES or over():
         return
     if _has_path(doubled(shape), seed, turned=True):
@@ -126,12 +126,12 @@ def _of_solid(
             yield replace(_repair(shape, added), change={"method": "auto", "repair": True})
     for count in _counts(solid, target, seed, over):
         if count != asked:
-            yield Offer(kind="modules", modules=count, change={**PLAIN, "modules": count})
+            yield Offer(kind="modules", modules=count, change={**OFFER_DEFAULTS, "modules": count})
 
 
 def _blocks(solid: Solid, target: int, seed: int, over: Callable[[], bool]) -> Iterator[Offer]:
     """Yield the 2×2×2 modules closest to a count of modules that have a path."""
-    middle = round(target / BLOCK)
+    middle = round(target / BLOCK_CELLS)
     steps = range(1, MAX_BLOCK_COUNTS)
     tries = [middle, *(middle + k * sign for k in steps for sign in (-1, 1))]
     for cells in [cells for cells in tries if cells > 0][:MAX_BLOCK_COUNTS]:
@@ -139,7 +139,7 @@ def _blocks(solid: Solid, target: int, seed: int, over: Callable[[], bool]) -> I
             return
         fine = doubled(voxelise(solid, cells=cells, seed=seed).shape)
         if len(fine) <= MAX_TABLE_MODULES and _has_path(fine, seed):
-            change = {**PLAIN, "method": "blocks", "modules": BLOCK * cells}
+            change = {**OFFER_DEFAULTS, "method": "blocks", "modules": BLOCK_CELLS * cells}
             yield Offer(kind="blocks", modules=len(fine), change=change)
             return
 

@@ -1,4 +1,4 @@
-"""Rules of a path for a table, and which of them a path breaks.
+"""Rules of a path for a table, and a check for violations.
 
 A path that never goes down visits layer after layer: no cell comes later than one above it, and so
 no module has to find its way under one that stands already. The converse holds too, as every link
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.chain.path import Path
 from planner.pathfinding import Cell
-from planner.table_paths.resting import SAFE, prefix_margins
+from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, prefix_margins
 
 Ints = NDArray[np.int64]
 
@@ -33,9 +33,9 @@ class Fault:
 
     Attributes:
         code: ``first-link``, ``goes-down``, ``hairpin``, ``not-stable`` or ``boxed-in``.
-        detail: One plain sentence: got, expected.
-        at: Index along the path of the first cell that it is about.
-        cells: The cells that it is about.
+        detail: One sentence: got, expected.
+        at: Index along the path of the first affected cell.
+        cells: Affected cells.
     """
 
     code: str
@@ -45,23 +45,23 @@ class Fault:
 
 
 def faults_of(cells: ArrayLike, *, rule: Rule = "layers") -> tuple[Fault, ...]:
-    """The rules that a path breaks, in their order along it; empty for a path for a table.
+    """Return the violations of a path in their order along it; empty for a path for a table.
 
     Args:
         cells: (n, 3) cells in the order of the path, as they lie: the lowest are on the floor.
         rule: ``layers`` for a path that never goes down, ``falls`` for one that may.
 
     Raises:
-        InputError: When it is no path: ``not-adjacent``, ``repeated-cell``, ``too-few-cells``.
+        InputError: The cells are no path: ``not-adjacent``, ``repeated-cell``, ``too-few-cells``.
     """
     order = Path.from_cells(cells).cells
     order = order - np.array([0, 0, order[:, 2].min()])
-    found = [*_of_the_start(order), *_downs(order, rule), *_hairpins(order), *_unstable(order)]
-    return tuple(sorted(found, key=lambda fault: (fault.at, fault.code)))
+    faults = [*_of_the_start(order), *_downs(order, rule), *_hairpins(order), *_unstable(order)]
+    return tuple(sorted(faults, key=lambda fault: (fault.at, fault.code)))
 
 
 def hairpins(order: Ints) -> list[tuple[int, int]]:
-    """First and last index of each run of vertical links that is left against its approach.
+    """Return first and last index of each run of vertical links that is left against its approach.
 
     Links a run lies between are compared; one at an end of the path is no hairpin.
     """
@@ -75,8 +75,8 @@ def hairpins(order: Ints) -> list[tuple[int, int]]:
 
 
 def boxed_in(order: Ints) -> list[int]:
-    """Cells that come under an earlier one and then have no free horizontal line outwards."""
-    found: list[int] = []
+    """Return the indices of cells under an earlier one that have no free horizontal line."""
+    enclosed: list[int] = []
     for k in range(1, len(order)):
         before = order[:k]
         x, y, z = order[k]
@@ -84,8 +84,8 @@ def boxed_in(order: Ints) -> list[int]:
         if above.any():
             level = before[before[:, 2] == z]
             if not any(_line_free(level, order[k], step) for step in FLAT_STEPS):
-                found.append(k)
-    return found
+                enclosed.append(k)
+    return enclosed
 
 
 def _line_free(level: Ints, cell: Ints, step: tuple[int, int]) -> bool:
@@ -142,13 +142,14 @@ def _hairpins(order: Ints) -> list[Fault]:
 
 
 def _unstable(order: Ints) -> list[Fault]:
-    bad = np.flatnonzero(prefix_margins(order) < SAFE).tolist()
+    bad = np.flatnonzero(prefix_margins(order) < MIN_BALANCE_MARGIN_PITCH).tolist()
     if not bad:
         return []
     k = bad[0]
     detail = (
-        f"the first {k + 1} cells tip over, expected their centre of mass {SAFE:g} module widths "
-        f"inside their base. In total, {len(bad)} beginnings of the path tip over."
+        f"the first {k + 1} cells tip over, expected their centre of mass "
+        f"{MIN_BALANCE_MARGIN_PITCH:g} module widths inside their base. In total, "
+        f"{len(bad)} beginnings of the path tip over."
     )
     return [Fault(code="not-stable", detail=detail, at=k, cells=_named(order[k : k + 1]))]
 

@@ -1,4 +1,4 @@
-"""Score: how easily a path for a table is expected to fold; the lower, the easier.
+"""Score of a path for a table: its expected difficulty; lower is easier.
 
 The fold is the explosion backwards: the path's last cell is let go first, and the tail leaves along
 the floor. All parts are averages along the path, so that paths of different lengths compare. The
@@ -13,18 +13,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.table_paths.resting import prefix_margins
+from planner.table_paths.base_sides import prefix_margins
 from planner.table_paths.rules import FLAT_STEPS
 
 Ints = NDArray[np.int64]
 
-UNIT: Final = 4
-"""Cells of which the middle is followed to tell how far the front moves."""
+FRONT_WINDOW_CELLS: Final = 4
+"""Number of cells in the moving average that tracks the front of the fold. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """What a score is made of; and, as weights, how much each counts.
+    """Parts of a score, or their weights.
 
     Attributes:
         fall: Mean height of the cells, in pitches: what comes down from there needs torque.
@@ -38,9 +38,9 @@ class Parts:
             angle, for each cell of the path. A chain cannot twist: when such a run lies down, all
             that comes after it has to roll over by a quarter turn.
         swing: Quarter turns that the way outwards makes from cell to cell, for each cell.
-        front: How far the middle of four cells moves sideways from cell to cell, in pitches.
-        overhang: Cells with nothing under them: how far they are from one with something under it,
-            in pitches, for each cell of the path.
+        front: Mean sideways motion of the middle of four cells from cell to cell, pitches.
+        overhang: Distance of cells with nothing under them from one with something under it, in
+            pitches, for each cell of the path.
         tipping: 1 less the smallest distance, in pitches, that the centre of mass of a beginning
             of the path that has left the floor keeps from the rim of its floor hull; 0 where it
             keeps more than 1.
@@ -59,7 +59,7 @@ class Parts:
     tipping: float = 0.0
 
     def times(self, weights: Parts) -> float:
-        """The sum of the parts by weight."""
+        """Return the sum of the parts by weight."""
         return sum(getattr(self, f.name) * getattr(weights, f.name) for f in fields(self))
 
 
@@ -80,7 +80,7 @@ WEIGHTS: Final = Parts(
 
 
 def parts_of(order: Ints) -> Parts:
-    """The parts of the score of a path.
+    """Return the parts of the score of a path.
 
     Args:
         order: (n, 3) cells in the order of the path, those on the floor at z = 0.
@@ -96,7 +96,7 @@ def parts_of(order: Ints) -> Parts:
         bends=float(bends.mean()),
         enclosed=float(enclosed.mean()),
         covered=float(covered.mean()),
-        end=float(enclosed[-UNIT:].mean()),
+        end=float(enclosed[-FRONT_WINDOW_CELLS:].mean()),
         rolls=_rolls(links) / count,
         swing=_swing(free) / count,
         front=_front(order),
@@ -106,23 +106,23 @@ def parts_of(order: Ints) -> Parts:
 
 
 def levers(cells: Ints) -> Ints:
-    """(n,) of cells with nothing under them the distance to a cell of their layer that has; else 0.
+    """Return (n,) distances of unsupported cells from a supported one of their layer; else 0.
 
-    Distances are in steps along x and y; in a layer with nothing under it its number of cells.
+    Distances are in steps along x and y; the number of cells in a layer with nothing under it.
     """
     known = {tuple(cell) for cell in cells.tolist()}
     borne = np.array([z == 0 or (x, y, z - 1) in known for x, y, z in cells.tolist()])
-    found = np.zeros(len(cells), dtype=np.int64)
+    distances = np.zeros(len(cells), dtype=np.int64)
     for k in np.flatnonzero(~borne).tolist():
         level = cells[:, 2] == cells[k, 2]
         bearing = cells[level & borne]
         apart = np.abs(bearing[:, :2] - cells[k, :2]).sum(axis=1)
-        found[k] = apart.min() if len(apart) else level.sum()
-    return found
+        distances[k] = apart.min() if len(apart) else level.sum()
+    return distances
 
 
 def _ways_out(order: Ints) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(n, 4) the steps along which no earlier cell lies, (n,) whether one lies above."""
+    """Return (n, 4) flags of steps without an earlier cell, (n,) flags of one above."""
     offset = order[:, None] - order[None]  # [earlier, cell] after the mask below
     earlier = np.tri(len(order), k=-1, dtype=np.bool_).T
     level = earlier & (offset[:, :, 2] == 0)
@@ -137,7 +137,7 @@ def _ways_out(order: Ints) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 def _rolls(links: Ints) -> int:
-    """Cells behind each run of vertical links that is left at a right angle to its approach."""
+    """Count the cells behind each run of vertical links that is left at a right angle."""
     flat = np.flatnonzero(links[:, 2] == 0)
     before, after = flat[:-1], flat[1:]
     turned = (after > before + 1) & ((links[before] * links[after]).sum(axis=1) == 0)
@@ -145,7 +145,7 @@ def _rolls(links: Ints) -> int:
 
 
 def _swing(free: NDArray[np.bool_]) -> float:
-    """The fewest quarter turns of the way out from cell to cell; enclosed cells keep any."""
+    """Return the fewest quarter turns of the exit direction along the cells."""
     turns = np.array([[0, 2, 1, 1], [2, 0, 1, 1], [1, 1, 0, 2], [1, 1, 2, 0]], dtype=np.float64)
     cost = np.zeros(4)
     for row in free[::-1]:
@@ -162,7 +162,7 @@ def _tipping(order: Ints) -> float:
 
 
 def _front(order: Ints) -> float:
-    unit = min(UNIT, len(order) - 1)
+    unit = min(FRONT_WINDOW_CELLS, len(order) - 1)
     sums = np.cumsum(np.vstack([np.zeros((1, 2)), order[:, :2]]), axis=0)
     middles = (sums[unit:] - sums[:-unit]) / unit
     return float(np.linalg.norm(np.diff(middles, axis=0), axis=1).mean())

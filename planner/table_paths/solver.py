@@ -1,7 +1,7 @@
-"""Paths that climb, by a SAT solver: for layers where trying does not do, and as proof.
+"""Ascending paths by a SAT solver: a search for hard layers, and proofs that there is none.
 
-A circuit through a dummy node, as ``planner/pathfinding/circuits.py`` has it, with links that go up
-or lie flat, and three links each that may not come together.
+A circuit through a dummy node, as in ``planner/pathfinding/sat_paths.py``, with links that go
+up or lie flat, and forbidden triples of links.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from planner.table_paths.rules import hairpins
 
 Ints = NDArray[np.int64]
 
-EFFORT: Final = 1.0
-"""The solver's deterministic time for one call, about seconds: the same on every machine."""
+TABLE_SOLVER_EFFORT: Final = 1.0
+"""Deterministic effort of the solver for one call, about seconds. Larger values find and prove
+more. Chosen."""
 UP, DOWN = 4, 5
 """Places of the vertical steps among ``STEPS``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Climbed:
-    """What the solver found.
+    """Result of the solver.
 
     Attributes:
         status: ``infeasible`` is a proof; ``undecided`` means that its effort was spent.
-        order: (n,) indices of the cells in the order of the path, None when there is none.
+        order: (n,) indices of the cells in the order of the path, None without one.
     """
 
     status: Literal["found", "infeasible", "undecided"]
@@ -44,19 +45,19 @@ def climbed(
     seed: int,
     hairpins_allowed: bool = False,
     downs: bool = False,
-    effort: float = EFFORT,
+    effort: float = TABLE_SOLVER_EFFORT,
 ) -> Climbed:
-    """Looks for a path from the floor up whose first link is flat.
+    """Search for a path from the floor up whose first link is flat.
 
     Hairpins of several vertical links are ruled out when they turn up, and the solver is asked
     again.
 
     Args:
         cells: (n, 3) distinct cells, the lowest at z = 0.
-        seed: Of the solver.
-        hairpins_allowed: Also paths with vertical hairpins.
-        downs: Also links down, as few as can be found.
-        effort: The solver's deterministic time, for all that it is asked.
+        seed: Seed of the solver.
+        hairpins_allowed: True to allow vertical hairpins.
+        downs: True to allow links down, as few as can be found.
+        effort: Deterministic effort of all calls of the solver together, about seconds.
     """
     near = neighbours(cells)
     links = {
@@ -96,8 +97,8 @@ def climbed(
 
 
 def _hairpins(near: Ints, link: set[tuple[int, int]]) -> list[list[tuple[int, int]]]:
-    """Of each link up or down with opposite links before and after it the three."""
-    found: list[list[tuple[int, int]]] = []
+    """Return the triples of a vertical link and opposite links before and after it."""
+    triples: list[list[tuple[int, int]]] = []
     for a, b in sorted(link):
         if b not in (near[a, UP], near[a, DOWN]):
             continue
@@ -106,5 +107,5 @@ def _hairpins(near: Ints, link: set[tuple[int, int]]) -> list[list[tuple[int, in
             before, after = int(near[a, step]), int(near[b, step])
             three = [(before, a), (a, b), (b, after)]
             if before >= 0 and after >= 0 and all(pair in link for pair in three):
-                found.append(three)
-    return found
+                triples.append(three)
+    return triples

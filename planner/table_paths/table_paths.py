@@ -1,4 +1,4 @@
-"""Paths for a table: the best that are found through a shape, over the sides it can lie on."""
+"""Paths for a table: the best paths through a shape over the sides on which it can lie."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from planner.chain.path import FEWEST_CELLS
 from planner.errors import InputError
 from planner.shapes.shape import Shape
-from planner.table_paths.climb import Climb
-from planner.table_paths.layer import Work
-from planner.table_paths.reasons import (
+from planner.table_paths.base_sides import Side, images, sides_of
+from planner.table_paths.infeasibility import (
     FALLING_EFFORT,
     NoPath,
     falling,
@@ -21,19 +20,22 @@ from planner.table_paths.reasons import (
     ruled_out,
     unsolved,
 )
-from planner.table_paths.resting import Side, images, sides_of
+from planner.table_paths.layer import Work
+from planner.table_paths.layer_path_search import Climb
 from planner.table_paths.rules import FALLS, LAYERS, Rule
 from planner.table_paths.score import WEIGHTS, Parts, parts_of
 
 Ints = NDArray[np.int64]
 
-MOST: Final = 8
-WORK: Final = 60_000
-"""Steps of the search through layers, for all sides of a shape together."""
-LOOKED_AT: Final = 6
-"""Paths that are scored in full for each one that is kept."""
-ALIKE: Final = 0.9
-"""Two paths with more than this share of their links in common count as one, where others are."""
+MAX_TABLE_PATHS: Final = 8
+"""Maximum number of returned paths. Chosen."""
+LAYER_WORK_STEPS: Final = 60_000
+"""Number of steps of the search through layers, all sides of a shape together. Larger values find
+better paths, more slowly. Chosen."""
+SCORED_PER_PATH: Final = 6
+"""Number of paths that are scored in full for each returned one. Chosen."""
+MAX_SHARED_LINKS: Final = 0.9
+"""Share of common links above which two paths count as alike; alike paths come last. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,12 +44,12 @@ class TablePath:
 
     Attributes:
         cells: (n, 3) int64, read-only, in the order of the chain; the floor is under z = 0.
-        down: The side of the shape that is down: ``-z`` as it was given, ``+x`` and so on.
+        down: Side of the shape that is down: ``-z`` as given, ``+x`` and so on.
         turn: (3, 3) the rotation of the shape: cell c of it lies at ``turn @ c + shift``.
-        shift: (3,) see ``turn``.
-        rule: ``layers``: never goes down; ``falls``: goes down where it has to.
-        score: How easily it is expected to fold; the lower, the easier.
-        parts: What the score is made of.
+        shift: (3,) shift after the rotation, see ``turn``.
+        rule: ``layers``: never goes down; ``falls``: goes down if it has to.
+        score: Expected difficulty of the fold; lower is easier.
+        parts: Parts of the score.
     """
 
     cells: Ints
@@ -63,66 +65,66 @@ def table_paths(
     cells: ArrayLike,
     *,
     seed: int = 0,
-    most: int = MOST,
+    most: int = MAX_TABLE_PATHS,
     turned: bool = True,
-    work: int = WORK,
+    work: int = LAYER_WORK_STEPS,
     weights: Parts = WEIGHTS,
 ) -> tuple[TablePath, ...]:
-    """Looks for paths in which a chain of cubes can fold while it rests on a table.
+    """Search for paths in which a chain of cubes can fold while it rests on a table.
 
     They visit layer after layer from the floor up, begin with a flat link, have no vertical
     hairpin, and each of their beginnings stands on the floor by itself. Only where no side of the
-    shape allows that, paths that go down are looked for. ``rules.faults_of`` says which of these
+    shape allows that, descending paths are searched. ``rules.faults_of`` reports which of these
     rules a path breaks.
 
     Args:
         cells: (n, 3) whole numbers: the shape, in any order.
-        seed: Of all choices; the same seed gives the same paths.
-        most: How many paths at most.
-        turned: Also lay the shape on its other sides; else it stands as it is.
+        seed: Seed of all random choices.
+        most: Maximum number of paths.
+        turned: True to try all sides of the shape, False to keep it as it stands.
         work: Steps of the search.
-        weights: How much each part of the score counts.
+        weights: Weight of each part of the score.
 
     Returns:
-        At least one path, the most promising first.
+        One or more paths, the most promising first.
 
     Raises:
         InputError: ``overhang``, ``parts``, ``hairpins-only``, ``not-stable`` or ``no-path`` when
             there is none; and what ``Shape.from_cells`` refuses.
     """
-    found, reasons = paths_or_reasons(
+    paths, reasons = paths_or_reasons(
         cells, seed=seed, most=most, turned=turned, work=work, weights=weights
     )
-    if not found:
+    if not paths:
         raise InputError(*most_telling(reasons))
-    return found
+    return paths
 
 
 def why_none(
-    cells: ArrayLike, *, seed: int = 0, turned: bool = True, work: int = WORK
+    cells: ArrayLike, *, seed: int = 0, turned: bool = True, work: int = LAYER_WORK_STEPS
 ) -> tuple[NoPath, ...]:
-    """Why a shape has no path for a table, for each side that it could lie on; empty if it has one.
+    """Return the reason for each side of a shape without a path for a table; empty if it has one.
 
     Args:
-        cells: As ``table_paths`` takes them, and so are the others.
+        cells: (n, 3) cells; all arguments are those of ``table_paths``.
     """
-    found, reasons = paths_or_reasons(cells, seed=seed, most=1, turned=turned, work=work)
-    return () if found else reasons
+    paths, reasons = paths_or_reasons(cells, seed=seed, most=1, turned=turned, work=work)
+    return () if paths else reasons
 
 
 def paths_or_reasons(
     cells: ArrayLike,
     *,
     seed: int = 0,
-    most: int = MOST,
+    most: int = MAX_TABLE_PATHS,
     turned: bool = True,
-    work: int = WORK,
+    work: int = LAYER_WORK_STEPS,
     weights: Parts = WEIGHTS,
 ) -> tuple[tuple[TablePath, ...], tuple[NoPath, ...]]:
-    """The paths that ``table_paths`` gives, and why sides have none; of no paths, all reasons.
+    """Return the paths of ``table_paths``, and the reasons of sides without a path.
 
     Args:
-        cells: As ``table_paths`` takes them, and so are the others.
+        cells: (n, 3) cells; all arguments are those of ``table_paths``.
     """
     given = Shape.from_cells(cells).cells
     if len(given) < FEWEST_CELLS:
@@ -131,35 +133,35 @@ def paths_or_reasons(
         )
     sides = list(sides_of(given, turned=turned))
     reasons = {side.down: reason for side in sides if (reason := ruled_out(side)) is not None}
-    left = [side for side in sides if side.down not in reasons]
-    found: list[TablePath] = []
+    candidates = [side for side in sides if side.down not in reasons]
+    paths: list[TablePath] = []
     climbs: dict[str, Climb] = {}
-    for k, side in enumerate(left):
+    for k, side in enumerate(candidates):
         climb = climbs[side.down] = Climb(side.cells, np.random.default_rng([seed, k]), weights)
-        climb.search(Work(work // len(left)))
-        found += _made(climb, side, most, weights)
-    if not found:
-        for side in left:
+        climb.search(Work(work // len(candidates)))
+        paths += _made(climb, side, most, weights)
+    if not paths:
+        for side in candidates:
             order, reason = unsolved(side, seed)
             if order is not None:
                 climbs[side.down].add_path(order.tolist())
-                found.append(_path(side, order, LAYERS, weights))
-                found += _made(climbs[side.down], side, most, weights)
+                paths.append(_path(side, order, LAYERS, weights))
+                paths += _made(climbs[side.down], side, most, weights)
             if reason is not None:
                 reasons[side.down] = reason
-    if not found:
+    if not paths:
         open_sides = [side for side in sides if reasons[side.down].may_fall]
         for side in open_sides:
             order, reason = falling(side, seed, effort=FALLING_EFFORT / len(open_sides))
             if order is not None:
-                found.append(_path(side, order, FALLS, weights))
+                paths.append(_path(side, order, FALLS, weights))
             if reason is not None:
                 reasons[side.down] = reason
-    return _chosen(found, most), tuple(reasons[side.down] for side in sides if side.down in reasons)
+    return _chosen(paths, most), tuple(reasons[side.down] for side in sides if side.down in reasons)
 
 
 def _made(climb: Climb, side: Side, most: int, weights: Parts) -> list[TablePath]:
-    orders = climb.best(LOOKED_AT * most)
+    orders = climb.best(SCORED_PER_PATH * most)
     return [_path(side, order, LAYERS, weights) for order in orders]
 
 
@@ -178,9 +180,9 @@ def _path(side: Side, order: Ints, rule: Rule, weights: Parts) -> TablePath:
     )
 
 
-def _chosen(found: list[TablePath], most: int) -> tuple[TablePath, ...]:
-    """The best paths; those that are almost another one, or its mirror image, come last."""
-    different = {(path.down, path.cells.tobytes()): path for path in found}.values()
+def _chosen(paths: list[TablePath], most: int) -> tuple[TablePath, ...]:
+    """Return the best paths; those almost equal to another or its mirror image come last."""
+    different = {(path.down, path.cells.tobytes()): path for path in paths}.values()
     ranked = sorted(different, key=lambda path: (path.score, path.down, path.cells.tobytes()))
     chosen: list[TablePath] = []
     looks: list[frozenset[tuple[int, ...]]] = []
@@ -188,7 +190,7 @@ def _chosen(found: list[TablePath], most: int) -> tuple[TablePath, ...]:
     for path in ranked:
         links = [_links(image) for image in images(path.cells)]
         shared = max((len(a & b) for a in links for b in looks), default=0)
-        if shared > ALIKE * (len(path.cells) - 1):
+        if shared > MAX_SHARED_LINKS * (len(path.cells) - 1):
             alike.append(path)
         else:
             chosen.append(path)

@@ -12,7 +12,7 @@ from rich.console import Console
 from planner.errors import InputError
 from planner.readers.angle_strings import HEADING
 from planner.readers.limits import megabytes
-from planner.readers.text import REMEDY
+from planner.readers.text import READ_AS_VOXELS
 from server.store.gallery import Gallery
 
 if TYPE_CHECKING:
@@ -88,7 +88,9 @@ def make_directory(out: Path) -> None:
 
 def refuse(error: InputError, as_json: bool) -> NoReturn:
     """Says what is wrong with the input and exits with 2."""
-    error = InputError(error.code, error.detail.replace(REMEDY, TYPED_REMEDY), where=error.where)
+    error = InputError(
+        error.code, error.detail.replace(READ_AS_VOXELS, TYPED_REMEDY), where=error.where
+    )
     if as_json:
         problem = {"code": error.code, "detail": error.detail, "where": error.where}
         print(json.dumps({"status": "invalid", "error": problem}), flush=True)

@@ -20,8 +20,8 @@ def ruled_out_on_table(chain: Path) -> bool:
         chain: Chain file of the fold. One that cannot be read counts as ruled out.
     """
     # SciPy, which this needs, is not loaded before a page asks.
-    from planner.table_paths.reasons import ruled_out
-    from planner.table_paths.resting import sides_of
+    from planner.table_paths.base_sides import sides_of
+    from planner.table_paths.infeasibility import ruled_out
 
     try:
         positions = chain_from_attributes(json.loads(chain.read_bytes())).folded_poses.positions

@@ -30,7 +30,7 @@ from planner.simulation.model import SOLIMP, Material, compiled, tree_spec
 from planner.simulation.mujoco import mujoco
 from planner.statics.balance import Balance
 from planner.statics.contacts import floor_clearances
-from planner.statics.resting import resting_poses
+from planner.statics.stable_poses import resting_poses
 from server.store.gallery import Gallery
 from tests.benchmarks.tables import Section
 
@@ -49,7 +49,7 @@ SPRING_RAD: Final = 0.2
 SPRING: Final = 2.0
 PATIENCE: Final = 1500
 """Frames without less bend, after which a run is stuck."""
-SUNK: Final = 0.012
+MAX_TABLE_PENETRATION_PITCH: Final = 0.012
 STRAIGHT_RAD: Final = 0.02
 SPACING: Final = (0.05, 0.15)
 """Radians of a hinge, and pitches of a module, between two frames."""
@@ -226,7 +226,7 @@ class _Run:
         mujoco.mj_kinematics(self.model, data)
         positions = data.xpos[self.bodies].copy()
         rotations = data.xmat[self.bodies].reshape(-1, 3, 3).copy()
-        if floor_clearances(module, positions, rotations) < -SUNK:
+        if floor_clearances(module, positions, rotations) < -MAX_TABLE_PENETRATION_PITCH:
             return "sunk"
         if closest(module, positions, rotations, size=VERIFY_SIZE).clearance < 0.0:
             return "touching"

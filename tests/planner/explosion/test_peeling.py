@@ -27,7 +27,7 @@ from planner.motion.windows import Windows
 from planner.parameters.explosion import PeelingParameters
 from planner.parameters.playback import PlaybackParameters
 from planner.pathfinding.assembly import assembly_path, solid_paths
-from planner.pathfinding.peelability import peelable
+from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
 from planner.playback.kinematic import windowed_frames
 from planner.progress import Progress

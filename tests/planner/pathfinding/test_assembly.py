@@ -14,7 +14,7 @@ from planner.pathfinding.assembly import (
     layered_snake,
     solid_paths,
 )
-from planner.pathfinding.peelability import peelable
+from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
 from planner.shapes.layers import layered_path
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding.circuit_solver import CircuitSolver
-from planner.pathfinding.circuits import circuit
 from planner.pathfinding.exact import exact_path
+from planner.pathfinding.infeasibility import obstacles
 from planner.pathfinding.lattice import neighbours, spread, surface
-from planner.pathfinding.obstacles import obstacles
+from planner.pathfinding.sat_paths import circuit
 from planner.shapes.shape import Shape
 from tests.benchmarks.feasible_sets import FeasibleSet, feasible_sets
 from tests.benchmarks.hard_sets import hard_sets

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.pathfinding import METHODS
+from planner.pathfinding import PATH_METHODS
 from planner.pathfinding.candidates import find_paths, ranked
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import spread, surface
-from planner.pathfinding.peelability import peelable
+from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
 from planner.shapes.shape import Shape
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
@@ -150,7 +150,7 @@ def test_disconnected_blocks_are_explained() -> None:
 
 
 def test_options_that_are_none_are_refused() -> None:
-    assert METHODS == ("auto", "blocks", "exact", "snake")
+    assert PATH_METHODS == ("auto", "blocks", "exact", "snake")
     with pytest.raises(InputError, match="expected one of: auto, blocks, exact, snake"):
         find_paths(BOX, method="magic")
     with pytest.raises(InputError, match="any or surface"):

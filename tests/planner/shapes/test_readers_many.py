@@ -10,7 +10,7 @@ import trimesh
 
 from planner.errors import InputError
 from planner.readers import off, read, stl
-from planner.shapes.seams import is_surface
+from planner.shapes.mesh_repair import is_surface
 from planner.shapes.solid import Solid
 from tests.planner.solids_made import box
 

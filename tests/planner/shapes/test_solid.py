@@ -6,7 +6,7 @@ import trimesh
 
 from planner.errors import InputError
 from planner.shapes.sampling import sample
-from planner.shapes.solid import LARGEST_LENGTH, Solid, signed_volume
+from planner.shapes.solid import MAX_VERTEX_COORDINATE, Solid, signed_volume
 from tests.planner.solids_made import box, solid_of, torus
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
@@ -129,7 +129,7 @@ def test_a_broken_vertex_that_no_triangle_uses_does_no_harm() -> None:
         (TETRAHEDRON, FACES - 1, "bad-index"),
         (np.where(TETRAHEDRON > 0, np.nan, 0), FACES, "not-finite"),
         (np.where(TETRAHEDRON > 0, np.inf, 0), FACES, "not-finite"),
-        (TETRAHEDRON * 2 * LARGEST_LENGTH, FACES, "too-far"),
+        (TETRAHEDRON * 2 * MAX_VERTEX_COORDINATE, FACES, "too-far"),
         (TETRAHEDRON * [1, 1, 0], FACES, "flat"),
     ],
 )

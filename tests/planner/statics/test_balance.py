@@ -10,7 +10,7 @@ from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import TETRAHEDRON
 from planner.statics.balance import Balance
 from planner.statics.friction import rays
-from planner.statics.resting import resting_poses
+from planner.statics.stable_poses import resting_poses
 from tests.planner.chains import coil, line, random_angles
 from tests.planner.statics.standing import by_joint_wrenches, out_of_balance, standing, through
 

@@ -10,7 +10,14 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import wxyz_from_matrix
 from planner.statics.balance import Balance
-from planner.statics.friction import FANS, SIDES, Friction, drifting, rays, slips
+from planner.statics.friction import (
+    CONE_SIDES,
+    DIRECTION_SPREADS_RAD,
+    Friction,
+    drifting,
+    rays,
+    slips,
+)
 from tests.planner.chains import line
 from tests.planner.statics.standing import by_joint_wrenches, out_of_balance, standing
 
@@ -90,7 +97,7 @@ def test_a_corner_that_stays_is_held_in_a_pyramid_inside_the_cone() -> None:
     moved = slips(found.contacts, friction, positions, rotations)
     still = found.contacts.first < 2
     assert (np.linalg.norm(moved, axis=1) == 0.0).tolist() == still.tolist()
-    assert len(which) == SIDES * still.sum() + (~still).sum()
+    assert len(which) == CONE_SIDES * still.sum() + (~still).sum()
     assert np.hypot(forces[:, 0], forces[:, 1]) == pytest.approx(np.full(len(which), 0.5))
     slipping = ~still[which]
     along = moved[which[slipping]]
@@ -111,7 +118,7 @@ def test_a_free_chain_drifts_so_that_it_rubs_least() -> None:
     free = drifting(found.contacts, friction, positions, rotations, pressures)
     assert work(free) < work(friction)
     rng = np.random.default_rng(0)
-    assert free.positions is not None and free.fan == FANS[0]
+    assert free.positions is not None and free.fan == DIRECTION_SPREADS_RAD[0]
     for _ in range(20):
         shift = np.append(rng.normal(scale=0.1 * STEP, size=2), 0.0)
         other = Friction(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.pathfinding.fill_cubes import BLOCK
+from planner.pathfinding.fill_cubes import BLOCK_CELLS
 from planner.pathfinding.options import MAX_TABLE_MODULES, PathOptions
 from planner.pipeline.prepare import prepare
 from planner.readers import read
@@ -62,7 +62,7 @@ def test_repaired_cells_of_a_mesh_stay_where_the_mesh_is() -> None:
 
 def test_offers_of_cells_too_many_for_a_table_are_no_blocks() -> None:
     asked = PathOptions(world="table", as_voxels=True)
-    assert BLOCK * len(SURPLUS) > MAX_TABLE_MODULES
+    assert BLOCK_CELLS * len(SURPLUS) > MAX_TABLE_MODULES
     assert {offer.kind for offer in table_offers(Shape.from_cells(SURPLUS), asked)} == {"repair"}
 
 

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.table_paths.base_sides import prefix_margins, sides_of, stands
 from planner.table_paths.layer import Layer, Work, ways
-from planner.table_paths.resting import prefix_margins, sides_of, stands
 from planner.table_paths.rules import Rule, faults_of
 from planner.table_paths.score import WEIGHTS, Parts, levers, parts_of
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from planner.parameters.parameters import PRESETS, STRATEGY_OPTIONS
 from planner.parameters.settings import MAX_TEXT_CHARS, SETTINGS
-from planner.pathfinding import ENDS, METHODS
+from planner.pathfinding import PATH_ENDS, PATH_METHODS
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pipeline.preference import PREFERENCES
 from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
@@ -103,8 +103,8 @@ def test_the_api_says_what_the_planner_takes(desk: Service) -> None:
     assert tuple(of("preset")["enum"]) == PRESETS
     assert tuple(of("strategy")["enum"]) == STRATEGY_OPTIONS
     assert tuple(of("prefer")["enum"]) == PREFERENCES
-    assert tuple(of("method")["enum"]) == METHODS
-    assert tuple(of("ends")["enum"]) == ENDS
+    assert tuple(of("method")["enum"]) == PATH_METHODS
+    assert tuple(of("ends")["enum"]) == PATH_ENDS
     assert of("settings")["maxLength"] == MAX_TEXT_CHARS
     assert all(f"`{setting.name}`" in of("settings")["description"] for setting in SETTINGS)
     for name, limits in (

@@ -1,4 +1,4 @@
-"""Resting: the sides that a shape of cubes can lie on, and how safely cells stand on the floor."""
+"""Base sides: sides on which a shape of cubes can lie, and margins of its balance."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from scipy.spatial import ConvexHull
 Ints = NDArray[np.int64]
 Array = NDArray[np.float64]
 
-SAFE: Final = 0.05
-"""How far within the hull of the floor cells the centre of mass has to be, in pitches."""
-CORNERS: Final = np.array(list(product((-0.5, 0.5), repeat=2)))
-TURNS: Final = {
+MIN_BALANCE_MARGIN_PITCH: Final = 0.05
+"""Minimum distance of the centre of mass from the rim of the hull of the floor cells. Larger values
+refuse more paths. Chosen."""
+CELL_CORNERS: Final = np.array(list(product((-0.5, 0.5), repeat=2)))
+SIDE_ROTATIONS: Final = {
     "-z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     "+z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
     "-x": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
@@ -26,7 +27,7 @@ TURNS: Final = {
     "+y": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
 }
 """Rotations that lay a side of a shape down; ``-z`` leaves it as it stands."""
-ABOUT: Final = tuple(
+PLANE_SYMMETRIES: Final = tuple(
     np.array(turn, dtype=np.int64)
     for sign in (1, -1)
     for turn in (
@@ -44,10 +45,10 @@ class Side:
     """A shape that lies on one of its sides.
 
     Attributes:
-        down: The side of the shape as it was given that is down: ``-z``, ``+x`` and so on.
+        down: Side of the given shape that is down: ``-z``, ``+x`` and so on.
         turn: (3, 3) the rotation of the shape: a cell c lies at ``turn @ c + shift``.
-        shift: (3,) what moves the turned shape to the origin, its lowest cells to z = 0.
-        cells: (n, 3) the cells as they lie, in the order in which they were given.
+        shift: (3,) shift of the turned shape to the origin, its lowest cells to z = 0.
+        cells: (n, 3) lying cells, in the given order.
     """
 
     down: str
@@ -57,14 +58,14 @@ class Side:
 
 
 def sides_of(cells: Ints, *, turned: bool = True) -> Iterator[Side]:
-    """The sides that a shape can be laid on, those left out that look as one before.
+    """Yield the sides on which a shape can lie, without those that look like an earlier one.
 
     Args:
         cells: (n, 3) distinct cells.
-        turned: Also other sides than the one that is down.
+        turned: True for all sides, False for the one that is down.
     """
     seen: set[bytes] = set()
-    for down, rows in TURNS.items():
+    for down, rows in SIDE_ROTATIONS.items():
         turn = np.array(rows, dtype=np.int64)
         laid = cells @ turn.T
         shift = -laid.min(axis=0)
@@ -78,40 +79,40 @@ def sides_of(cells: Ints, *, turned: bool = True) -> Iterator[Side]:
 
 
 def images(cells: Ints) -> Iterator[Ints]:
-    """Cells turned and mirrored about the vertical in all eight ways, moved to the origin."""
-    for turn in ABOUT:
+    """Yield the eight images of cells under turns and mirrors about the vertical, at the origin."""
+    for turn in PLANE_SYMMETRIES:
         image = np.column_stack([cells[:, :2] @ turn.T, cells[:, 2]])
         yield image - image.min(axis=0)
 
 
 def support(floor: Ints) -> Array:
-    """(E, 3) the edges of the hull of floor cells: a, b, c with a x + b y + c ≤ 0 inside."""
-    corners = (floor[:, None, :2] + CORNERS).reshape(-1, 2)
+    """Return the (E, 3) edges of the floor cells' hull: a, b, c; a x + b y + c ≤ 0 inside."""
+    corners = (floor[:, None, :2] + CELL_CORNERS).reshape(-1, 2)
     return np.asarray(ConvexHull(corners).equations, dtype=np.float64)
 
 
 def margins_within(edges: Array, points: Array) -> Array:
-    """(k,) how far (k, 2) points lie within a hull, in pitches; negative outside."""
+    """Return (k,) distances of (k, 2) points from a hull's rim, pitches; negative outside."""
     return -(points @ edges[:, :2].T + edges[:, 2]).max(axis=1)
 
 
 def stands(cells: Ints) -> float:
-    """How far the centre of mass lies within the hull of the cells at z = 0, in pitches."""
+    """Return the margin of the centre of mass in the hull of the cells at z = 0, pitches."""
     centre = cells[:, :2].mean(axis=0, keepdims=True)
     return float(margins_within(support(cells[cells[:, 2] == 0]), centre)[0])
 
 
 def prefix_margins(order: Ints) -> Array:
-    """(n,) ``stands`` of the first 1, 2 … n cells of a path; −inf where none is on the floor."""
+    """Return (n,) ``stands`` of the first 1 … n cells of a path; −inf without floor cells."""
     count = len(order)
     centres = np.cumsum(order[:, :2], axis=0) / np.arange(1, count + 1)[:, None]
     on_floor = order[:, 2] == 0
-    found = np.full(count, -np.inf)
+    margins = np.full(count, -np.inf)
     starts = [*np.flatnonzero(on_floor).tolist(), count]
     for first, following in zip(starts, starts[1:], strict=False):
         edges = support(order[: first + 1][on_floor[: first + 1]])
-        found[first:following] = margins_within(edges, centres[first:following])
-    return found
+        margins[first:following] = margins_within(edges, centres[first:following])
+    return margins
 
 
 def _sorted(cells: Ints) -> Ints:

@@ -9,7 +9,7 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import TETRAHEDRON
 from planner.statics.balance import Balance
-from planner.statics.resting import resting_poses, turn_down
+from planner.statics.stable_poses import resting_poses, turn_down
 from tests.planner.chains import coil, line, random_angles, random_rotation
 from tests.planner.statics.standing import through
 

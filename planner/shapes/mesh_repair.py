@@ -1,4 +1,4 @@
-"""Seams of meshes: which edges are shared, welding of vertices, closing of holes."""
+"""Repair of meshes: shared edges, merging of vertices, closing of holes."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_LOOSE: Final = 100_000
-LOOKED_AT: Final = 20_000
-MOST_ODD: Final = 2 / 3
-"""Part of the edges that may belong to an odd number of triangles, before sewing."""
-MOST_SHARED: Final = 3.0
-"""Triangles that share an edge, in the mean."""
+MAX_LOOSE_EDGES: Final = 100_000
+"""Maximum number of loose edges of a mesh whose holes are closed. Chosen; bounds time."""
+SAMPLED_EDGES: Final = 20_000
+"""Number of edges of a large mesh that are sampled to tell a surface, about. Chosen."""
+MAX_ODD_SHARE: Final = 2 / 3
+"""Maximum share of edges with an odd number of triangles, before repair. Larger values admit more
+broken meshes. Chosen."""
+MAX_EDGE_TRIANGLES: Final = 3.0
+"""Maximum mean number of triangles at an edge. Chosen; a surface has 2."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,12 +24,12 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Edges:
-    """How triangles share edges.
+    """Statistics of the edges of a mesh.
 
     Attributes:
-        open: How many edges an odd number of triangles share.
-        scattered: Whether most edges belong to one triangle alone.
-        loose: (E, 2) open edges as the triangle runs that has them; only where one has.
+        open: Number of edges that an odd number of triangles share.
+        scattered: True if most edges belong to one triangle alone.
+        loose: (E, 2) edges of a single triangle, in its direction.
     """
 
     open: int
@@ -39,10 +42,10 @@ class Closed:
     """A mesh after its holes were closed.
 
     Attributes:
-        vertices: With a middle for each hole.
-        faces: With a fan for each hole.
-        holes: How many were closed.
-        share: Area of the fans over that of the whole.
+        vertices: (V, 3) vertices, with a new one in the middle of each hole.
+        faces: (F, 3) triangles, with a fan for each hole.
+        holes: Number of closed holes.
+        share: Area of the fans over the whole area, 0…1.
     """
 
     vertices: Floats
@@ -52,7 +55,7 @@ class Closed:
 
 
 def edges_of(faces: Ints) -> Edges:
-    """Counts how triangles share edges; there must be some.
+    """Count how triangles share edges; there must be some.
 
     trimesh takes a mesh for watertight when each edge is shared by two. Four are as good: solids
     that touch along an edge are closed.
@@ -72,29 +75,29 @@ def edges_of(faces: Ints) -> Edges:
 
 
 def is_surface(points: Floats, faces: Ints) -> bool:
-    """Whether triangles share edges as those of a surface do, by a sample of their edges.
+    """Return True if triangles share edges like a surface, by a sample of the edges.
 
     Sewing millions of triangles takes seconds. Here vertices at one place are told by a hash, and
     only the edges with some of the hashes are counted.
     """
     mixed = _mixed(points + 0.0)
-    modulus = np.uint64(max(1, 3 * len(faces) // LOOKED_AT))
-    found: list[NDArray[np.uint64]] = []
+    modulus = np.uint64(max(1, 3 * len(faces) // SAMPLED_EDGES))
+    sampled_keys: list[NDArray[np.uint64]] = []
     with np.errstate(over="ignore"):
         for a, b in ((0, 1), (1, 2), (2, 0)):
             keys = mixed[faces[:, a]] + mixed[faces[:, b]]
             keys ^= keys >> np.uint64(31)
-            found.append(keys[keys % modulus == 0])
-    _, counts = np.unique(np.concatenate(found), return_counts=True)
+            sampled_keys.append(keys[keys % modulus == 0])
+    _, counts = np.unique(np.concatenate(sampled_keys), return_counts=True)
     if not len(counts):
         return True
-    return bool((counts % 2).mean() <= MOST_ODD and counts.mean() <= MOST_SHARED)
+    return bool((counts % 2).mean() <= MAX_ODD_SHARE and counts.mean() <= MAX_EDGE_TRIANGLES)
 
 
 def welded(
     points: Floats, faces: Ints, *, tolerance: float, once: bool = True
 ) -> tuple[Floats, Ints]:
-    """Makes one vertex of those that are equal, or equal after rounding to ``tolerance``.
+    """Merge vertices that are equal, or equal after rounding to ``tolerance``.
 
     Triangles that collapse are left out, and with ``once`` those that come again with the same
     corners in the same order. Without it a closed mesh stays closed.
@@ -125,7 +128,7 @@ def welded(
 
 
 def closed_holes(points: Floats, faces: Ints, edges: Edges) -> Closed:
-    """Closes holes by fans around the middles of their rims; too many loose edges are left."""
+    """Close holes with fans around the middle of the rim; skip meshes with too many."""
     loops = _loops(edges.loose)
     new_points, new_faces = [points], [faces]
     next_row = len(points)
@@ -146,8 +149,8 @@ def closed_holes(points: Floats, faces: Ints, edges: Edges) -> Closed:
 
 
 def _loops(loose: Ints) -> list[Ints]:
-    """Rims of holes, cut where they meet themselves, so that each passes its vertices once."""
-    if len(loose) > MOST_LOOSE:
+    """Return the rims of holes, split so that each passes its vertices once."""
+    if len(loose) > MAX_LOOSE_EDGES:
         return []
     ahead: dict[int, list[int]] = {}
     for start, end in loose.tolist():
@@ -180,7 +183,7 @@ def _bits(rows: Floats) -> NDArray[np.uint64]:
 
 
 def _mixed(rows: Floats) -> NDArray[np.uint64]:
-    """(N,) a hash of each row."""
+    """Return (N,) a hash of each row."""
     bits = _bits(rows)
     mixed = np.zeros(len(rows), dtype=np.uint64)
     with np.errstate(over="ignore"):

@@ -1,4 +1,4 @@
-"""Files of another kind: recognised only to say what they look like."""
+"""Signatures of unsupported files, recognised only for the error message."""
 
 from __future__ import annotations
 
@@ -42,14 +42,15 @@ XML_KINDS: Final = (
     (b"<collada", "a COLLADA scene"),
     (b"<x3d", "an X3D scene"),
 )
-LOOKED_AT: Final = 2048
+XML_PROBE_BYTES: Final = 2048
+"""Bytes at the beginning of a file that are searched for XML elements. Chosen."""
 
 
 def refuse_other_kinds(data: bytes, expected: str) -> None:
-    """Refuses a file that is plainly something else.
+    """Refuse a file with the signature of an unsupported format.
 
     Raises:
-        InputError: ``wrong-kind``, saying what the file looks like.
+        InputError: ``wrong-kind``; says what the file looks like.
     """
     kind = looks_like(data)
     if kind is not None:
@@ -57,7 +58,7 @@ def refuse_other_kinds(data: bytes, expected: str) -> None:
 
 
 def wrong_kind(found: str, expected: str) -> InputError:
-    """The refusal of a file of another kind."""
+    """Return the error for a file of an unsupported format."""
     return InputError("wrong-kind", f"{found}, expected {expected}.")
 
 
@@ -68,11 +69,11 @@ def unknown_kind(text: str, expected: str) -> InputError:
 
 
 def looks_like(data: bytes) -> str | None:
-    """In plain words what a file looks like, or None when it may be one of ours."""
+    """Return a description of an unsupported file, or None if it may be readable."""
     for signature, kind in SIGNATURES:
         if data.startswith(signature):
             return kind
-    start = data[:LOOKED_AT].lstrip(b"\xef\xbb\xbf \t\r\n")
+    start = data[:XML_PROBE_BYTES].lstrip(b"\xef\xbb\xbf \t\r\n")
     if start.startswith(b"<"):
         lower = start.lower()
         for mark, kind in XML_KINDS:

@@ -1,4 +1,4 @@
-"""The linear program of a balance, and the solver that goes on from one frame to the next.
+"""The linear program of an equilibrium, and its warm-started solver.
 
 Forces f ≥ 0 along R rays give torques g + A f and leave the whole chain e + E f out of balance. The
 scaled unknowns φ = f / t and s = 1 / t leave one ranged row a hinge, −1 ≤ s g + A φ ≤ 1, and
@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Columns = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 """A sparse matrix by columns: where each starts, rows and values."""
-NOTHING: Final = 1e-9
-"""Values of s up to this are none: nothing balances."""
-ALIKE: Final = 0.8
-"""Share of the last frame's forces that must be there again for its answer to be begun with."""
+MIN_SCALE: Final = 1e-9
+"""Value of s up to which there is no equilibrium: rounding. Chosen."""
+MIN_COMMON_RAYS: Final = 0.8
+"""Share of the last basis' rays that must occur again for a warm start. Chosen."""
 PRIMAL, DUAL = 4, 1
 """HiGHS' numbers of the two simplex methods."""
 BASIC: Final = highspy.HighsBasisStatus.kBasic
@@ -33,7 +33,7 @@ OPTIMAL: Final = highspy.HighsModelStatus.kOptimal
 
 
 class Program:
-    """Solves one program after another, beginning each where the last one ended."""
+    """Solver of a sequence of programs, each warm-started from the last one."""
 
     def __init__(self) -> None:
         self._highs = highspy.Highs()
@@ -46,17 +46,17 @@ class Program:
         self._basis = _Basis(basic=np.empty(0, np.int64), last=False, rows=[])
 
     def pushes(self, keys: Ints, matrix: Columns, weight: Array, hinges: int, most: float) -> Array:
-        """(R,) how much each ray pushes; all zeros where nothing balances.
+        """Return the (R,) force of each ray; all zeros without equilibrium.
 
         Args:
-            keys: (R,) tell rays apart from frame to frame.
-            matrix: What each ray asks of every row.
-            weight: (rows,) what the weights ask.
-            hinges: How many of the rows, the first ones, are hinges.
-            most: Largest s, one over the least torque that is looked for.
+            keys: (R,) identify rays from frame to frame.
+            matrix: Load of a unit force of each ray on every row.
+            weight: (rows,) load of the weights.
+            hinges: Number of leading rows that are hinges.
+            most: Largest s: the reciprocal of the smallest torque of interest.
 
         Raises:
-            PlannerError: Where the solver gives up.
+            PlannerError: The solver gives up.
         """
         self._pass(matrix, weight, hinges, most)
         if begin := self._basis.of(keys, len(weight)):
@@ -66,12 +66,12 @@ class Program:
             self._once_more()
         scaled = np.array(self._highs.getSolution().col_value)
         self._basis = _Basis.found(self._highs.getBasis(), keys)
-        if scaled[-1] <= NOTHING:
+        if scaled[-1] <= MIN_SCALE:
             return np.zeros(len(keys))
         return np.maximum(scaled[:-1], 0.0) / scaled[-1]
 
     def _once_more(self) -> None:
-        """From scratch, by the other method, with numbers scaled."""
+        """Solve again from scratch by the dual simplex method with scaling."""
         self._highs.clearSolver()
         self._highs.setOptionValue("simplex_strategy", DUAL)
         self._highs.setOptionValue("simplex_scale_strategy", 2)
@@ -115,11 +115,11 @@ class Program:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Basis:
-    """Where the simplex method ended.
+    """Basis at the end of the simplex method.
 
     Attributes:
         basic: Keys of the rays in the basis.
-        last: Whether s is in it.
+        last: True if s is in it.
         rows: State of every row.
     """
 
@@ -134,12 +134,12 @@ class _Basis:
         return cls(basic=keys[basic[:-1]], last=bool(basic[-1]), rows=basis.row_status)
 
     def of(self, keys: Ints, rows: int) -> highspy.HighsBasis | None:
-        """The same with other rays; None where too few of its own are among them."""
+        """Return a start basis for other rays; None if too few of its rays are among them."""
         if len(self.rows) != rows:
             return None
         basic = np.isin(keys, self.basic)
         kept = int(basic.sum())
-        if kept < ALIKE * len(self.basic):
+        if kept < MIN_COMMON_RAYS * len(self.basic):
             return None
         begin = highspy.HighsBasis()
         begin.valid = True

@@ -1,4 +1,4 @@
-"""Peelability: whether the units of a path can leave one after the other, from its far end on."""
+"""Removal analysis: free directions of the units of a path, from its far end on."""
 
 from __future__ import annotations
 
@@ -11,23 +11,26 @@ from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
 
-UNIT: Final = 32
-"""Modules of a unit, as ``PeelingParameters.unit``."""
-WAYS: Final = tuple(way for way in product((-1, 0, 1), repeat=3) if any(way))
-AXES: Final = tuple(k for k, way in enumerate(WAYS) if sum(map(abs, way)) == 1)
-ENOUGH_WAYS: Final = 3
-"""Ways out of the core that a unit needs; those with fewer sit in a pit, and stuck."""
+UNIT_CELLS: Final = 32
+"""Number of cells of a unit: the default of ``PeelingParameters.unit``."""
+DIRECTIONS_26: Final = tuple(way for way in product((-1, 0, 1), repeat=3) if any(way))
+"""The 26 directions to the faces, edges and corners of a cube."""
+AXIS_DIRECTIONS: Final = tuple(k for k, way in enumerate(DIRECTIONS_26) if sum(map(abs, way)) == 1)
+"""Indices of the six directions along the axes."""
+MIN_FREE_DIRECTIONS: Final = 3
+"""Number of free directions from which a unit counts as easily removed; units with fewer sit in a
+pit, and stuck. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Peelability:
-    """How well a path can be peeled from its far end.
+    """Free directions of the units of a path, from the far end on.
 
     Attributes:
-        unit: Cells that come off at once.
-        shares: (U,) for each unit, from the far end on, the largest share of its cells that have a
-            free line in one common direction of an axis when it is the unit's turn.
-        ways: (U,) of the 26 directions those in which all of its cells have a free line.
+        unit: Number of cells of a unit.
+        shares: (U,) largest share of a unit's cells that have a free line along one axis when the
+            unit is next; units from the far end on.
+        ways: (U,) number of the 26 directions in which all cells of a unit have a free line.
     """
 
     unit: int
@@ -36,27 +39,27 @@ class Peelability:
 
     @property
     def buried(self) -> Ints:
-        """The units of which some cell has no free line in the best direction."""
+        """Indices of the units with a cell without a free line in the best direction."""
         return np.flatnonzero(self.shares < 1.0)
 
     @property
     def free(self) -> bool:
-        """Whether every unit can leave along a line."""
+        """True if every unit can leave along a line."""
         return not len(self.buried)
 
     @property
     def score(self) -> float:
-        """1 when every unit has ways out; less where some have few, by the worst and the mean."""
-        ease = self.shares * np.minimum(1.0, self.ways / ENOUGH_WAYS)
+        """Mean of the worst and the mean unit, 0…1; 1 if all units have free directions."""
+        ease = self.shares * np.minimum(1.0, self.ways / MIN_FREE_DIRECTIONS)
         return float(0.5 * (ease.min(initial=1.0) + ease.mean()))
 
 
-def peelable(cells: Ints, unit: int = UNIT) -> Peelability:
-    """Whether a path can be peeled from its far end, and how well.
+def peelable(cells: Ints, unit: int = UNIT_CELLS) -> Peelability:
+    """Analyse the removal of a path's units from its far end.
 
     Args:
-        cells: (n, 3) in the order of the path.
-        unit: Cells that come off at once.
+        cells: (n, 3) cells in the order of the path.
+        unit: Number of cells of a unit.
     """
     count = len(cells)
     low = cells.min(axis=0) - 1
@@ -68,22 +71,22 @@ def peelable(cells: Ints, unit: int = UNIT) -> Peelability:
     start = np.maximum(count - unit * (of_unit + 1), 0)
     units = int(of_unit.max()) + 1
     sizes = np.bincount(of_unit, minlength=units)
-    shares = np.zeros((len(WAYS), units))
-    for k, way in enumerate(WAYS):
+    shares = np.zeros((len(DIRECTIONS_26), units))
+    for k, way in enumerate(DIRECTIONS_26):
         free = _least_beyond(grid, way, count)[places] >= start
         shares[k] = np.bincount(of_unit, weights=free, minlength=units) / sizes
     return Peelability(
         unit=unit,
-        shares=shares[list(AXES)].max(axis=0),
+        shares=shares[list(AXIS_DIRECTIONS)].max(axis=0),
         ways=(shares == 1.0).sum(axis=0).astype(np.int64),
     )
 
 
 def _least_beyond(grid: Ints, way: tuple[int, ...], none: int) -> Ints:
-    """The least number on the line from each cell in one direction; the rim of the grid is free."""
+    """Return the least number beyond each cell in one direction; ``none`` at the rim."""
     axis = next(k for k in range(3) if way[k])
-    found = np.full_like(grid, none)
-    source, beyond = np.moveaxis(grid, axis, 0), np.moveaxis(found, axis, 0)
+    least = np.full_like(grid, none)
+    source, beyond = np.moveaxis(grid, axis, 0), np.moveaxis(least, axis, 0)
     shift = tuple(-way[k] for k in range(3) if k != axis)
     last = len(source) - 1
     for k in range(last - 1, -1, -1) if way[axis] > 0 else range(1, last + 1):
@@ -93,4 +96,4 @@ def _least_beyond(grid: Ints, way: tuple[int, ...], none: int) -> Ints:
             if far:
                 np.moveaxis(moved, side, 0)[0 if far > 0 else -1] = none
         beyond[k] = moved
-    return found
+    return least

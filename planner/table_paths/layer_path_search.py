@@ -1,4 +1,4 @@
-"""Climb: ways through single layers, joined from the floor up to the best paths that they make."""
+"""Search for paths through layers: paths of single layers, joined from the floor up."""
 
 from __future__ import annotations
 
@@ -10,24 +10,27 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.table_paths.layer import ALL_OF, Layer, Work, ways
-from planner.table_paths.resting import SAFE, images, margins_within, support
+from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, images, margins_within, support
+from planner.table_paths.layer import MAX_EXHAUSTIVE_CELLS, Layer, Work, ways
 from planner.table_paths.score import WEIGHTS, Parts
 
 Ints = NDArray[np.int64]
 
-POOL: Final = 240
-"""Ways through a layer that are kept."""
-TRIES: Final = 48
-"""Ways through a large layer that are looked for at random."""
-KEPT: Final = 24
-"""Beginnings that are kept for each way that they end with."""
+POOL_SIZE: Final = 240
+"""Number of paths of a layer that are kept. Larger values find better paths, more slowly.
+Chosen."""
+RANDOM_TRIALS: Final = 48
+"""Number of paths of a large layer that are searched at random. Chosen."""
+BEAM_WIDTH: Final = 24
+"""Number of partial paths that are kept for each end. Larger values find better paths, more slowly.
+Chosen."""
 VERTICAL: Final = -1
+"""Step of a path of a single cell, which has no heading."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Way:
-    """A way through a layer: bits in order, first and last step (−1 for none), what it costs."""
+    """A path through a layer: bits in order, first and last step (−1 for none), and cost."""
 
     bits: tuple[int, ...]
     first: int
@@ -44,14 +47,14 @@ class _Beginning:
 
 
 def layers_of(cells: Ints) -> list[Layer]:
-    """The layers of cells that stand at z = 0, from the floor up."""
+    """Return the layers of cells that stand at z = 0, from the floor up."""
     heights = range(int(cells[:, 2].max()) + 1)
     index = [np.flatnonzero(cells[:, 2] == height) for height in heights]
     return [Layer(cells=cells[rows, :2], index=rows) for rows in index]
 
 
 class Climb:
-    """The paths through the layers of a shape that never go down.
+    """Beam search for paths through the layers of a shape that never go down.
 
     Ways are found from the floor up: those through the next layer begin above the ends of those
     through the last one, so that most of them can be joined.
@@ -64,13 +67,13 @@ class Climb:
         self.edges = support(cells[cells[:, 2] == 0])
 
     def search(self, work: Work) -> None:
-        """Fills the pools of all layers, as far as the work allows."""
+        """Fill the pools of all layers within the budget."""
         allowed: list[int] = [int(b) for b in self.layers[0].bits]
         for level, layer in enumerate(self.layers):
             share = Work(work.left // (len(self.layers) - level))
             before = share.left
             ends = self._below_cells(level)
-            for way in ways(layer, allowed, ends, self.rng, most=TRIES, work=share):
+            for way in ways(layer, allowed, ends, self.rng, most=RANDOM_TRIALS, work=share):
                 self.add(level, way)
             work.left -= before - share.left
             self._thin(level)
@@ -79,10 +82,10 @@ class Climb:
             allowed = self._above(level, {way[-1] for way in self.pools[level]})
 
     def add_path(self, order: Iterable[int]) -> None:
-        """Adds the ways that a path through all layers consists of.
+        """Add the parts of a path through all layers to the pools.
 
         Args:
-            order: Indices of the cells, which never go down.
+            order: Indices of the cells along a path that never goes down.
         """
         place = {int(k): (z, i) for z, la in enumerate(self.layers) for i, k in enumerate(la.index)}
         split: list[list[int]] = [[] for _ in self.layers]
@@ -93,7 +96,7 @@ class Climb:
             self.add(level, tuple(way))
 
     def add(self, level: int, bits: tuple[int, ...]) -> None:
-        """Adds a way to a layer's pool, unless the cells would tip over along it."""
+        """Add a path to a layer's pool, unless the cells tip over along it."""
         cost = self._cost(level, bits)
         if cost is not None:
             steps = self.layers[level].steps
@@ -102,21 +105,23 @@ class Climb:
             self.pools[level][bits] = Way(bits, first, last, cost)
 
     def best(self, most: int) -> list[Ints]:
-        """The indices of the cells of the best paths that the pools make, the best first."""
+        """Return the best paths through all layers as indices of cells, the best first."""
         now: dict[tuple[int, int], list[_Beginning]] = {}
         for way in self._different_on_the_floor():
             if way.last != VERTICAL:
                 key = way.bits[-1], way.last
                 now.setdefault(key, []).append(_Beginning(way.cost, way, way.last, None))
         for level in range(1, len(self.layers)):
-            now = self._joined(level, {k: nsmallest(KEPT, v, key=_cost) for k, v in now.items()})
+            now = self._joined(
+                level, {k: nsmallest(BEAM_WIDTH, v, key=_cost) for k, v in now.items()}
+            )
         everything = [each for group in now.values() for each in group]
         return [self._order(each) for each in nsmallest(most, everything, key=_cost)]
 
     def _joined(
         self, level: int, below: dict[tuple[int, int], list[_Beginning]]
     ) -> dict[tuple[int, int], list[_Beginning]]:
-        found: dict[tuple[int, int], list[_Beginning]] = {}
+        extended: dict[tuple[int, int], list[_Beginning]] = {}
         under = self._under(level)
         weight = self.weights.bends / len(self.cells)
         behind = int((self.cells[:, 2] >= level).sum())
@@ -129,24 +134,24 @@ class Climb:
                 rolled = roll if way.first not in (VERTICAL, heading) else 0.0
                 for each in below.get((under[way.bits[0]], heading), ()):
                     merged.append((each.cost + rolled, len(merged), each))
-            for cost, _, each in nsmallest(KEPT, merged):
+            for cost, _, each in nsmallest(BEAM_WIDTH, merged):
                 heading = each.heading if way.last == VERTICAL else way.last
                 bends = (each.way.last != VERTICAL) + (way.first != VERTICAL)
                 joined = _Beginning(cost + way.cost + bends * weight, way, heading, each)
-                found.setdefault((way.bits[-1], heading), []).append(joined)
-        return found
+                extended.setdefault((way.bits[-1], heading), []).append(joined)
+        return extended
 
     def _order(self, end: _Beginning) -> Ints:
-        found: list[list[int]] = []
+        rows: list[list[int]] = []
         each: _Beginning | None = end
         for layer in reversed(self.layers):
             assert each is not None
-            found.append([int(layer.index[layer.cell_at[bit]]) for bit in each.way.bits])
+            rows.append([int(layer.index[layer.cell_at[bit]]) for bit in each.way.bits])
             each = each.below
-        return np.array([k for way in reversed(found) for k in way], dtype=np.int64)
+        return np.array([k for way in reversed(rows) for k in way], dtype=np.int64)
 
     def _cost(self, level: int, bits: tuple[int, ...]) -> float | None:
-        """What a way adds to the score, about; None where the cells tip over along it."""
+        """Estimate what a layer's path adds to the score; None if the cells tip over along it."""
         layer = self.layers[level]
         way = layer.cells[[layer.cell_at[bit] for bit in bits]]
         tipping = 0.0
@@ -155,7 +160,7 @@ class Climb:
             counts = len(below) + np.arange(1, len(way) + 1)
             centres = (below.sum(axis=0) + np.cumsum(way, axis=0)) / counts[:, None]
             margin = float(margins_within(self.edges, centres).min())
-            if margin < SAFE:
+            if margin < MIN_BALANCE_MARGIN_PITCH:
                 return None
             tipping = max(0.0, 1.0 - margin)
         before, enclosed, swing, outs = 0, 0, 0.0, -1
@@ -173,20 +178,20 @@ class Climb:
         return float(sums / len(self.cells) + w.tipping * tipping / len(self.layers))
 
     def _thin(self, level: int) -> None:
-        """Keeps the best ways of a pool, and of each pair of ends the best one."""
+        """Keep the best paths of a pool, and the best one of each pair of ends."""
         pool = self.pools[level]
-        if len(pool) <= POOL:
+        if len(pool) <= POOL_SIZE:
             return
         ranked = sorted(pool, key=lambda bits: (pool[bits].cost, bits))
         kept: dict[tuple[int, ...], tuple[int, ...]] = {}
         for bits in ranked:
             way = pool[bits]
             kept.setdefault((bits[0], way.first, bits[-1], way.last), bits)
-        chosen = dict.fromkeys([*kept.values(), *ranked[:POOL]])
+        chosen = dict.fromkeys([*kept.values(), *ranked[:POOL_SIZE]])
         self.pools[level] = {bits: pool[bits] for bits in chosen}
 
     def _below_cells(self, level: int) -> int:
-        """The cells of a layer that have one above them; all of the highest layer."""
+        """Return the cells of a layer that have one above them; all of the highest layer."""
         layer = self.layers[level]
         if level + 1 == len(self.layers):
             return layer.whole
@@ -199,33 +204,33 @@ class Climb:
         return sorted(bit for bit, low in self._under(level + 1).items() if low in bits)
 
     def _under(self, level: int) -> dict[int, int]:
-        """Of each bit of a layer the bit under it, −1 where there is no cell."""
+        """Return the bit under each bit of a layer, −1 without a cell."""
         layer, low = self.layers[level], self.layers[level - 1]
         known = {tuple(cell): bit for cell, bit in zip(low.cells.tolist(), low.bits, strict=True)}
         pairs = zip(layer.cells.tolist(), layer.bits, strict=True)
         return {bit: known.get(tuple(cell), -1) for cell, bit in pairs}
 
     def _different_on_the_floor(self) -> list[Way]:
-        """Ways through the lowest layer, of those that are one but for the shape's symmetry one.
+        """Return the paths of the lowest layer that differ under the shape's symmetries.
 
-        Where layers are large, what goes on from one of them need not be found for another.
+        All paths are returned for large layers: continuations of one may be missing for another.
         """
-        if max(len(layer.cells) for layer in self.layers) > ALL_OF:
+        if max(len(layer.cells) for layer in self.layers) > MAX_EXHAUSTIVE_CELLS:
             return list(self.pools[0].values())
         own = _symmetries(self.cells)
         layer = self.layers[0]
-        found: dict[bytes, Way] = {}
+        different: dict[bytes, Way] = {}
         for way in sorted(self.pools[0].values(), key=lambda way: (way.cost, way.bits)):
             path = np.column_stack(
                 [layer.cells[[layer.cell_at[bit] for bit in way.bits]], np.zeros(len(way.bits))]
             ).astype(np.int64)
             turned = [image.tobytes() for k, image in enumerate(images(path)) if k in own]
-            found.setdefault(min(turned), way)
-        return list(found.values())
+            different.setdefault(min(turned), way)
+        return list(different.values())
 
 
 def _symmetries(cells: Ints) -> list[int]:
-    """Which of the eight ways about the vertical map a shape to itself."""
+    """Return the indices of the eight symmetries about the vertical that keep a shape."""
     looks = [frozenset(map(tuple, image.tolist())) for image in images(cells)]
     return [k for k, look in enumerate(looks) if look == looks[0]]
 
@@ -235,6 +240,6 @@ def _cost(each: _Beginning) -> float:
 
 
 def _run(way: Ints) -> float:
-    """How far the middle of neighbouring cells moves along a way, in pitches."""
+    """Return the distance that the middle of neighbouring cells moves along a path, pitches."""
     middles = (way[2:] + way[:-2]) / 2.0
     return float(np.linalg.norm(np.diff(middles, axis=0), axis=1).sum())

@@ -17,11 +17,11 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circuit:
-    """What the solver found.
+    """Result of the solver.
 
     Attributes:
         status: ``infeasible`` is a proof; ``undecided`` means that its time was up.
-        order: (n,) indices of the cells in the order of the path, None when there is none.
+        order: (n,) indices of the cells in the order of the path, None without one.
     """
 
     status: Literal["found", "infeasible", "undecided"]
@@ -37,11 +37,11 @@ def circuit(
     effort: float = 4.0,
     time_limit_s: float = 60.0,
 ) -> Circuit:
-    """Looks for a path through cells.
+    """Search for a path through cells.
 
     Args:
         cells: (n, 3) distinct cells.
-        rng: Chooses among paths.
+        rng: Random choice among paths.
         ends: (n,) cells that the path may begin and end with.
         start: Index of the cell that it begins with, None for any.
         effort: The solver's deterministic time, about seconds: the same on every machine.
@@ -69,7 +69,7 @@ def circuit(
 
 
 def _end_flags(cells: Ints, ends: Flags, start: int | None) -> tuple[Flags, Flags]:
-    """Which cells a path may begin with, and which ones it may end with."""
+    """Return the (n,) flags of possible first cells, and of possible last cells."""
     black = colours(cells) == 0
     excess = 2 * int(black.sum()) - len(cells)
     if start is not None:

@@ -1,4 +1,4 @@
-"""Resting poses: how a rigid configuration can lie on a floor.
+"""Stable poses of a rigid configuration on a floor.
 
 It rests on a face of the convex hull of all its modules, if its centre of mass is above that face.
 """
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from planner.chain.module import Module
 
 Array = NDArray[np.float64]
-WITHIN: Final = 1e-9
-"""Share of a triangle by which the centre of mass may be beside it: rounding."""
+FACE_TOLERANCE: Final = 1e-9
+"""Share of a triangle by which the centre of mass may lie outside: rounding. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -24,9 +24,9 @@ class Resting:
     """A pose in which a rigid configuration rests on the plane z = 0.
 
     Attributes:
-        turn: (3, 3) turns the configuration as it is given into this pose.
-        shift: (3,) is added then; the centre of mass ends above the origin.
-        margin: How far the centre of mass is from the rim of the face it rests on, in pitches.
+        turn: (3, 3) rotation of the given configuration into this pose.
+        shift: (3,) shift after the rotation, pitches; the centre of mass ends above the origin.
+        margin: Distance of the centre of mass from the rim of the face below it, pitches.
     """
 
     turn: Array
@@ -34,12 +34,12 @@ class Resting:
     margin: float
 
     def of(self, positions: Array, rotations: Array) -> tuple[Array, Array]:
-        """(n, 3) positions and (n, 3, 3) rotations of the modules in this pose."""
+        """Return the (n, 3) positions and (n, 3, 3) rotations of the modules in this pose."""
         return positions @ self.turn.T + self.shift, self.turn @ rotations
 
 
 def resting_poses(module: Module, positions: Array, rotations: Array) -> Iterator[Resting]:
-    """All poses in which a configuration rests, the one with the lowest centre of mass first.
+    """Yield all poses in which a configuration rests, the one with the lowest centre of mass first.
 
     Args:
         module: The kind of module.
@@ -65,7 +65,7 @@ def resting_poses(module: Module, positions: Array, rotations: Array) -> Iterato
 
 
 def turn_down(normal: Array) -> Array:
-    """(3, 3) the shortest turn that makes a unit vector point down."""
+    """Return the (3, 3) smallest rotation that makes a unit vector point down."""
     x, y, z = normal
     if z > 1.0 - 1e-12:
         return np.diag([1.0, -1.0, -1.0])
@@ -75,7 +75,7 @@ def turn_down(normal: Array) -> Array:
 
 
 def _inside(triangles: Array, points: Array) -> NDArray[np.bool_]:
-    """(S,) whether (S, 3) points, each in the plane of a triangle (S, 3, 3), are within it."""
+    """Return (S,) flags: (S, 3) points, each in the plane of an (S, 3, 3) triangle, lie in it."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normals = np.cross(b - a, c - a)
     squares = (normals**2).sum(axis=1)
@@ -83,11 +83,11 @@ def _inside(triangles: Array, points: Array) -> NDArray[np.bool_]:
         (np.cross(q - p, points - p) * normals).sum(axis=1) / np.maximum(squares, 1e-20)
         for p, q in ((a, b), (b, c), (c, a))
     ]
-    return (np.min(shares, axis=0) >= -WITHIN) & (squares > 1e-20)
+    return (np.min(shares, axis=0) >= -FACE_TOLERANCE) & (squares > 1e-20)
 
 
 def _margin(hull: object, normal: Array, centre: Array) -> float:
-    """How far a point is from the rim of the hull's face with this normal, seen along it."""
+    """Return the distance of a point from the rim of the hull's face with this normal."""
     simplices, equations = hull.simplices, hull.equations  # type: ignore[attr-defined]
     points, neighbours = hull.points, hull.neighbors  # type: ignore[attr-defined]
     least = np.inf

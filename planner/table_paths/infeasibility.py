@@ -1,4 +1,4 @@
-"""Reasons: why a shape has no path for a table on one of its sides, told before anything is run."""
+"""Infeasibility: proofs and reasons that a shape has no path for a table on a side."""
 
 from __future__ import annotations
 
@@ -9,57 +9,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.pathfinding import Cell
+from planner.pathfinding.infeasibility import obstacles, tuples
 from planner.pathfinding.lattice import parts
-from planner.pathfinding.obstacles import obstacles, tuples
-from planner.table_paths.resting import SAFE, Side, stands
+from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, Side, stands
 from planner.table_paths.rules import FALLS, faults_of
 from planner.table_paths.solver import climbed
 
 Ints = NDArray[np.int64]
 Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
 
-TELLING: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
-"""What is told first when the sides differ; the others count 1, and of equals the first side."""
+REASON_RANKS: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
+"""Rank of the reasons that are reported first if the sides differ; others rank 1, ties by side."""
 FALLING_EFFORT: Final = 1.5
-"""Deterministic time of the solver for paths that go down, for all sides of a shape together."""
-REMEDY: Final = "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
+"""Deterministic effort of the solver for descending paths, all sides of a shape together, about
+seconds. Chosen."""
+NO_TABLE_PATH_REMEDY: Final = (
+    "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
+)
 LAY: Final = "Lay it on another side, or give it a wider foot."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoPath:
-    """Why a shape has no path on one side.
+    """Reason why a shape has no path on one side.
 
     Attributes:
-        down: The side, as ``TablePath.down`` has it.
+        down: Side that is down, see ``TablePath.down``.
         code: ``overhang``: cells that nothing bears join what stands apart; ``parts``: a layer
             falls into parts, which a path that never goes down cannot all visit;
             ``hairpins-only``: all paths turn back above themselves; ``not-stable``: it tips over;
             ``no-path``.
-        detail: One plain sentence: what the shape has, what a chain needs.
-        remedy: What would help.
-        cells: The cells that it is about, as the shape lies on that side.
-        may_fall: Whether a path that goes down could still be one.
-        cause: Code of the ``Problem`` behind ``no-path``, empty where there is none.
+        detail: One sentence: the observation and the need of a chain.
+        remedy: Advice.
+        cells: Affected cells, as the shape lies on that side.
+        may_fall: True if a descending path may still exist.
+        cause: Code of the ``Problem`` behind ``no-path``, empty without one.
     """
 
     down: str
     code: Code
     detail: str
-    remedy: str = REMEDY
+    remedy: str = NO_TABLE_PATH_REMEDY
     cells: tuple[Cell, ...] = ()
     may_fall: bool = False
     cause: str = ""
 
     @property
     def text(self) -> str:
-        """Side, detail and remedy."""
+        """Text of side, detail and remedy."""
         side = "as it stands" if self.down == "-z" else f"with its {self.down} side down"
         return f"{side}: {self.detail} {self.remedy}"
 
 
 def ruled_out(side: Side) -> NoPath | None:
-    """Why no path can be there, by tests in linear time; None when they find nothing."""
+    """Return a proof in linear time that a side has no path, or None."""
     cells = side.cells
     problems = obstacles(cells)
     if problems:
@@ -71,7 +74,7 @@ def ruled_out(side: Side) -> NoPath | None:
         detail = "only one cell touches the floor, but the first two modules lie on it."
         return _no_path(side, "no-path", detail, tuples(floor), remedy=LAY)
     margin = stands(cells)
-    if margin < SAFE:
+    if margin < MIN_BALANCE_MARGIN_PITCH:
         return _tipping(side, margin, "the shape", floor)
     for height in range(int(cells[:, 2].max()) + 1):
         layer = cells[cells[:, 2] == height]
@@ -79,13 +82,13 @@ def ruled_out(side: Side) -> NoPath | None:
         if reason is not None:
             return reason
         margin = stands(cells[cells[:, 2] <= height])
-        if margin < SAFE:
+        if margin < MIN_BALANCE_MARGIN_PITCH:
             return _tipping(side, margin, f"the part up to layer {height}", layer)
     return None
 
 
 def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
-    """A path for a side where trying found none, as indices of its cells; or why there is none."""
+    """Search a side's path with the solver: indices of its cells, or a reason."""
     found = climbed(side.cells, seed=seed)
     if found.order is not None:
         faults = faults_of(side.cells[found.order])
@@ -105,21 +108,21 @@ def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
 
 
 def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPath | None]:
-    """A path that goes down as rarely as can be found and keeps all other rules, or why not.
+    """Search for a path with few descents that keeps all other rules.
 
     Args:
-        side: The side.
-        seed: Of the solver.
-        effort: The solver's deterministic time.
+        side: Side to search.
+        seed: Seed of the solver.
+        effort: Deterministic effort of the solver, about seconds.
 
     Returns:
-        The path as indices of the side's cells, and a reason where more is known of it now.
+        The path as indices of the side's cells, and a reason if more is known now.
     """
-    found = climbed(side.cells, seed=seed, downs=True, effort=effort)
-    if found.order is not None:
-        if not faults_of(side.cells[found.order], rule=FALLS):
-            return found.order, None
-    elif found.status == "infeasible":
+    result = climbed(side.cells, seed=seed, downs=True, effort=effort)
+    if result.order is not None:
+        if not faults_of(side.cells[result.order], rule=FALLS):
+            return result.order, None
+    elif result.status == "infeasible":
         free = climbed(side.cells, seed=seed, downs=True, hairpins_allowed=True, effort=effort)
         if free.status == "found":
             return None, _hairpins_only(
@@ -129,16 +132,16 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
 
 
 def closest(reasons: tuple[NoPath, ...]) -> NoPath:
-    """Why the side that comes closest to having a path has none."""
-    return min(reasons, key=lambda reason: TELLING.get(reason.code, 1))
+    """Return the reason of the side that comes closest to a path."""
+    return min(reasons, key=lambda reason: REASON_RANKS.get(reason.code, 1))
 
 
 def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:
-    """Code and detail when no side has a path: of the side that comes closest, and the rest."""
-    told = closest(reasons)
-    others = [f"{reason.down} {reason.code}" for reason in reasons if reason is not told]
+    """Return code and detail without any path: of the closest side, and codes of the rest."""
+    first = closest(reasons)
+    others = [f"{reason.down} {reason.code}" for reason in reasons if reason is not first]
     rest = f" On other sides: {', '.join(others)}." if others else ""
-    return told.code, f"got a shape without a path for a table; {told.text}{rest}"
+    return first.code, f"got a shape without a path for a table; {first.text}{rest}"
 
 
 def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
@@ -176,7 +179,7 @@ def _hairpins_only(side: Side, which: str) -> NoPath:
 
 
 def _borne_by_nothing(cells: Ints) -> Ints:
-    """(k, 3) the cells above the floor with no cell under them."""
+    """Return the (k, 3) cells above the floor without a cell under them."""
     known = {tuple(cell) for cell in cells.tolist()}
     hanging = [z > 0 and (x, y, z - 1) not in known for x, y, z in cells.tolist()]
     return cells[np.array(hanging, dtype=np.bool_)]
@@ -188,7 +191,7 @@ def _tipping(side: Side, margin: float, what: str, cells: Ints) -> NoPath:
         "outside its base."
         if margin < 0
         else f"{what} would hardly stand: its centre of mass is {margin:.2g} module widths "
-        f"inside the rim of its base, expected at least {SAFE:g}."
+        f"inside the rim of its base, expected at least {MIN_BALANCE_MARGIN_PITCH:g}."
     )
     return _no_path(side, "not-stable", detail, tuples(cells), remedy=LAY)
 
@@ -200,7 +203,7 @@ def _no_path(
     cells: tuple[Cell, ...] = (),
     *,
     may_fall: bool = False,
-    remedy: str = REMEDY,
+    remedy: str = NO_TABLE_PATH_REMEDY,
 ) -> NoPath:
     return NoPath(
         down=side.down, code=code, detail=detail, remedy=remedy, cells=cells, may_fall=may_fall

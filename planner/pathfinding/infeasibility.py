@@ -1,4 +1,4 @@
-"""What keeps a shape from having a path, told in linear time and in plain words."""
+"""Infeasibility: proofs in linear time that no path visits all cells of a shape."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from planner.pathfinding.lattice import colours, neighbours, parts
 
 Ints = NDArray[np.int64]
 
-MOST_SHOWN: Final = 200
-"""Cells that a problem names, at most."""
+MAX_NAMED_CELLS: Final = 200
+"""Maximum number of cells that a problem names. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """Why there is no path.
+    """Proof that there is no path.
 
     Attributes:
         code: ``too-few``, ``disconnected``, ``parity``, ``dead-ends``, ``cut-cells`` or
             ``no-path``.
-        detail: One plain sentence: what was found, what a path needs.
-        cells: The cells that it is about, the first of them when there are many.
-        amount: By how much a path is missed; larger is worse.
+        detail: One sentence: the observation and the need of a path.
+        cells: Affected cells, at most ``MAX_NAMED_CELLS``.
+        amount: Severity, roughly the cells by which a path is missed; larger is worse.
     """
 
     code: str
@@ -38,7 +38,7 @@ class Problem:
 
 
 def obstacles(cells: Ints) -> tuple[Problem, ...]:
-    """What proves that no path visits all these cells; empty when nothing that is looked for does.
+    """Return proofs that no path visits all these cells; empty without one.
 
     Args:
         cells: (n, 3) distinct cells.
@@ -93,8 +93,8 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
 
 
 def tuples(cells: Ints) -> tuple[Cell, ...]:
-    """The first cells as tuples."""
-    return tuple((int(x), int(y), int(z)) for x, y, z in cells[:MOST_SHOWN])
+    """Return the first ``MAX_NAMED_CELLS`` cells as tuples."""
+    return tuple((int(x), int(y), int(z)) for x, y, z in cells[:MAX_NAMED_CELLS])
 
 
 def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
@@ -138,19 +138,19 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
 
 
 def _beyond_two(sizes: list[int]) -> int:
-    """Cells besides the two largest parts."""
+    """Return the number of cells besides the two largest parts."""
     return sum(sorted(sizes)[:-2])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Pieces:
-    """What falls apart when single cells are taken away.
+    """Biconnected pieces of a shape and the parts around its cut cells.
 
     Attributes:
-        sums: For each cut cell the balance of colours of every part that it leaves.
-        sizes: For each cut cell the number of cells of every part that it leaves.
-        cuts: For each piece that no single cell takes apart, its cut cells.
-        arms: For each of these the number of cells that hang on the piece by it.
+        sums: Balance of colours of every part around each cut cell.
+        sizes: Number of cells of every part around each cut cell.
+        cuts: Cut cells of each biconnected piece.
+        arms: Number of cells beyond each of these cut cells, seen from the piece.
     """
 
     sums: dict[int, list[int]]
@@ -160,7 +160,7 @@ class _Pieces:
 
 
 def _pieces(near: Ints, balance: Ints) -> _Pieces:
-    """Biconnected components of a connected graph (Hopcroft and Tarjan, 1973)."""
+    """Find the biconnected components of a connected graph (Hopcroft and Tarjan, 1973)."""
     links = [[other for other in row if other >= 0] for row in near.tolist()]
     weight = balance.tolist()
     n = len(links)
@@ -219,13 +219,15 @@ def _told(
     arms: list[list[int]] = []
     for piece, found in zip(members, cuts, strict=True):
         # The piece lies below its own first cell and above what hangs on the others.
-        here = [counts[piece[1]] if cell == piece[0] else sizes[cell][-1] for cell in found]
-        arms.append([counts[0] - 1 - count for count in here])
+        counts_of_cuts = [
+            counts[piece[1]] if cell == piece[0] else sizes[cell][-1] for cell in found
+        ]
+        arms.append([counts[0] - 1 - count for count in counts_of_cuts])
     return _Pieces(sums=sums, sizes=sizes, cuts=cuts, arms=arms)
 
 
 def _index(piece: list[int], cell: int) -> int:
-    """Where a cell is, looked for from the end."""
+    """Return the last index of a cell."""
     at = len(piece) - 1
     while piece[at] != cell:
         at -= 1
