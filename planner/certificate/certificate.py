@@ -32,7 +32,7 @@ from planner.motion.record import Record
 from planner.motion.windows import Windows
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
-from planner.playback.unfolding import ENDS_WITHIN_RAD
+from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD
 from planner.progress import Cancelled, Progress, Report, never, silent
 
 Array = NDArray[np.float64]
@@ -576,7 +576,7 @@ def _verdict(
         return f"failed: the playback {playback.status}: {playback.reason}"
     if begins_otherwise := _begins_otherwise(chain, start, playback):
         return f"failed: {begins_otherwise}"
-    if figures["plan_end_error_rad"] > ENDS_WITHIN_RAD:
+    if figures["plan_end_error_rad"] > MAX_ANGLE_DIFFERENCE_RAD:
         return "failed: the plan does not end folded"
     for name, motion in zip(motions, followed(playback), strict=False):
         if beyond := _beyond_range(chain, motion):
@@ -612,7 +612,7 @@ def _beyond_range(chain: Chain, motion: Array | Windows) -> str:
     """Which joint a motion bends beyond its range, how far and when; nothing when none is."""
     limit = chain.module.angle_limit_rad
     angles = motion.angles_rad if isinstance(motion, Windows) else motion
-    if not angles.size or np.abs(angles).max() <= limit + ENDS_WITHIN_RAD:
+    if not angles.size or np.abs(angles).max() <= limit + MAX_ANGLE_DIFFERENCE_RAD:
         return ""
     worst = int(np.abs(angles).argmax())
     if isinstance(motion, Windows):
@@ -635,19 +635,19 @@ def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> 
         expected[:straight] = PHASES.index("unfolding")
     if not np.array_equal(frames.phase, expected) or straight == len(frames):
         return "the phases of the playback are out of order"
-    if np.abs(_angles_at(chain, plan, straight)).max() > ENDS_WITHIN_RAD:
+    if np.abs(_angles_at(chain, plan, straight)).max() > MAX_ANGLE_DIFFERENCE_RAD:
         passes = "start" if start is None else "become"
         return f"the plan does not {passes} straight"
     if start is None:
         return ""
     if isinstance(plan, Windows) or isinstance(frames, Windows):
         return f"a playback of windows does not start folded as {start.name}"
-    if not straight or np.abs(plan[0] - start.folded_rad).max() > ENDS_WITHIN_RAD:
+    if not straight or np.abs(plan[0] - start.folded_rad).max() > MAX_ANGLE_DIFFERENCE_RAD:
         return f"the plan does not start folded as {start.name}"
     simulated = frames.joint_angles_rad
     first = chain.poses(simulated[0], frames.root_position[0], frames.root_wxyz[0])
     if (
-        np.abs(simulated[0] - start.folded_rad).max() > ENDS_WITHIN_RAD
+        np.abs(simulated[0] - start.folded_rad).max() > MAX_ANGLE_DIFFERENCE_RAD
         or np.abs(first.positions - start.folded_poses.positions).max() > CELLS_WITHIN
     ):
         return f"the playback does not start folded as {start.name}"

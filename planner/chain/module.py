@@ -15,6 +15,10 @@ from planner.kernels.module import Hull, Joint
 Array = NDArray[np.float64]
 LONG_CHAIN: Final = 600
 """Modules from which on a chain is peeled, on a path made for it: docs/decisions/0013-peeling.md"""
+UNSMOOTHED_FROM_MODULES: Final = 1500
+"""Number of modules above which a record is played back frame by frame: a spline through it would
+take gigabytes. Simulated stops then begin ``STOP_COMPLIANCE_RAD`` inside the range, as no curve
+cuts the angles that pass them. Chosen."""
 RELIEF_SAMPLES: Final = 64
 """Points along each side of a module at which its relief's volume is sampled."""
 

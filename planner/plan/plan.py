@@ -39,7 +39,7 @@ from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.motion.windows import Windows
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
-from planner.playback.unfolding import ENDS_WITHIN_RAD, Unfolding
+from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
 
 Array = NDArray[np.float64]
 FORMAT: Final = "foldback-plan/3"
@@ -197,8 +197,8 @@ class Plan:
             and np.isfinite(angles).all()
             and np.isfinite(times).all()
             and (np.diff(times) >= 0.0).all()
-            and np.abs(angles[0]).max() <= ENDS_WITHIN_RAD
-            and np.abs(angles[-1] - self.chain.folded_rad).max() <= ENDS_WITHIN_RAD
+            and np.abs(angles[0]).max() <= MAX_ANGLE_DIFFERENCE_RAD
+            and np.abs(angles[-1] - self.chain.folded_rad).max() <= MAX_ANGLE_DIFFERENCE_RAD
         ):
             raise InputError(
                 "refold-not-folded",

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from planner.errors import UNREADABLE, PlannerError
-from planner.explosion.paper import KEPT_RAD
+from planner.explosion.paper import FRAME_SPACING_RAD
 from planner.motion.angle_steps import STEP_RAD
 from planner.motion.frames import Frames
 from planner.motion.motion import Motion, motion_arrays
@@ -156,8 +156,9 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=STEP_RAD)
     held = np.searchsorted(numbers, np.arange(len(angles)), side="right") - 1
     far = np.abs(angles - frames.joint_angles_rad[held]).max(axis=1)
-    if not (far <= KEPT_RAD + STEP_RAD).all():
-        yield f"{name}[{int(np.argmax(~(far <= KEPT_RAD + STEP_RAD)))}]: it differs from its frame"
+    near = far <= FRAME_SPACING_RAD + STEP_RAD
+    if not near.all():
+        yield f"{name}[{int(np.argmax(~near))}]: it differs from its frame"
 
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from planner.clearance.sweep import sweep
 from planner.explosion import paper
-from planner.explosion.paper import STILL_STEPS, explode_as_published
+from planner.explosion.paper import REST_CHECK_STEPS, explode_as_published
 from planner.motion.angle_steps import STEP_RAD
 from planner.motion.frames import Frames
 from planner.parameters.published import PaperExplosionParameters
@@ -84,12 +84,12 @@ def test_what_nothing_moves_is_given_up() -> None:
     still = replace(PAPER, radial_gain=0.0, repulsion_gain=0.0, spring=0.0)
     record = explode_as_published(coil(6), still)
     assert record.status == "stalled"
-    assert record.steps == STILL_STEPS
+    assert record.steps == REST_CHECK_STEPS
     assert "nothing moved" in record.reason
 
 
 def test_snapshots_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(paper, "MOST_ANGLES", 1000)
+    monkeypatch.setattr(paper, "MAX_SNAPSHOT_ANGLES", 1000)
     record = explode_as_published(coil(12), replace(PAPER, snapshot_interval=1))
     assert record.status == "timeout"
     assert record.steps < 60

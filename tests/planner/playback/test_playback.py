@@ -218,7 +218,7 @@ def test_what_cannot_be_played_is_a_broken_call(small: tuple[Chain, Record]) -> 
 
 
 def test_sink_and_progress(small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.playback.run.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("planner.playback.run.PROGRESS_PERIOD_S", 0.0)
     parts: list[Frames] = []
     told: list[Progress] = []
     playback = play_back(*small, DEFAULT, sink=parts.append, progress=told.append, start_s=7.0)
