@@ -26,7 +26,7 @@ from planner.pipeline.portfolio import MOST_SEEDS, Portfolio
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
 from planner.progress import Cancelled, Progress, Report
-from planner.robot import MOST_ANGLES, RECORDED_PLAN, WAYS
+from planner.robot import MAX_SMOOTHED_ANGLES, RECORDED_PLAN, SMOOTHING_WAYS
 from planner.robot.smoothed import smoothed_record
 
 DENSER: Final = 4
@@ -88,7 +88,7 @@ def explode_stage(
 def choice_of(request: Request, candidates: Candidates) -> Portfolio:
     """What may be tried of a fold."""
     if request.smooth:
-        return Portfolio(strategies=(WAYS,), seed=request.seed, seeds=1)
+        return Portfolio(strategies=(SMOOTHING_WAYS,), seed=request.seed, seeds=1)
     parameters = request.parameters()
     ours = isinstance(parameters.explosion, ExplosionParameters)
     improvements = None
@@ -100,7 +100,7 @@ def choice_of(request: Request, candidates: Candidates) -> Portfolio:
                 others_for(chain, parameters, refolds=request.refold) for chain in candidates.chains
             ),
             modules=len(candidates.chains[0]),
-            most_frames=0 if request.refold else MOST_ANGLES // (DENSER * max(hinges, 1)),
+            most_frames=0 if request.refold else MAX_SMOOTHED_ANGLES // (DENSER * max(hinges, 1)),
         )
     return Portfolio(
         strategies=tuple(

@@ -18,7 +18,7 @@ from planner.pipeline.request import Request
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
-from planner.robot import RECORDED_PLAN, WAYS
+from planner.robot import RECORDED_PLAN, SMOOTHING_WAYS
 
 
 def write_request(directory: FilePath, request: Request, data: bytes) -> None:
@@ -55,7 +55,7 @@ def read_record(directory: FilePath) -> Record | None:
 
 def is_smoothing(record: Record | None) -> bool:
     """Whether a record is a smoothed motion, in place of an explosion."""
-    return record is not None and record.strategy in WAYS
+    return record is not None and record.strategy in SMOOTHING_WAYS
 
 
 def read_playback(directory: FilePath) -> Playback | None:
