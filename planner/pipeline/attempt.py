@@ -26,7 +26,8 @@ class Try:
         other_end: Whether the path is taken from its other end.
         gentle: Whether it is let go with half the force.
         smooths: The attempt, by its place among all, whose verified plan is smoothed in place of
-            an explosion; the strategy then is one of ``planner.robot.SMOOTHING_WAYS``. None for an explosion.
+            an explosion; the strategy then is one of ``planner.robot.SMOOTHING_WAYS``. None for an
+            explosion.
     """
 
     candidate: int

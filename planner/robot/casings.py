@@ -106,8 +106,8 @@ def casing_named(name: str) -> Casing:
     if not DENSITY_RANGE_KG_M3[0] <= density <= DENSITY_RANGE_KG_M3[1]:
         raise InputError(
             "unknown-material",
-            f"got the material {name!r}, expected {', '.join(CASINGS)}, or {DENSITY_RANGE_KG_M3[0]:g} to "
-            f"{DENSITY_RANGE_KG_M3[1]:g} kg/m³.",
+            f"got the material {name!r}, expected {', '.join(CASINGS)}, or "
+            f"{DENSITY_RANGE_KG_M3[0]:g} to {DENSITY_RANGE_KG_M3[1]:g} kg/m³.",
             where="material",
         )
     about = f"solid, {density:g} kg/m³"

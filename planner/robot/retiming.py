@@ -1,8 +1,8 @@
 """Retiming: the time stamps at which a robot with given joints passes along a plan.
 
-The path is the plan's own, straight from frame to frame, with its corners cut, for a corner needs an
-infinite acceleration: on either side of a frame, up to the middle of the shorter of its two steps,
-a parabola replaces the two straight lines. It is farthest from them at the frame;
+The path is the plan's own, straight from frame to frame, with its corners cut, for a corner needs
+an infinite acceleration: on either side of a frame, up to the middle of the shorter of its two
+steps, a parabola replaces the two straight lines. It is farthest from them at the frame;
 ``Trajectory.deviation_rad`` is that distance.
 """
 

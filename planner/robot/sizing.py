@@ -1,8 +1,8 @@
 """Sizing: servos that are suitable for a torque given in weights of a module times the pitch.
 
 The torque is computed elsewhere, for cubes of pitch 1 and weight 1 (w·p). The size and the contents
-of a module convert it to N·m. Assumptions on each module: it drives both hinges of one joint, by two
-servos or one of two shafts; they lie side by side in its casing, at right angles to it; wires,
+of a module convert it to N·m. Assumptions on each module: it drives both hinges of one joint, by
+two servos or one of two shafts; they lie side by side in its casing, at right angles to it; wires,
 joints and electronics need neither room nor mass of their own.
 """
 

@@ -67,8 +67,8 @@ def check_smoothable(plan: Plan) -> None:
         raise InputError(
             "smooth-too-long",
             f"got a motion that takes {frames} frames of {hinges} hinges, expected at most "
-            f"{MAX_SMOOTHED_ANGLES} angles in all; use `foldback retime` to limit the speed of longer "
-            "motions.",
+            f"{MAX_SMOOTHED_ANGLES} angles in all; use `foldback retime` to limit the speed of "
+            "longer motions.",
         )
 
 

@@ -151,8 +151,9 @@ class Trajectory:
 class CutPath:
     """Path along straight lines with its corners cut.
 
-    s is the length from frame to frame; a step counts as its largest hinge motion. With σ = s − s_k,
-    k being the frame of a cell, r the reach of its cut, and a, b the slopes before and after::
+    s is the length from frame to frame; a step counts as its largest hinge motion. With
+    σ = s − s_k, k being the frame of a cell, r the reach of its cut, and a, b the slopes before and
+    after::
 
         q(s) = q_k + a σ + (b − a) (σ + r)² / 4r
 

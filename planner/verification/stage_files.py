@@ -1,4 +1,4 @@
-"""Files of the stages: whether what stands beside a plan says the same as the plan."""
+"""Files of the stages: a comparison of the files beside a plan with the plan."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def stage_files_differ(
     playback: Playback | None,
     notes: list[str],
 ) -> Differences:
-    """Where what the stages left beside the plan does not say the same."""
+    """Yield the differences of the stages' files from the plan."""
     chain = chain_attributes(plan.chain)
     checks: dict[str, Callable[[], Differences]] = {
         "chain.json": lambda: value_differences(
@@ -79,7 +79,7 @@ def stage_files_differ(
         )
     for name, differences in checks.items():
         if not (directory / name).exists():
-            if not (name in _RESULTS and getattr(plan, _RESULTS[name]) is None):
+            if not (name in _RESULT_FILES and getattr(plan, _RESULT_FILES[name]) is None):
                 notes.append(f"There is no {name}, so it was not compared with the plan.")
             continue
         try:
@@ -88,11 +88,11 @@ def stage_files_differ(
             yield f"{name}: it cannot be read ({error})"
 
 
-_RESULTS: Final = {"playback.npz": "playback", "record.npz": "explosion"}
+_RESULT_FILES: Final = {"playback.npz": "playback", "record.npz": "explosion"}
 
 
 def _among(directory: FilePath, plan: Plan) -> Differences:
-    """Whether the plan's chain is one of those that could be folded."""
+    """Yield a difference if the plan's chain is none of the candidates."""
     candidates = Candidates.load(directory)
     chain = chain_attributes(plan.chain)
     for candidate in candidates.chains:
@@ -135,7 +135,7 @@ def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Diff
 
 
 def _snapshots(record: Record, plan: Plan) -> Differences:
-    """Where the snapshots that a published playback follows are not those its frames are of."""
+    """Yield the differences of the snapshots of a published playback from its frames."""
     told: Any = plan.parameters.get("explosion") or {}
     every, name = told.get("snapshot_interval"), "record.npz snapshots_rad"
     angles, frames = record.snapshots_rad, record.frames
