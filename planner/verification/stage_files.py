@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.errors import UNREADABLE, PlannerError
 from planner.explosion.paper import FRAME_SPACING_RAD
-from planner.motion.angle_steps import STEP_RAD
+from planner.motion.angle_steps import PLAN_STEP_RAD
 from planner.motion.frames import Frames
 from planner.motion.motion import Motion, motion_arrays
 from planner.motion.record import Record
@@ -153,10 +153,10 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     if (np.diff(numbers) < 0).any() or numbers[0] < 0 or numbers.max() >= len(angles):
         yield f"{name}: its times are not those of the frames"
         return
-    yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=STEP_RAD)
+    yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=PLAN_STEP_RAD)
     held = np.searchsorted(numbers, np.arange(len(angles)), side="right") - 1
     far = np.abs(angles - frames.joint_angles_rad[held]).max(axis=1)
-    near = far <= FRAME_SPACING_RAD + STEP_RAD
+    near = far <= FRAME_SPACING_RAD + PLAN_STEP_RAD
     if not near.all():
         yield f"{name}[{int(np.argmax(~near))}]: it differs from its frame"
 
