@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from planner.certificate.metrics import Figures, write
-from planner.motion.angle_steps import STEP_RAD
+from planner.motion.angle_steps import PLAN_STEP_RAD
 from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
@@ -40,9 +40,9 @@ FOLDS: tuple[tuple[str, str | None], ...] = (
     ("mallet-80", "wrench-80"),
 )
 """Shapes that are folded, and those that refolds begin as."""
-RECORD_STEP_RAD = STEP_RAD * 2**7
+RECORD_STEP_RAD = PLAN_STEP_RAD * 2**7
 """Step of the explosion's angles, 2.4e-5 rad: nobody sees it, and it halves their size."""
-ERROR_STEP_RAD = STEP_RAD * 2**5
+ERROR_STEP_RAD = PLAN_STEP_RAD * 2**5
 """Step of the simulated errors, 6e-6 rad: a twentieth of the largest ones."""
 
 
@@ -79,17 +79,19 @@ def round_motion(directory: Path) -> None:
     playback = Playback.load(directory / "playback.npz")
     exploded, played, reference = record.frames, playback.frames, playback.reference_rad
     assert isinstance(exploded, Frames) and isinstance(played, Frames) and reference is not None
-    wanted = np.rint(reference / STEP_RAD)
+    wanted = np.rint(reference / PLAN_STEP_RAD)
     reference = np.asarray(reference) + 0.0
 
     def followed(angles_rad: np.ndarray) -> np.ndarray:
         """Round towards the largest error that the simulation told, never beyond."""
         most = np.floor((playback.max_angle_error_rad or np.inf) / ERROR_STEP_RAD)
         off = np.rint((angles_rad - reference) / ERROR_STEP_RAD).clip(-most, most)
-        return (wanted + off * (ERROR_STEP_RAD / STEP_RAD)) * STEP_RAD + 0.0
+        return (wanted + off * (ERROR_STEP_RAD / PLAN_STEP_RAD)) * PLAN_STEP_RAD + 0.0
 
-    angles = np.rint(exploded.joint_angles_rad / RECORD_STEP_RAD) * (RECORD_STEP_RAD / STEP_RAD)
-    angles = angles * STEP_RAD + 0.0
+    angles = np.rint(exploded.joint_angles_rad / RECORD_STEP_RAD) * (
+        RECORD_STEP_RAD / PLAN_STEP_RAD
+    )
+    angles = angles * PLAN_STEP_RAD + 0.0
     nothing = np.full_like(exploded.joint_error_rad, np.nan)
     replace(record, frames=rounded(exploded, angles, nothing)).save(directory / "record.npz")
     simulated = followed(played.joint_angles_rad)

@@ -9,6 +9,9 @@ from typing import Final
 
 COMPILING: Final = "compiling"
 """The message while kernels are compiled, which happens once on a machine."""
+PROGRESS_PERIOD_S: Final = 0.1
+"""Minimum wall time between two reports of progress of one run, s. Smaller values report more
+often, and cost more. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

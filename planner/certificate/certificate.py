@@ -1,4 +1,4 @@
-"""Certificate: what was verified of a plan, by exact kinematics apart from the simulation.
+"""Certificate: verified properties of a plan, by exact kinematics apart from the simulation.
 
 Nothing here runs a simulation or trusts one: configurations go in, poses come from forward
 kinematics, collisions from separating axes.
@@ -32,65 +32,70 @@ from planner.motion.record import Record
 from planner.motion.windows import Windows
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
-from planner.playback.unfolding import ENDS_WITHIN_RAD
+from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD
 from planner.progress import Cancelled, Progress, Report, never, silent
 
 Array = NDArray[np.float64]
-FOLDED_WITHIN: Final = 0.01
-"""RMS position error in pitches that a simulated playback may end with and be verified."""
-CELLS_WITHIN: Final = 1e-6
-"""Pitches that a refold may begin away from its cells: rounding of positions, no more."""
-MOVING_FRACTION: Final = 0.1
-"""Share of the fastest hinge's speed from which on a hinge counts as moving."""
+MAX_VERIFIED_ERROR_PITCH: Final = 0.01
+"""Maximum RMS position error at the end of a simulated playback that is verified, pitches. Larger
+values verify worse shapes. Chosen."""
+MAX_START_ERROR_PITCH: Final = 1e-6
+"""Maximum distance of modules from their cells at the beginning of a refold, pitches: rounding.
+Chosen."""
+MOVING_SPEED_SHARE: Final = 0.1
+"""Minimum speed of a moving hinge as a fraction of the fastest one's. Larger values count fewer.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate:
-    """What was verified of a plan. Lengths in pitches.
+    """Verified properties of a plan. Lengths in pitches.
 
-    What is said of a simulated playback is None where there was none: chains that are too long to
-    be simulated as a whole, or that were recorded piece by piece, follow their plan by kinematics.
+    Figures of a simulated playback are None if there was none: chains that are too long to be
+    simulated as a whole, or that were recorded piece by piece, follow their plan by kinematics.
 
     Attributes:
         verdict: ``verified (simulated)``, ``verified (kinematics only)`` or ``failed: …``.
-        simulated: Whether the playback was simulated; None when there is none, or where a
-            certificate of an earlier version doesn't tell.
+        simulated: True if the playback was simulated; None if there is none, or the certificate of
+            an earlier version does not state it.
         module_size: Size of the modules as a fraction of the pitch.
-        exempt_pairs: Which modules are not checked against each other and how far they overlap;
-            None where a certificate of an earlier version doesn't tell.
-        min_clearance: Least clearance seen in the plan, at its frames and in-betweens.
-        min_clearance_at: Where that is.
-        clearance_bound: What is proved: nowhere in the plan, nor in the simulated playback of any
-            robot, is the clearance less than this. It and all clearances are None where nothing
-            was looked at to its end.
-        robots: What became of each robot with faults that folded the plan in simulation, the one
-            shown first; None where none did.
-        min_clearance_playback: Least clearance seen in the simulated playback that is shown.
-        min_clearance_playback_at: Where that is.
-        min_clearance_record: Least clearance seen in the record. No robot follows the record, so
-            the verdict doesn't depend on it.
-        min_clearance_record_at: Where that is.
-        in_betweens: Configurations looked at between frames.
-        frames: Frames of the plan.
-        plan_end_error_rad: Largest angle of a hinge of the plan's last frame off the folded one.
-        rms_position_error: Of the simulated playback's end, after alignment.
-        max_position_error: The farthest module of it.
+        exempt_pairs: Pairs of modules that are not checked, and their overlap; None if the
+            certificate of an earlier version does not state it.
+        min_clearance: Least clearance found in the plan, at its frames and in-betweens.
+        min_clearance_at: Frame and modules of ``min_clearance``.
+        clearance_bound: Proved lower bound of the clearance everywhere in the plan, and in the
+            simulated playback of every robot. It and all clearances are None if no check came to
+            its end.
+        robots: Figures of each robot with model errors that folded the plan in simulation, the one
+            shown first; None if there was none.
+        min_clearance_playback: Least clearance found in the simulated playback that is shown.
+        min_clearance_playback_at: Frame and modules of ``min_clearance_playback``.
+        min_clearance_record: Least clearance found in the record. No robot follows the record, so
+            the verdict does not depend on it.
+        min_clearance_record_at: Frame and modules of ``min_clearance_record``.
+        in_betweens: Number of configurations checked between frames.
+        frames: Number of frames of the plan.
+        plan_end_error_rad: Largest difference of a hinge between the plan's last frame and the
+            folded configuration.
+        rms_position_error: RMS position error at the end of the simulated playback, after
+            alignment.
+        max_position_error: Largest position error of a module there.
         max_angle_error_rad: Largest joint error of the simulated playback.
         max_angle_rad: Largest angle of a hinge in the plan and the simulated playback.
         max_angle_record_rad: Largest angle of a hinge in the record.
         max_joint_step_rad: Largest step of a hinge between two frames of the plan.
-        joint_speed_limit_rad_s: Fastest a hinge may turn on a robot.
+        joint_speed_limit_rad_s: Speed limit of the hinges of a robot.
         fold_time_s: Duration of the fold under that limit.
-        hinges_moving_mean, hinges_moving_most: Hinges that move at the same time.
-        peak_torque_nm, rms_torque_nm: Largest and mean torque in that time, floating, without
-            gravity, at what ``torque_source`` says: what is not looked at may take more.
+        hinges_moving_mean, hinges_moving_most: Number of hinges that move at the same time.
+        peak_torque_nm, rms_torque_nm: Largest and RMS torque in that time, floating, without
+            gravity, at the frames of ``torque_source``: other frames may need more.
         torque_source: ``simulation, every step`` or ``inverse dynamics at N of F frames,
-            accelerations smoothed``; None where it is not known.
-        torque_frames: N of that; None for every step of a simulation.
+            accelerations smoothed``; None if unknown.
+        torque_frames: N in ``torque_source``; None for every step of a simulation.
         gravity_torque_folded_nm, gravity_torque_straight_nm: Largest static torque when held at
             the root without support.
-        seconds: Wall time of the verification.
-        table: What it asks on a table; None of a plan that floats.
+        seconds: Wall time of the verification, s.
+        table: Certificate of the motion on a table; None for a plan that floats.
     """
 
     verdict: str
@@ -129,11 +134,11 @@ class Certificate:
 
     @property
     def verified(self) -> bool:
-        """Whether the plan may be trusted."""
+        """True if the plan is verified."""
         return self.verdict.startswith("verified")
 
     def as_dict(self) -> CertificateFigures:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         robots = None if self.robots is None else list(self.robots)
         values = {**asdict(self), "robots": robots}
         del values["table"]
@@ -145,12 +150,12 @@ class Certificate:
     def from_dict(
         cls, values: CertificateFigures, playback: PlaybackFigures | None = None
     ) -> Certificate:
-        """The inverse of ``as_dict``; of what earlier versions wrote, only what it bears out.
+        """Build a certificate from ``as_dict``; drop figures that earlier versions did not compute.
 
         Args:
             values: Plain values.
-            playback: The playback's summary, which says of an earlier version's certificate
-                whether it was simulated.
+            playback: The playback's summary: for the certificate of an earlier version, it states
+                if the playback was simulated.
         """
         found: dict[str, Any] = dict(told_honestly(values, playback))
         found |= {name: Place.from_dict(found[name]) for name in _PLACES}
@@ -178,19 +183,19 @@ def certify(
     sink: Callable[[Array], None] | None = None,
     forces: Callable[[TableForces], object] | None = None,
 ) -> Certificate:
-    """Verifies a plan: the reference of a playback, and the playback and record themselves.
+    """Verify a plan: the reference of a playback, and the playback and record themselves.
 
     Args:
         chain: The chain.
         record: The explosion, or None for direct servoing.
-        playback: The playback, or None when there is nothing to play.
-        parameters: For the module size and the physical units.
-        start: The chain as it is folded at the beginning of a refold; None when it is straight.
-        progress: Told which motion is being swept.
-        cancelled: Asked now and then whether to stop; the verdict then is a failure, and no
-            clearance is told.
-        sink: Gets the plan's clearance at each of its frames, see ``Sweep``.
-        forces: Gets torques and forces at each of its frames, of a plan on a table.
+        playback: The playback, or None if there is nothing to play.
+        parameters: Parameters of the fold: module size and physical units.
+        start: The chain as it is folded at the beginning of a refold; None if it is straight.
+        progress: Receives the motion that is being swept.
+        cancelled: Returns True to stop; the verdict then is a failure, and all clearances are
+            None.
+        sink: Receives the plan's clearance at each of its frames, see ``Sweep``.
+        forces: Receives torques and forces at each of its frames, for a plan on a table.
 
     Raises:
         InputError: ``bad-module-size``.
@@ -294,7 +299,7 @@ def _on_table(
     parameters: Parameters,
     forces: Callable[[TableForces], object] | None,
 ) -> TableCertificate:
-    """What the plan asks on the table that it was made for."""
+    """Certify the plan on the table that it was made for."""
     reference, table = playback.reference, parameters.table
     frames = playback.frames
     if isinstance(reference, Windows):
@@ -335,7 +340,7 @@ _PLAN_FIGURES: Final = (
 def _unusable(
     chain: Chain, record: Record | None, playback: Playback | None, start: Chain | None
 ) -> str:
-    """Why there is nothing to look at, or an empty string.
+    """Return the reason why nothing can be checked, or an empty string.
 
     A number that is none compares with nothing, so it would pass every test that follows.
     """
@@ -375,9 +380,9 @@ def _unusable(
 
 
 def _unusable_angles(playback: Playback, joints: int) -> str:
-    """Why the plan or the playbacks of other robots cannot be looked at, or an empty string.
+    """Return the reason why the plan or other robots cannot be checked, or an empty string.
 
-    The frames of the playback itself are another matter.
+    The frames of the playback itself are checked elsewhere.
     """
     frames, reference, told = playback.frames, playback.reference_rad, playback.others_rad
     if isinstance(frames, Windows):
@@ -398,12 +403,12 @@ def _unusable_angles(playback: Playback, joints: int) -> str:
 
 
 def _angles(motion: Motion) -> Array | Windows:
-    """What of a motion the sweep looks at."""
+    """Return the angles of a motion, as the sweep takes them."""
     return motion if isinstance(motion, Windows) else motion.joint_angles_rad
 
 
 def _angles_at(chain: Chain, motion: Array | Windows, frame: int) -> Array:
-    """(J,) the angles of one frame."""
+    """Return the (J,) angles of one frame, rad."""
     if isinstance(motion, Windows):
         frame %= len(motion)
         return motion.angles(chain, frame, frame + 1)[0]
@@ -411,7 +416,7 @@ def _angles_at(chain: Chain, motion: Array | Windows, frame: int) -> Array:
 
 
 def followed(playback: Playback) -> tuple[Array | Windows, ...]:
-    """What has to be clear: the plan, and the playbacks of all robots where they were simulated."""
+    """Return the motions that have to be clear: the plan, and the simulated playbacks."""
     plan = playback.reference
     if not playback.simulated:
         return (plan,)
@@ -419,7 +424,7 @@ def followed(playback: Playback) -> tuple[Array | Windows, ...]:
 
 
 def others(playback: Playback) -> tuple[Array | Windows, ...]:
-    """Hinge angles of each robot whose playback is not the one that is shown, as of that one."""
+    """Return the hinge angles of each robot whose playback is not the one that is shown."""
     if playback.others_rad is None:
         return ()
     if isinstance(playback.frames, Windows):
@@ -431,7 +436,7 @@ def others(playback: Playback) -> tuple[Array | Windows, ...]:
 def _robots(
     chain: Chain, playback: Playback | None, sweeps: list[Sweep | None]
 ) -> tuple[RobotFigures, ...] | None:
-    """What became of each robot; None of those with faults there are none."""
+    """Return the figures of each robot; None if there are none with model errors."""
     if playback is None or playback.robots is None:
         return None
     plan, found = playback.reference, []
@@ -450,7 +455,7 @@ def _robots(
 
 
 def _largest_difference(motion: Array | Windows, plan: Array | Windows) -> float:
-    """How far a robot's hinges are off the plan at most, at its frames."""
+    """Return the largest difference of a robot's hinges from the plan at its frames, rad."""
     if isinstance(motion, Windows) and isinstance(plan, Windows):
         return float(np.abs(motion.angles_rad - plan.angles_rad).max(initial=0.0))
     assert not (isinstance(motion, Windows) or isinstance(plan, Windows))
@@ -462,7 +467,7 @@ def _rms(values: Array) -> float:
 
 
 def _off(chain: Chain, angles: Array) -> Array:
-    """(n,) distances of a configuration's modules from the folded shape, after alignment."""
+    """Return the (n,) distances of modules from the folded shape, pitches, after alignment."""
     ends = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     return aligned_distances(ends.positions, chain.folded_poses.positions)
 
@@ -473,20 +478,20 @@ def _largest_angle(motion: Array | Windows) -> float:
 
 
 def _in_betweens(*sweeps: Sweep | None) -> int:
-    """Configurations looked at between frames; what stands for two motions counts once."""
+    """Count configurations checked between frames; a sweep that serves two motions counts once."""
     different = {id(sweep): sweep for sweep in sweeps if sweep is not None}
     return sum(sweep.in_betweens for sweep in different.values())
 
 
 def _runs_back(record: Motion, playback: Motion) -> bool:
-    """Whether a playback passes exactly the record's configurations, from its last to its first."""
+    """Return True if a playback passes exactly the record's configurations in reverse."""
     if not (isinstance(record, Windows) and isinstance(playback, Windows)):
         return False
     return record.passes_as(playback[::-1])
 
 
 def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:
-    """One module mass · pitch² / s², the unit of simulated torques, in newton-metres."""
+    """Return the unit of simulated torques, module mass · pitch² / s², in N·m."""
     mass_kg = parameters.density_kg_m3 * chain.module.volume * chain.pitch_m**3
     return mass_kg * chain.pitch_m**2
 
@@ -502,11 +507,11 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
     if len(plan) < 2:
         return figures
     if isinstance(plan, Windows):
-        steps, moving = plan.steps(chain, fraction=MOVING_FRACTION)
+        steps, moving = plan.steps(chain, fraction=MOVING_SPEED_SHARE)
     else:
         each = np.abs(np.diff(plan, axis=0))
         steps = each.max(axis=1)
-        moving = (each > MOVING_FRACTION * steps[:, None]).sum(axis=1)
+        moving = (each > MOVING_SPEED_SHARE * steps[:, None]).sum(axis=1)
     fastest = steps / np.maximum(np.diff(times), 1e-12)
     moving = moving[fastest > 1e-9]
     slower = float(fastest.max()) / parameters.joint_speed_limit_rad_s
@@ -531,7 +536,7 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
 
 
 def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
-    """Where a simulated playback ended, and how far it was off its plan on the way."""
+    """Return the end error and the largest joint error of a simulated playback."""
     simulated = _angles(playback.frames)
     last = _angles_at(chain, simulated, -1)
     distances = _off(chain, last)
@@ -578,18 +583,18 @@ def _verdict(
         return f"failed: the playback {playback.status}: {playback.reason}"
     if begins_otherwise := _begins_otherwise(chain, start, playback):
         return f"failed: {begins_otherwise}"
-    if figures["plan_end_error_rad"] > ENDS_WITHIN_RAD:
+    if figures["plan_end_error_rad"] > MAX_ANGLE_DIFFERENCE_RAD:
         return "failed: the plan does not end folded"
     for name, motion in zip(motions, followed(playback), strict=False):
         if beyond := _beyond_range(chain, motion):
             return f"failed: the {name} {beyond} of the {name})"
-    if playback.simulated and figures["rms_position_error"] > FOLDED_WITHIN:
+    if playback.simulated and figures["rms_position_error"] > MAX_VERIFIED_ERROR_PITCH:
         return (
             f"failed: the playback ends {figures['rms_position_error']:.2g} pitch (RMS) from the "
             "folded shape"
         )
     for other in others(playback):
-        if (error := _rms(_off(chain, _angles_at(chain, other, -1)))) > FOLDED_WITHIN:
+        if (error := _rms(_off(chain, _angles_at(chain, other, -1)))) > MAX_VERIFIED_ERROR_PITCH:
             return (
                 f"failed: the playback of another robot ends {error:.2g} pitch (RMS) from the "
                 "folded shape"
@@ -601,7 +606,7 @@ def _verdict(
 
 
 def _unproved(name: str, found: Sweep) -> str:
-    """Where the clearance of a motion could not be shown to be more than nothing."""
+    """Describe the frame at which the clearance of a motion could not be proved positive."""
     if found.unbounded is None:
         return f"in the {name}, modules {_pair(found)} touch (frame {found.frame:g} of the {name})"
     return (
@@ -611,10 +616,10 @@ def _unproved(name: str, found: Sweep) -> str:
 
 
 def _beyond_range(chain: Chain, motion: Array | Windows) -> str:
-    """Which joint a motion bends beyond its range, how far and when; nothing when none is."""
+    """Describe the joint that a motion bends beyond its range; empty if there is none."""
     limit = chain.module.angle_limit_rad
     angles = motion.angles_rad if isinstance(motion, Windows) else motion
-    if not angles.size or np.abs(angles).max() <= limit + ENDS_WITHIN_RAD:
+    if not angles.size or np.abs(angles).max() <= limit + MAX_ANGLE_DIFFERENCE_RAD:
         return ""
     worst = int(np.abs(angles).argmax())
     if isinstance(motion, Windows):
@@ -629,7 +634,7 @@ def _beyond_range(chain: Chain, motion: Array | Windows) -> str:
 
 
 def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> str:
-    """What is wrong with the beginning, and with a refold until it is straight; or nothing."""
+    """Describe an error of the beginning, or of a refold until it is straight; empty if none."""
     frames, plan = playback.frames, playback.reference
     straight = int((frames.phase == PHASES.index("unfolding")).sum())
     expected = np.full(len(frames), PHASES.index("playback"), dtype=np.uint8)
@@ -637,27 +642,27 @@ def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> 
         expected[:straight] = PHASES.index("unfolding")
     if not np.array_equal(frames.phase, expected) or straight == len(frames):
         return "the phases of the playback are out of order"
-    if np.abs(_angles_at(chain, plan, straight)).max() > ENDS_WITHIN_RAD:
+    if np.abs(_angles_at(chain, plan, straight)).max() > MAX_ANGLE_DIFFERENCE_RAD:
         passes = "start" if start is None else "become"
         return f"the plan does not {passes} straight"
     if start is None:
         return ""
     if isinstance(plan, Windows) or isinstance(frames, Windows):
         return f"a playback of windows does not start folded as {start.name}"
-    if not straight or np.abs(plan[0] - start.folded_rad).max() > ENDS_WITHIN_RAD:
+    if not straight or np.abs(plan[0] - start.folded_rad).max() > MAX_ANGLE_DIFFERENCE_RAD:
         return f"the plan does not start folded as {start.name}"
     simulated = frames.joint_angles_rad
     first = chain.poses(simulated[0], frames.root_position[0], frames.root_wxyz[0])
     if (
-        np.abs(simulated[0] - start.folded_rad).max() > ENDS_WITHIN_RAD
-        or np.abs(first.positions - start.folded_poses.positions).max() > CELLS_WITHIN
+        np.abs(simulated[0] - start.folded_rad).max() > MAX_ANGLE_DIFFERENCE_RAD
+        or np.abs(first.positions - start.folded_poses.positions).max() > MAX_START_ERROR_PITCH
     ):
         return f"the playback does not start folded as {start.name}"
     still, identity = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     passed = chain.poses(simulated[straight], still, identity).positions
     line = chain.poses(np.zeros_like(plan[0]), still, identity).positions
     off = _rms(aligned_distances(passed, line))
-    if off > FOLDED_WITHIN:
+    if off > MAX_VERIFIED_ERROR_PITCH:
         return f"the playback passes {off:.2g} pitch (RMS) from straight"
     return ""
 

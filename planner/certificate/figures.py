@@ -1,6 +1,6 @@
 """Figures of plans as plain JSON values, as files, rows and answers have them.
 
-What an earlier version did not write is missing. Units are those of the dataclasses named.
+Values that an earlier version did not write are missing. Units are those of the dataclasses named.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ class ExemptFigures(TypedDict):
 
 
 class RobotFigures(TypedDict):
-    """What became of one robot with faults that folded a plan in simulation.
+    """Figures of one robot with model errors that folded a plan in simulation.
 
-    Its largest joint error at a frame, how far its modules end from the folded shape (RMS, after
-    alignment), the least clearance seen and the one that is proved.
+    Its largest joint error at a frame, the RMS distance of its modules from the folded shape at the
+    end (after alignment), the least clearance found and the one that is proved.
     """
 
     max_angle_error_rad: float
@@ -150,7 +150,7 @@ class AttemptFigures(TypedDict, total=False):
 
 
 class IncludedFigures(TypedDict):
-    """What is told of a fold that came with the package: the version that made it."""
+    """Origin of a fold that came with the package: the version that made it."""
 
     version: str
 
@@ -178,7 +178,7 @@ class FoldSummary(TypedDict, total=False):
 
 
 class Fault(TypedDict, total=False):
-    """Why a fold could not be computed."""
+    """Reason why a fold could not be computed."""
 
     code: str
     detail: str

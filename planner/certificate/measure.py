@@ -1,4 +1,4 @@
-"""Measuring: the figures of a timeline, worked out apart from the simulation.
+"""Measuring: the figures of a timeline, computed apart from the simulation.
 
 Clearance by separating axes, as in the certificate; torques by inverse dynamics along the recorded
 motion.
@@ -16,10 +16,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.certificate import MOVING_FRACTION, Certificate, torque_unit_nm
+from planner.certificate.certificate import MOVING_SPEED_SHARE, Certificate, torque_unit_nm
 from planner.certificate.metrics import (
+    CLEARANCE_REACH_PITCH,
     FRAMES_A_CHUNK,
-    REACH,
     Curves,
     Figures,
     Floats,
@@ -38,12 +38,13 @@ from planner.motion.windows import Windows
 from planner.parameters.parameters import Parameters
 
 Array = NDArray[np.float64]
-MARGIN: Final = 32
-"""Frames beyond each end of a chunk that its spline is fitted to as well. A frame's influence falls
-to a quarter from one to the next, so 32 leave nothing of where chunks meet."""
-MOST_THREADS: Final = 4
-STILL: Final = 1e-9
-"""Speed of the fastest hinge up to which none counts as moving."""
+SPLINE_MARGIN_FRAMES: Final = 32
+"""Number of frames beyond each end of a chunk that its spline is fitted to as well. A frame's
+influence falls to a quarter from one to the next, so 32 make chunks independent of their ends."""
+MAX_MEASURE_THREADS: Final = 4
+"""Maximum number of threads that measure frames (memory). Chosen."""
+MIN_MOVING_RATE_RAD_S: Final = 1e-9
+"""Speed of the fastest hinge, rad/s, up to which none counts as moving. Chosen."""
 EXPLOSION: Final = PHASES.index("explosion")
 
 
@@ -55,23 +56,22 @@ def write_figures(
     certificate: Certificate | None = None,
     clearances: Array | None = None,
 ) -> None:
-    """Works the figures of a timeline out and saves them, some frames at a time.
+    """Compute the figures of a timeline and save them, in chunks of frames.
 
-    Of a timeline of windows there are only those of the whole frames, ``Curves``; clearances of
-    ``planner.clearance.sweep.CLEARANCE_CAP`` and more are not told apart, and torques are those at
-    some frames.
+    A timeline of windows has only figures of whole frames, ``Curves``: clearances are capped at
+    ``planner.clearance.sweep.CLEARANCE_CAP``, and torques are computed at some frames.
 
     Args:
-        timeline: Where the timeline is.
-        path: Where the figures shall be; what is there is replaced.
-        parameters: For the module size and the physical units.
-        certificate: What was verified of the fold: torques are then those of its fold time. Without
-            it, that of the frames themselves under the joint speed limit.
-        clearances: Of windows that are played back: what the certificate found at each of them, so
-            that they are not swept again.
+        timeline: Path of the timeline.
+        path: Path of the figures; a file that is there is replaced.
+        parameters: Parameters of the fold: module size and physical units.
+        certificate: Certificate of the fold, whose fold time scales the torques. Without it, the
+            fold time is that of the frames under the joint speed limit.
+        clearances: Clearances of played-back windows from the certificate, so that they are not
+            swept again.
 
     Raises:
-        TimelineError: When there is no timeline, or it is damaged.
+        TimelineError: There is no timeline, or it is damaged.
     """
     read = Timeline.open(timeline)
     if read.windowed:
@@ -82,7 +82,7 @@ def write_figures(
 
 
 def clearances_of(chain: Chain, angles_rad: Array, *, size: float) -> tuple[Floats, Integers]:
-    """Each module's clearance and the module it is nearest to, see ``Figures``.
+    """Return each module's clearance and the module it is nearest to, see ``Figures``.
 
     Args:
         chain: The chain.
@@ -101,7 +101,7 @@ def clearances_of(chain: Chain, angles_rad: Array, *, size: float) -> tuple[Floa
         poses.rotations,
         Solid(module.hull, float(size), module.inner_radius),
         module.apart,
-        REACH,
+        CLEARANCE_REACH_PITCH,
         clearance,
         nearest,
     )
@@ -111,7 +111,7 @@ def clearances_of(chain: Chain, angles_rad: Array, *, size: float) -> tuple[Floa
 def _parts(
     timeline: Timeline, parameters: Parameters, certificate: Certificate | None
 ) -> Iterator[Figures]:
-    """The figures of a timeline, a chunk of frames at a time; at least one, which may be empty."""
+    """Yield the figures of a timeline, a chunk of frames at a time; at least one, maybe empty."""
     unit = torque_unit_nm(timeline.chain, parameters)
     unit /= max(_slower(timeline, parameters, certificate), 1e-12) ** 2
 
@@ -121,16 +121,18 @@ def _parts(
 
     chunks = _read_chunks(timeline)
     before, now = timeline.frames(0, 0), next(chunks)
-    threads = min(MOST_THREADS, os.cpu_count() or 1)
+    threads = min(MAX_MEASURE_THREADS, os.cpu_count() or 1)
     due: deque[Future[Figures]] = deque()
     with ThreadPoolExecutor(threads) as pool:
         while now is not None:
             after = next(chunks, None)
-            around = Frames.joined([before, now, *([] if after is None else [after[:MARGIN]])])
+            around = Frames.joined(
+                [before, now, *([] if after is None else [after[:SPLINE_MARGIN_FRAMES]])]
+            )
             due.append(pool.submit(part, around, slice(len(before), len(before) + len(now))))
             if len(due) > threads:
                 yield due.popleft().result()
-            before, now = now[-MARGIN:], after
+            before, now = now[-SPLINE_MARGIN_FRAMES:], after
         for left in due:
             yield left.result()
 
@@ -141,7 +143,7 @@ def _curves(
     certificate: Certificate | None,
     known: Array | None,
 ) -> Curves:
-    """The figures of a timeline of windows."""
+    """Return the figures of a timeline of windows."""
     chain, windows = timeline.chain, timeline.windows()
     clearance = np.empty(len(windows), dtype=np.float32)
     torque = np.full(len(windows), np.nan, dtype=np.float32)
@@ -160,7 +162,7 @@ def _curves(
         else:
             clearance[numbers] = sweep(chain, part, size=parameters.module_size).per_frame
         seen = part, clearance[numbers]
-        steps = part.steps(chain, fraction=MOVING_FRACTION)[1]
+        steps = part.steps(chain, fraction=MOVING_SPEED_SHARE)[1]
         moving[numbers] = np.concatenate([steps[:1], steps]) if len(steps) else 0
         if phase != EXPLOSION:
             found = inverse_dynamics(chain, part)
@@ -177,7 +179,7 @@ def _curves(
 
 
 def _read_chunks(timeline: Timeline) -> Iterator[Frames]:
-    """All frames, each chunk read once."""
+    """Yield all frames, each chunk read once."""
     for start in range(0, max(1, len(timeline)), FRAMES_A_CHUNK):
         yield timeline.frames(start, min(start + FRAMES_A_CHUNK, len(timeline)))
 
@@ -195,39 +197,39 @@ def _of_frames(chain: Chain, around: Frames, here: slice, torque: Array, size: f
         nearest=nearest,
         torque_nm=torque.astype(np.float32),
         max_error_rad=_largest(frames.joint_error_rad),
-        min_clearance=clearance.min(axis=1, initial=REACH),
+        min_clearance=clearance.min(axis=1, initial=CLEARANCE_REACH_PITCH),
         hinges_moving=_moving(around)[here],
         peak_torque_nm=_largest(np.abs(torque)),
     )
 
 
 def _largest(values: Array) -> Floats:
-    """The largest of every row; NaN when there is one in it, or nothing at all."""
+    """Return the largest value of every row; NaN if the row has a NaN, or no values."""
     if not values.shape[1]:
         return np.full(len(values), np.nan, dtype=np.float32)
     return values.max(axis=1).astype(np.float32)
 
 
 def _moving(frames: Frames) -> Integers:
-    """Hinges that move from the frame before, of the first frame of a phase to the frame after."""
+    """Count hinges that move from the frame before; at the start of a phase, to the frame after."""
     count = len(frames)
     if count < 2:
         return np.zeros(count, dtype=np.int32)
     speeds = _speeds(frames)
     fastest = speeds.max(axis=1, initial=0.0)
-    moving = (speeds > MOVING_FRACTION * fastest[:, None]).sum(axis=1)
-    moving[~(fastest > STILL)] = 0
+    moving = (speeds > MOVING_SPEED_SHARE * fastest[:, None]).sum(axis=1)
+    moving[~(fastest > MIN_MOVING_RATE_RAD_S)] = 0
     begins = np.concatenate([[True], np.diff(frames.phase) != 0])
     step = np.where(begins, np.arange(count), np.arange(count) - 1)
     return moving[np.minimum(step, count - 2)].astype(np.int32)
 
 
 def _torques(chain: Chain, around: Frames, here: slice, *, whole: bool) -> Array:
-    """Torques in simulation units of the frames ``here``, from the motion of those around them.
+    """Return torques in simulation units of the frames ``here``, from the motion around them.
 
-    NaN in the explosion and where they can't be told. ``whole`` says that nothing comes before
-    the frames, so that what is played in them begins there. A refold's unfolding and folding are
-    one motion, which rests when it is straight.
+    They are NaN in the explosion and where they cannot be computed. With ``whole``, no frames come
+    before these, and the playback begins in them. A refold's unfolding and folding are one motion,
+    which rests when it is straight.
     """
     played = around.phase != EXPLOSION
     angles, times = around.joint_angles_rad[played], around.time_s[played]
@@ -242,7 +244,7 @@ def _torques(chain: Chain, around: Frames, here: slice, *, whole: bool) -> Array
 
 
 def _slower(timeline: Timeline, parameters: Parameters, certificate: Certificate | None) -> float:
-    """How many times slower than simulated a robot folds; 1 where nothing is played."""
+    """Return the ratio of a robot's fold time to the simulated one; 1 without a playback."""
     times, phases = timeline.clock()
     times = times[phases != EXPLOSION]
     if not len(times) or times[-1] <= times[0]:
@@ -262,6 +264,6 @@ def _slower(timeline: Timeline, parameters: Parameters, certificate: Certificate
 
 
 def _speeds(frames: Frames) -> Array:
-    """(F − 1, J) mean speeds of the hinges between every frame and the next."""
+    """Return the (F − 1, J) mean speeds of the hinges between frames, rad/s."""
     elapsed = np.maximum(np.diff(frames.time_s), 1e-12)
     return np.abs(np.diff(frames.joint_angles_rad, axis=0)) / elapsed[:, None]

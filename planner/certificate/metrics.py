@@ -1,6 +1,6 @@
-"""Metrics: what can be said of every frame of a timeline, as ``planner.certificate.measure`` does.
+"""Metrics: figures of every frame of a timeline, computed by ``planner.certificate.measure``.
 
-On disk they are a zarr group beside the timeline, of which any range of frames can be read.
+On disk they are a zarr group beside the timeline; any range of frames can be read.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float32]
 Integers = NDArray[np.int32]
 FORMAT: Final = "foldback-figures/1"
-REACH: Final = 1.0
-"""Pitches; clearances from here on are told as this."""
+CLEARANCE_REACH_PITCH: Final = 1.0
+"""Cap of the stored clearances, pitches. Larger values need more pairs of modules. Chosen."""
 FRAMES_A_CHUNK: Final = 128
-"""Frames in a chunk of the figures of modules and hinges."""
+"""Number of frames in a chunk of the figures of modules and hinges. Chosen."""
 FRAMES_A_CURVE: Final = 8192
-"""Frames in a chunk of the curves, which have one number a frame."""
+"""Number of frames in a chunk of the curves, which have one number a frame. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,10 +37,11 @@ class Curves:
     """One figure for each of F frames.
 
     Attributes:
-        max_error_rad: (F,) the largest joint error; NaN where none is recorded.
-        min_clearance: (F,) the least of all modules' clearances, in pitches.
-        hinges_moving: (F,) hinges that move, by the certificate's rule, on the way to the frame.
-        peak_torque_nm: (F,) the largest hinge torque; NaN in the explosion.
+        max_error_rad: (F,) largest joint error; NaN if none is recorded.
+        min_clearance: (F,) least of all modules' clearances, pitches.
+        hinges_moving: (F,) number of hinges that move on the way to the frame, by the
+            certificate's rule.
+        peak_torque_nm: (F,) largest hinge torque; NaN in the explosion.
     """
 
     max_error_rad: Floats
@@ -53,11 +54,11 @@ class Curves:
 
     @classmethod
     def load(cls, path: str | FilePath, start: int = 0, stop: int | None = None) -> Self:
-        """Frames ``start`` to ``stop`` (all there are when None) of what ``write`` wrote.
+        """Read frames ``start`` to ``stop`` (to the end if None) of figures on disk.
 
         Raises:
-            TimelineError: If there are no figures, or the range is not in them.
-            DamagedError: If they are damaged.
+            TimelineError: There are no figures, or the range is not in them.
+            DamagedError: The figures are damaged.
         """
         try:
             group = read_group(path)
@@ -89,14 +90,13 @@ class Figures(Curves):
     """All figures of F frames of a chain of N modules and J hinges.
 
     Attributes:
-        clearance: (F, N) each module's distance in pitches from the nearest other one that it may
-            not touch, as the certificate measures it: a lower bound when they are apart, exactly
-            minus the depth when they overlap; never more than ``REACH``. NaN where the
-            configuration is no number.
-        nearest: (F, N) which module that is; −1 when none is within ``REACH``.
+        clearance: (F, N) distance of each module from the nearest other one that it may not touch,
+            pitches, as in the certificate: a lower bound if they are apart, exactly minus the depth
+            if they overlap; ``CLEARANCE_REACH_PITCH`` at most. NaN if the angles are not finite.
+        nearest: (F, N) index of that nearest module; −1 if none is within that reach.
         torque_nm: (F, J) torque that every hinge needs for the recorded motion, floating, without
             gravity or contacts, in the fold time and the unit of the certificate; NaN in the
-            explosion, whose forces are none that a robot has.
+            explosion, whose forces no robot has.
     """
 
     clearance: Floats
@@ -105,9 +105,9 @@ class Figures(Curves):
 
 
 def write(parts: Iterable[Curves], frames: int, path: str) -> None:
-    """Writes figures, or curves alone, in parts, ``frames`` frames in all.
+    """Write figures, or curves alone, in parts, ``frames`` frames in all.
 
-    What is there in the end is a whole zarr group, or what was there before.
+    The path then holds a complete zarr group, or, after an error, its former content.
     """
     whole = FilePath(path)
     aside = temporary_path(whole)
@@ -130,7 +130,7 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
             arrays[field.name] = _array(group, field.name, frames, values, FRAMES_A_CURVE)
             arrays[field.name][:] = values
         checksums = checksums_of(aside, arrays)
-        group.attrs.put(sealed({"format": FORMAT, "reach": REACH}, checksums))
+        group.attrs.put(sealed({"format": FORMAT, "reach": CLEARANCE_REACH_PITCH}, checksums))
         rmtree(whole, ignore_errors=True)
         aside.rename(whole)
     finally:

@@ -1,9 +1,9 @@
-"""Table certificate: whether a motion rests on a table in every frame, and within what torque.
+"""Table certificate: proof that a motion rests on a table in every frame, and its largest torque.
 
 Only kinematics and statics go in: every frame is balanced by itself on the plane z = 0
-(``planner.statics``). Frames that don't stand there, as those of plans that float, are each laid
-into the pose in which they rest with the least torque; that tells what they would ask, and is no
-motion on a table.
+(``planner.statics``). Frames that do not stand there, as those of plans that float, are each laid
+into the resting pose of least torque; the result is the torque that they would need, and no motion
+on a table.
 """
 
 from __future__ import annotations
@@ -33,13 +33,17 @@ from planner.statics.friction import CONE_SIDES, DIRECTION_SPREADS_RAD, Friction
 from planner.statics.stable_poses import resting_poses
 
 Array = NDArray[np.float64]
-ENTERED: Final = 0.02
-"""Pitches that modules may go into the table: as far as they may stand above it."""
-ON_TABLE: Final = 0.1
-"""Pitches from the floor within which the lowest corner of each frame is one of a motion on it."""
-CHUNK: Final = 32
-"""Frames that one task of a thread balances, each beginning where the last one ended."""
-LARGEST_FRICTION: Final = 2.0
+MAX_TABLE_ENTRY_PITCH: Final = 0.02
+"""Maximum depth of modules in the table, pitches: as far as they may stand above it. Larger values
+accept worse plans. Chosen."""
+ON_TABLE_TOLERANCE_PITCH: Final = 0.1
+"""Maximum distance of the lowest corner of every frame from the floor, pitches, for which a motion
+counts as being on the table. Larger values take more motions as they are. Chosen."""
+BALANCE_CHUNK_FRAMES: Final = 32
+"""Number of frames that one task of a thread balances, each starting from the solution of the one
+before. Chosen."""
+MAX_FRICTION: Final = 2.0
+"""Maximum coefficient of friction μ that is accepted. Chosen."""
 
 
 def table_certificate(
@@ -58,26 +62,26 @@ def table_certificate(
     progress: Callable[[float], None] | None = None,
     sink: Callable[[TableForces], object] | None = None,
 ) -> TableCertificate:
-    """Balances every frame of a motion on a table.
+    """Balance every frame of a motion on a table.
 
     Args:
         chain: The chain.
-        frames: F of them, in the order in which they are played: that is the direction of friction.
+        frames: F frames, in the order of the playback: that is the direction of friction.
         friction: μ between modules and table.
-        base: Whether the first module is clamped to the table. Frames that are each laid into a
-            resting pose lie free.
+        base: ``clamped`` if the first module is clamped to the table, else ``free``. Frames that
+            are each laid into a resting pose lie free.
         module_kg: Mass of a module; a full one of ``density_kg_m3`` when None.
         pitch_m: Distance of neighbouring modules; the chain's when None.
-        density_kg_m3: Of what a module is made.
-        module_size: Where the corners are, as a fraction of the pitch.
-        bound: Largest torque in w·p that is allowed.
-        on_table: Whether the frames stand on the table as they are; found out when None.
-        height: Where the table is along z, in pitches.
-        progress: Told the share of frames that are done, now and then.
-        sink: Given the forces of all frames.
+        density_kg_m3: Density of the material of a module.
+        module_size: Size of the modules at their corners, as a fraction of the pitch.
+        bound: Maximum allowed torque, w·p.
+        on_table: True if the frames stand on the table as they are; determined when None.
+        height: Height of the table along z, pitches.
+        progress: Receives the fraction of frames that are done, after each chunk.
+        sink: Receives the forces of all frames.
 
     Raises:
-        InputError: ``bad-table`` for numbers that cannot be.
+        InputError: ``bad-table`` for numbers out of range.
     """
     begun = time.perf_counter()
     pitch = chain.pitch_m if pitch_m is None else pitch_m
@@ -91,7 +95,9 @@ def table_certificate(
     )
     if not np.isfinite(clearances).all():
         raise InputError("bad-table", "got frames that are not finite, expected numbers.")
-    stands = bool(np.abs(clearances).max() <= ON_TABLE) if on_table is None else on_table
+    stands = (
+        bool(np.abs(clearances).max() <= ON_TABLE_TOLERANCE_PITCH) if on_table is None else on_table
+    )
     wanted = _Wanted(
         chain=chain,
         frames=frames,
@@ -102,7 +108,7 @@ def table_certificate(
         height=height,
     )
     found: list[_Balanced] = []
-    starts = range(0, len(frames), CHUNK)
+    starts = range(0, len(frames), BALANCE_CHUNK_FRAMES)
     with ThreadPoolExecutor(min(cores(), len(starts))) as pool:
         for part in pool.map(wanted.part, starts):
             found += part
@@ -150,7 +156,7 @@ def table_certificate(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Wanted:
-    """What is looked at in every frame."""
+    """Problem that is solved for every frame."""
 
     chain: Chain
     frames: Motion
@@ -161,8 +167,8 @@ class _Wanted:
     height: float
 
     def part(self, start: int) -> list[_Balanced]:
-        """What is found of the frames from one on."""
-        stop = min(start + CHUNK, len(self.frames))
+        """Balance the chunk of frames from ``start`` on."""
+        stop = min(start + BALANCE_CHUNK_FRAMES, len(self.frames))
         around = self.frames.dense(self.chain, max(start - 1, 0), min(stop + 1, len(self.frames)))
         poses = _placed(self.chain, around, self.height)
         balance = Balance(self.chain, size=self.size)
@@ -202,7 +208,7 @@ class _Wanted:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Balanced:
-    """What is kept of one frame, see ``TableForces``."""
+    """Result of one frame, see ``TableForces``."""
 
     torque: float
     torques: NDArray[np.float32]
@@ -211,7 +217,7 @@ class _Balanced:
 
     @classmethod
     def of(cls, found: Standing, modules: int) -> _Balanced:
-        """Of a solution for a chain of so many modules."""
+        """Build the result from a solution for a chain of ``modules`` modules."""
         on_floor, _, forces = found.floor
         pressed = np.bincount(on_floor, forces[:, 2], minlength=modules)
         if not found.balances:
@@ -225,13 +231,13 @@ class _Balanced:
 
     @classmethod
     def none(cls, modules: int, hinges: int) -> _Balanced:
-        """Of a frame that has no pose to balance in."""
+        """Build the result of a frame that has no resting pose."""
         nothing = np.full(hinges, np.nan, np.float32), np.full(modules, np.nan, np.float32)
         return cls(torque=np.inf, torques=nothing[0], pressed=nothing[1], standing=())
 
 
 def _moment_later(poses: Poses, k: int) -> tuple[Array, Array]:
-    """Where the modules are in the next frame; after the last one they go on as they came."""
+    """Return the poses of the next frame; after the last one the motion is extrapolated."""
     positions, rotations = poses.positions, poses.rotations
     if k + 1 < len(positions):
         return positions[k + 1], rotations[k + 1]
@@ -242,13 +248,13 @@ def _moment_later(poses: Poses, k: int) -> tuple[Array, Array]:
 
 
 def _parts(chain: Chain, frames: Motion, height: float) -> Iterator[Poses]:
-    for start in range(0, len(frames), CHUNK):
-        part = frames.dense(chain, start, min(start + CHUNK, len(frames)))
+    for start in range(0, len(frames), BALANCE_CHUNK_FRAMES):
+        part = frames.dense(chain, start, min(start + BALANCE_CHUNK_FRAMES, len(frames)))
         yield _placed(chain, part, height)
 
 
 def _placed(chain: Chain, frames: Frames, height: float) -> Poses:
-    """Poses in a space whose floor is z = 0."""
+    """Return the poses of frames above a table at z = 0."""
     above = frames.root_position - np.array([0.0, 0.0, height])
     return chain.poses(frames.joint_angles_rad, above, frames.root_wxyz)
 
@@ -264,7 +270,7 @@ def _check(
 ) -> None:
     for name, value, least, most in (
         ("frames", frames, 1, np.inf),
-        ("friction", friction, 0.0, LARGEST_FRICTION),
+        ("friction", friction, 0.0, MAX_FRICTION),
         ("pitch_m", pitch_m, 1e-9, 1e3),
         ("module_kg", module_kg, 1e-9, 1e6),
         ("module_size", module_size, 0.5, 1.0),
@@ -281,7 +287,7 @@ def _check(
 
 
 def _verdict(found: TableCertificate) -> str:
-    """The answer in one sentence."""
+    """Return the verdict in one sentence."""
     words = found.told_friction
     if found.unbalanced:
         count, first = len(found.unbalanced), found.unbalanced[0]
@@ -295,10 +301,10 @@ def _verdict(found: TableCertificate) -> str:
             "failed: the chain floats and does not rest on a table; laid down in each frame, it "
             f"needs {asked}"
         )
-    if found.clearance < -ENTERED:
+    if found.clearance < -MAX_TABLE_ENTRY_PITCH:
         return (
             f"failed: modules sink {-found.clearance:.3g} pitch into the table in frame "
-            f"{found.clearance_frame}, expected at most {ENTERED:g}"
+            f"{found.clearance_frame}, expected at most {MAX_TABLE_ENTRY_PITCH:g}"
         )
     if found.bound is not None and (found.torque or 0.0) > found.bound:
         return f"failed: the chain needs {asked}, expected at most {found.bound:g} w·p"
@@ -306,7 +312,7 @@ def _verdict(found: TableCertificate) -> str:
 
 
 def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tuple[str, ...]:
-    """All that the figures lean on."""
+    """Return the assumptions of the figures."""
     said = [
         "The torque of a frame is the largest joint torque, minimised over all distributions of "
         "contact forces. This lower bound is exact for motors that yield at their limit. Servos "

@@ -1,4 +1,4 @@
-"""Table figures: what a table certificate tells, as plain values that anybody can read."""
+"""Table figures: the result of a table certificate, as plain values."""
 
 from __future__ import annotations
 
@@ -14,34 +14,35 @@ FRICTIONLESS: Final = "frictionless"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableCertificate:
-    """What a motion asks of the hinges on a table. Lengths in pitches, torques in w·p.
+    """Static torques of the hinges in a motion on a table. Lengths in pitches, torques in w·p.
 
-    1 w·p is the weight of a module times the pitch. What is of F frames has a value for each.
+    1 w·p is the weight of a module times the pitch. F is the number of frames.
 
     Attributes:
         verdict: ``rests on a table within X w·p, …`` or ``failed: …``.
-        name: Of the chain.
-        modules: How many it has.
-        on_table: Whether the frames stand on the table as they are; else each was laid into its
+        name: Name of the chain.
+        modules: Number of its modules.
+        on_table: True if the frames stand on the table as they are; else each was laid into its
             best resting pose.
         friction: μ between modules and table.
-        base: Whether the first module is ``clamped`` to the table or the chain lies ``free``.
-        module_size: Where its corners are, as a fraction of the pitch.
+        base: ``clamped`` if the first module is clamped to the table, ``free`` if the chain lies
+            free.
+        module_size: Size of the modules at their corners, as a fraction of the pitch.
         module_kg: Mass of a module.
         pitch_m: Distance of neighbouring modules.
         unit_nm: 1 w·p in N·m.
-        bound: Largest torque that was allowed; None for any.
-        torque: The largest of all frames that balance; None where none does.
-        torque_nm: The same in N·m.
-        frame: Where that is.
-        unbalanced: Frames that nothing balances.
-        clearance: Of the table: how high the lowest corner is in the frame where it is lowest;
-            negative where it goes into the table.
-        clearance_frame: Where that is.
-        torques: (F,) smallest largest torque; None where nothing balances.
-        standing: (F,) the modules that stand on the table.
-        assumptions: All that the figures lean on, in words.
-        seconds: Wall time.
+        bound: Maximum allowed torque; None for any.
+        torque: Largest torque of all frames that balance; None if none does.
+        torque_nm: Largest torque in N·m.
+        frame: Frame with that torque.
+        unbalanced: Frames without an equilibrium.
+        clearance: Height of the lowest corner above the table, over all frames; negative if it
+            goes into the table.
+        clearance_frame: Frame with that height.
+        torques: (F,) smallest possible largest torque; None without an equilibrium.
+        standing: (F,) modules that stand on the table.
+        assumptions: Assumptions of the figures, in words.
+        seconds: Wall time, s.
     """
 
     verdict: str
@@ -68,18 +69,18 @@ class TableCertificate:
 
     @property
     def rests(self) -> bool:
-        """Whether the motion rests on a table in all frames, within the bound."""
+        """True if the motion rests on a table in all frames, within the bound."""
         return not self.verdict.startswith("failed")
 
     @property
     def told_friction(self) -> str:
-        """What is said beside every figure: of friction, and of the base where that matters."""
+        """Label of every figure: the friction, and the base if that matters."""
         if self.friction == 0.0:
             return FRICTIONLESS
         return f"friction {self.friction:g}, {self.base} base"
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         lists = {name: list(values[name]) for name in ("unbalanced", "torques", "assumptions")}
         return {
@@ -91,7 +92,7 @@ class TableCertificate:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> TableCertificate:
-        """The inverse of ``as_dict``.
+        """Build a certificate from ``as_dict``.
 
         Raises:
             InputError: ``wrong-format``.

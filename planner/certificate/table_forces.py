@@ -1,6 +1,6 @@
-"""Forces on a table: in every frame of a motion the torque of each hinge and each module's weight.
+"""Forces on a table: hinge torques and normal forces of the modules in every frame of a motion.
 
-They are those of the way to balance that a table certificate found (``table.npz`` of a fold).
+They belong to the equilibrium that a table certificate found (``table.npz`` of a fold).
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ FILE: Final = "table.npz"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TableForces:
-    """What a table certificate found. NaN in frames that nothing balances.
+    """Forces in a table certificate. NaN in frames without an equilibrium.
 
     Attributes:
-        torques: (F, J) torque of every hinge in w·p.
-        pressed: (F, n) force of the table on every module, straight up, in weights of a module.
-        torque: (F,) largest torque in w·p.
+        torques: (F, J) torque of every hinge, w·p.
+        pressed: (F, n) normal force of the table on every module, module weights.
+        torque: (F,) largest torque, w·p.
     """
 
     torques: Floats
@@ -36,16 +36,16 @@ class TableForces:
         return len(self.torque)
 
     def save(self, path: FilePath) -> None:
-        """Writes an ``.npz``."""
+        """Write an ``.npz``."""
         with path.open("wb") as file:
             np.savez_compressed(file, **{f.name: getattr(self, f.name) for f in fields(self)})
 
     @classmethod
     def load(cls, path: FilePath) -> TableForces:
-        """Reads what ``save`` wrote.
+        """Read a file that ``save`` wrote.
 
         Raises:
-            InputError: ``no-forces`` when there is none, or it is damaged.
+            InputError: ``no-forces`` if there is none, or it is damaged.
         """
         try:
             with np.load(path, allow_pickle=False) as file:

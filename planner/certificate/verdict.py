@@ -1,6 +1,6 @@
-"""Verdicts: what they say, and what those of earlier versions bear out.
+"""Verdicts: their texts, and the meaning of those of earlier versions.
 
-Nothing of a simulation is imported here, for pages that only tell of a certificate.
+No simulation is imported here, for pages that only show a certificate.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from planner.certificate.figures import CertificateFigures, FoldSummary, Playbac
 SIMULATED: Final = "verified (simulated)"
 KINEMATICS_ONLY: Final = "verified (kinematics only)"
 NOT_TOLD: Final = "verified (whether it was simulated is not known)"
-"""Verdict of a certificate of an earlier version that does not say whether it was simulated."""
+"""Verdict of an earlier version's certificate that does not state if the playback was simulated."""
 
 
 def told_honestly(
     values: CertificateFigures, playback: PlaybackFigures | None = None
 ) -> CertificateFigures:
-    """A certificate's plain values, those of an earlier version without what was never simulated.
+    """Return a certificate as a dict without figures that were reported without a simulation.
 
-    Earlier versions said ``verified`` of all plans, and of a kinematic playback that it was without
-    any error. What they don't tell becomes None.
+    Earlier versions called all plans ``verified``, and reported no errors for kinematic playbacks.
+    Figures that they did not compute become None.
 
     Args:
-        values: Plain values of a certificate; what is of today is returned as it is.
-        playback: The playback's summary, as far as it is known.
+        values: Plain values of a certificate; those of this version are returned unchanged.
+        playback: Summary of the playback, as far as it is known.
     """
     if "robots" not in values and "verdict" in values:
         values = {**values, "robots": None}
@@ -53,7 +53,7 @@ def told_honestly(
 
 
 def summary_told_honestly(summary: FoldSummary) -> FoldSummary:
-    """A plan's summary with its certificate and its playback told honestly."""
+    """Return a plan's summary without figures that were reported without a simulation."""
     told, playback = summary.copy(), summary.get("playback")
     if playback is not None and playback.get("kind") == "kinematic":
         nothing = dict.fromkeys(_OF_DYNAMIC_PLAYBACK)
@@ -83,4 +83,4 @@ _LATER: Final = (
     "torque_source",
     "torque_frames",
 )
-"""Figures that certificates of earlier versions lack; they are told as None."""
+"""Figures that certificates of earlier versions lack; they become None."""

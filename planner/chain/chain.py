@@ -12,7 +12,7 @@ from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.chain.overlap import first_close_pair
 from planner.chain.path import (
     DEFAULT_PITCH_M,
-    FEWEST_CELLS,
+    MIN_CELLS,
     Path,
     check_pitch,
 )
@@ -22,7 +22,8 @@ from planner.errors import InputError
 
 Array = NDArray[np.float64]
 OVERLAP_TOLERANCE = 0.98
-"""Module size at which a folded chain must not overlap, of a pitch."""
+"""Module size, as a fraction of the pitch, at which a folded chain must not overlap. Larger values
+refuse more chains. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,7 +31,7 @@ class Chain:
     """A chain and its folded configuration. *Straight* is all zeros.
 
     Attributes:
-        name: What people call the shape it folds into.
+        name: Name of the shape it folds into.
         module: The kind of module.
         folded_rad: (J,) hinge angles of the folded configuration, read-only.
         folded_position: (3,) centre of module 0 when folded, in pitches.
@@ -47,7 +48,7 @@ class Chain:
 
     @classmethod
     def from_path(cls, path: Path, *, module: Module = CUBE) -> Chain:
-        """The chain whose folded modules sit in the cells of a path, in its order.
+        """Build the chain whose folded modules sit in the cells of a path, in its order.
 
         Frames are parallel-transported along the path, so that each angle is exactly 0 or ±90°.
         """
@@ -77,7 +78,7 @@ class Chain:
 
     @classmethod
     def from_trail(cls, trail: Trail, *, module: Module = TETRAHEDRON) -> Chain:
-        """The chain of tetrahedra whose folded modules lie between the nodes of a trail.
+        """Build the chain of tetrahedra whose folded modules lie between the nodes of a trail.
 
         A module's x axis runs from its first node to its second, its y and z axes along the hinges
         there; the next module's y axis is this one's z axis. Each angle is exactly 0 or ±90°.
@@ -114,12 +115,12 @@ class Chain:
         first_position: Array | None = None,
         first_wxyz: Array | None = None,
     ) -> Chain:
-        """A chain from the hinge angles of its folded configuration.
+        """Build a chain from the hinge angles of its folded configuration.
 
         Args:
             module: The kind of module.
             angles_rad: (J,) or (joints, hinges) angles of the folded configuration.
-            name: What people call the shape.
+            name: Name of the shape.
             pitch_m: Distance of neighbouring modules in metres.
             first_position: (3,) centre of module 0 when folded; the origin when None.
             first_wxyz: (4,) its orientation, of any length but none; upright when None.
@@ -186,11 +187,11 @@ class Chain:
         )
 
     def __len__(self) -> int:
-        """Number of modules."""
+        """Return the number of modules."""
         return len(self.folded_rad) // self.module.hinges_per_joint + 1 + self.module.rigid_links
 
     def from_other_end(self) -> Chain:
-        """Of cubes that are folded into cells: the chain through the same ones from the last on."""
+        """Return the chain of cubes through the same cells from the last one on."""
         cells = np.rint(self.folded_poses.positions).astype(np.int64)
         path = Path.from_cells(cells[::-1], name=self.name, pitch_m=self.pitch_m)
         return Chain.from_path(path, module=self.module)
@@ -223,13 +224,13 @@ class Chain:
 
     @property
     def table_height(self) -> float:
-        """Where the top of the table is that it stands on when folded, along z, in pitches."""
+        """Height of the table that it stands on when folded, along z, in pitches."""
         poses = self.folded_poses
         corners = (poses.rotations[:, 2, :] @ self.module.vertices.T).min(axis=1)
         return float((corners + poses.positions[:, 2]).min())
 
     def poses(self, angles_rad: Array, root_position: Array, root_wxyz: Array) -> Poses:
-        """Poses of all modules for (..., J) angles and the root's (..., 3) and (..., 4) pose."""
+        """Return poses of all modules for (..., J) angles and the (..., 3), (..., 4) root pose."""
         return forward_kinematics(
             self.module,
             angles_rad,
@@ -240,7 +241,7 @@ class Chain:
 
 
 def check_overlap(chain: Chain) -> None:
-    """Refuses a chain whose folded modules lie in one another.
+    """Refuse a chain whose folded modules lie in one another.
 
     Two modules overlap for certain when their centres are closer than twice the radius of the
     ball that fits into one; that is what is tested.
@@ -264,11 +265,11 @@ def check_overlap(chain: Chain) -> None:
 
 
 def _frame_along(direction: Array) -> Array:
-    """A right-handed lattice frame (3, 3) whose x axis is a unit lattice direction."""
+    """Return a right-handed lattice frame (3, 3) whose x axis is a unit lattice direction."""
     axis = int(np.argmax(np.abs(direction)))
     side = np.zeros(3)
     side[(axis + 1) % 3] = 1.0
     return np.column_stack([direction, side, np.cross(direction, side)])
 
 
-__all__ = ["FEWEST_CELLS", "Chain", "check_overlap"]
+__all__ = ["MIN_CELLS", "Chain", "check_overlap"]

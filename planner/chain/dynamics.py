@@ -13,16 +13,16 @@ from planner.cores import cores
 from planner.kernels.dynamics import many_floating_torques
 
 Array = NDArray[np.float64]
-LEAST_FOR_A_THREAD: Final = 20_000
-"""Hinges times frames from which on another thread is worth its start."""
-FEWEST: Final = 4
-"""Times that a cubic spline needs."""
+MIN_ANGLES_PER_THREAD: Final = 20_000
+"""Minimum number of hinges times frames for each thread: it is worth its start. Chosen."""
+MIN_SPLINE_TIMES: Final = 4
+"""Minimum number of times of a cubic spline."""
 
 
 def floating_torques(
     module: Module, angles_rad: Array, rates: Array, accelerations: Array
 ) -> Array:
-    """Hinge torques of a chain that floats freely, without gravity, momentum or contacts.
+    """Compute hinge torques of a chain that floats freely, without gravity, momentum or contacts.
 
     Args:
         module: The kind of module.
@@ -48,7 +48,7 @@ def floating_torques(
             torques[part],
         )
 
-    parts = min(cores(), max(1, torques.size // LEAST_FOR_A_THREAD))
+    parts = min(cores(), max(1, torques.size // MIN_ANGLES_PER_THREAD))
     if parts == 1:
         of(slice(None))
         return torques
@@ -61,19 +61,19 @@ def floating_torques(
 def motion_of(
     time_s: Array, angles_rad: Array, at: NDArray[np.int64], *, from_rest: bool
 ) -> tuple[Array, Array]:
-    """Rates and accelerations along recorded angles: those of the cubic spline through them.
+    """Return rates and accelerations along recorded angles, by the cubic spline through them.
 
     Args:
-        time_s: (F,) not falling.
-        angles_rad: (F, J).
-        at: (K,) the frames that are asked for.
-        from_rest: Whether nothing moves at the first of all.
+        time_s: (F,) times, not falling.
+        angles_rad: (F, J) hinge angles.
+        at: (K,) numbers of the wanted frames.
+        from_rest: True if nothing moves at the first time.
 
     Returns:
-        (K, J) in rad/s and (K, J) in rad/s²; NaN where the times are too few to tell.
+        (K, J) rates, rad/s, and (K, J) accelerations, rad/s²; NaN if there are too few times.
     """
     later = np.concatenate([[True], np.diff(time_s) > 0.0])
-    if later.sum() < FEWEST:
+    if later.sum() < MIN_SPLINE_TIMES:
         nothing = np.full((len(at), angles_rad.shape[1]), np.nan)
         return nothing, nothing
     from scipy.interpolate import CubicSpline  # late: who reads a plan asks for no accelerations

@@ -19,8 +19,10 @@ from planner.chain.module import TETRAHEDRON
 from planner.chain.trail import hinge_axes
 
 Nodes = NDArray[np.int64]
-RING: Final = 12
-DODECAHEDRON: Final = 24
+TETRAHEDRA_PER_RING: Final = 12
+"""Number of tetrahedra of the ring that fills a cube of side 2."""
+TETRAHEDRA_PER_DODECAHEDRON: Final = 24
+"""Number of tetrahedra that fill a rhombic dodecahedron."""
 _RING_PAIRS: Final = (
     *("123-223", "213-223", "312-322", "122-132", "212-312", "221-231"),
     *("321-322", "221-321", "212-213", "122-123", "231-232", "132-232"),
@@ -61,7 +63,7 @@ def ring_of(nodes: Nodes, cells: Nodes) -> Nodes:
     _, inverse = np.unique(np.concatenate([keys, wanted]), axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
     place = np.empty(inverse.max() + 1, dtype=np.int64)
-    place[inverse[: len(keys)]] = np.arange(len(keys)) // RING
+    place[inverse[: len(keys)]] = np.arange(len(keys)) // TETRAHEDRA_PER_RING
     return place[inverse[len(keys) :]]
 
 

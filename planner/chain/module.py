@@ -14,9 +14,15 @@ from planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
 LONG_CHAIN: Final = 600
-"""Modules from which on a chain is peeled, on a path made for it: docs/decisions/0013-peeling.md"""
+"""Number of modules above which a chain is peeled, on a path made for it:
+docs/decisions/0013-peeling.md."""
+UNSMOOTHED_FROM_MODULES: Final = 1500
+"""Number of modules above which a record is played back frame by frame: a spline through it would
+take gigabytes. Simulated stops then begin ``STOP_COMPLIANCE_RAD`` inside the range, as no curve
+cuts the angles that pass them. Chosen."""
 RELIEF_SAMPLES: Final = 64
-"""Points along each side of a module at which its relief's volume is sampled."""
+"""Number of points along each side of a module at which its relief's volume is sampled. Larger
+values are more exact. Chosen."""
 
 
 def _frozen(values: object) -> Array:
@@ -26,7 +32,7 @@ def _frozen(values: object) -> Array:
 
 
 def _largest_projection(along: Array, across: Array, limit: float) -> Array:
-    """The largest of along · cos t + across · sin t over all |t| ≤ limit."""
+    """Return the largest of along · cos t + across · sin t over all |t| ≤ limit."""
     bent = along * np.cos(limit) + np.abs(across) * np.sin(limit)
     within = np.arctan2(np.abs(across), along) <= limit
     return np.where(within, np.hypot(along, across), bent)
@@ -50,15 +56,15 @@ class Module:
         turn: (3, 3) fixed rotation from the joint's frame to the next module's frame.
         offset: (3,) centre of the next module seen from the joint, in the next module's frame.
         hinge_names: K suffixes for the hinges, in the order of ``axes``.
-        rigid_links: How many links at the start of a chain carry no joint.
-        angle_limit_rad: Each hinge moves within plus and minus this angle.
-        stop_rad: Where the stops of a simulated explosion begin; they give a little, and what is
-            recorded shall stay within the limit.
-        volume: Of the full-size hull, in cubic pitches.
+        rigid_links: Number of links at the start of a chain without a joint.
+        angle_limit_rad: Maximum angle of each hinge, either way.
+        stop_rad: Angle of the stops of a simulated explosion; they give a little, and recorded
+            angles are to stay within the limit.
+        volume: Volume of the full-size hull, in cubic pitches.
         inertia: (3,) principal moments of the full-size hull with mass 1, along the frame's axes.
         apart: Modules fewer links apart than this may lie in one another by the joint's nature.
-        fills_cell: Whether a folded module fills one cell of the cubic lattice.
-        geom: How a simulation draws the hull: ``box`` or the convex ``mesh`` of its corners.
+        fills_cell: True if a folded module fills one cell of the cubic lattice.
+        geom: Shape of the hull in simulations: ``box`` or the convex ``mesh`` of its corners.
     """
 
     name: str
@@ -115,7 +121,7 @@ class Module:
         )
 
     def near_face(self, size: float) -> float:
-        """How far from the joint the next module's near face is, in pitches.
+        """Return the distance of the next module's near face from the joint, in pitches.
 
         Args:
             size: Module size as a fraction of the pitch.
@@ -124,10 +130,10 @@ class Module:
         return away + size * float((self.vertices @ self.offset).min()) / away
 
     def relief_radius(self, size: float) -> float | None:
-        """What the points of a real module reach at most from its joint, see ``reach``, in pitches.
+        """Return the largest ``reach`` of the points of a real module, in pitches.
 
-        Whatever reaches farther would lie in the next module at some angles of the joint. None
-        where linked modules are checked as all others are, so that nothing has to be lacking.
+        Points that reach farther would lie in the next module at some angles of the joint. None
+        if linked modules are checked like all others, so that no volume has to be cut away.
 
         Args:
             size: Module size as a fraction of the pitch.
@@ -135,7 +141,7 @@ class Module:
         return self.near_face(size) if self.apart > 1 else None
 
     def relief_share(self, size: float) -> float:
-        """Which part of its volume a real module lacks for ``relief_radius``, to three digits.
+        """Return the fraction of its volume that a real module lacks by ``relief_radius``.
 
         Args:
             size: Module size as a fraction of the pitch.
@@ -143,7 +149,7 @@ class Module:
         return _relief_share(self, float(size))
 
     def reach(self, points: Array) -> Array:
-        """How far points reach from the joint along any direction in which the next module may lie.
+        """Return the reach of points from the joint over all directions of the next module.
 
         In front of the joint that is their distance from it, behind it that from the line of the
         link, and more there by what the joint turns beyond a right angle.

@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
 
-LARGEST_COORDINATE: Final = 1_000_000
-"""Coordinates of cells, at most."""
-FEWEST_CELLS: Final = 3
+MAX_COORDINATE: Final = 1_000_000
+"""Maximum magnitude of the coordinates of cells. Chosen."""
+MIN_CELLS: Final = 3
+"""Minimum number of cells of a path: a shorter chain has no joint."""
 DEFAULT_PITCH_M: Final = 0.01
 """Metres between neighbouring modules where a file does not say: one centimetre, as published."""
-SMALLEST_PITCH_M: Final = 1e-6
-LARGEST_PITCH_M: Final = 1000.0
+MIN_PITCH_M: Final = 1e-6
+MAX_PITCH_M: Final = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,7 +26,7 @@ class Path:
     """A Hamiltonian path on cubic cells.
 
     Attributes:
-        name: What people call the shape.
+        name: Name of the shape.
         cells: (n, 3) int64, read-only; consecutive cells share a face, none comes twice.
         pitch_m: Distance of neighbouring cells in metres.
     """
@@ -38,11 +39,11 @@ class Path:
     def from_cells(
         cls, cells: ArrayLike, *, name: str = "path", pitch_m: float = DEFAULT_PITCH_M
     ) -> Path:
-        """Checks cells and makes a path of them.
+        """Check cells and build a path of them.
 
         Args:
             cells: (n, 3) whole numbers in the order of the chain.
-            name: What people call the shape.
+            name: Name of the shape.
             pitch_m: Distance of neighbouring cells in metres.
 
         Raises:
@@ -59,7 +60,7 @@ class Path:
 
 
 def checked_cells(cells: ArrayLike) -> NDArray[np.int64]:
-    """(n, 3) whole numbers.
+    """Return (n, 3) whole numbers.
 
     Raises:
         InputError: ``not-cells`` for anything else, or naming the cell that is none.
@@ -78,9 +79,9 @@ def checked_cells(cells: ArrayLike) -> NDArray[np.int64]:
             (~np.isfinite(values), "not-finite", "a finite whole number"),
             (values != np.round(values), "not-whole", "a whole number"),
             (
-                np.abs(values) > LARGEST_COORDINATE,
+                np.abs(values) > MAX_COORDINATE,
                 "too-far",
-                f"at most {LARGEST_COORDINATE} in size; move the shape to the origin",
+                f"at most {MAX_COORDINATE} in size; move the shape to the origin",
             ),
         ),
         row="cell",
@@ -91,12 +92,12 @@ def checked_cells(cells: ArrayLike) -> NDArray[np.int64]:
 def check_coordinates(
     values: NDArray[np.float64], rules: Iterable[tuple[NDArray[np.bool_], str, str]], *, row: str
 ) -> None:
-    """Refuses the first coordinate that breaks a rule.
+    """Refuse the first coordinate that breaks a rule.
 
     Args:
-        values: (n, 3).
-        rules: Of each rule (n, 3) where it is broken, the code of the error, and what is expected.
-        row: What a row is called.
+        values: (n, 3) coordinates.
+        rules: Rules: (n, 3) True where broken, code of the error, and expected value.
+        row: Name of a row in the error.
 
     Raises:
         InputError: Naming the row.
@@ -112,24 +113,24 @@ def check_coordinates(
 
 
 def check_pitch(pitch_m: float) -> None:
-    """Refuses a pitch out of range.
+    """Refuse a pitch out of range.
 
     Raises:
         InputError: ``bad-pitch``.
     """
-    if not SMALLEST_PITCH_M <= pitch_m <= LARGEST_PITCH_M:
+    if not MIN_PITCH_M <= pitch_m <= MAX_PITCH_M:
         raise InputError(
             "bad-pitch",
-            f"got a pitch of {pitch_m} m, expected {SMALLEST_PITCH_M} to {LARGEST_PITCH_M:g}.",
+            f"got a pitch of {pitch_m} m, expected {MIN_PITCH_M} to {MAX_PITCH_M:g}.",
         )
 
 
 def _check_order(cells: NDArray[np.int64]) -> None:
-    if len(cells) < FEWEST_CELLS:
+    if len(cells) < MIN_CELLS:
         raise InputError(
             "too-few-cells",
             f"got {len(cells)} cell{'' if len(cells) == 1 else 's'}, expected at least "
-            f"{FEWEST_CELLS}: a shorter chain has no joint.",
+            f"{MIN_CELLS}: a shorter chain has no joint.",
         )
     seen: dict[tuple[int, ...], int] = {}
     for index, cell in enumerate(map(tuple, cells.tolist())):

@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.chain.path import (
     DEFAULT_PITCH_M,
-    LARGEST_COORDINATE,
+    MAX_COORDINATE,
     check_pitch,
 )
 from planner.errors import InputError
 
 Nodes = NDArray[np.int64]
-FEWEST_NODES = 3
+MIN_NODES = 3
+"""Minimum number of nodes of a trail: a shorter chain has no hinge."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,7 +30,7 @@ class Trail:
     """A trail of tetrahedra.
 
     Attributes:
-        name: What people call the shape.
+        name: Name of the shape.
         nodes: (n + 1, 3) int64, read-only: module ``i`` lies between nodes ``i`` and ``i + 1``.
         pitch_m: Distance of the middles of a module's two hinges in metres.
     """
@@ -42,11 +43,11 @@ class Trail:
     def from_nodes(
         cls, nodes: ArrayLike, *, name: str = "trail", pitch_m: float = DEFAULT_PITCH_M
     ) -> Trail:
-        """Checks nodes and makes a trail of them.
+        """Check nodes and build a trail of them.
 
         Args:
             nodes: (n + 1, 3) whole numbers in the order of the chain.
-            name: What people call the shape.
+            name: Name of the shape.
             pitch_m: Distance of the middles of a module's two hinges in metres.
 
         Raises:
@@ -58,17 +59,17 @@ class Trail:
                 "not-nodes",
                 f"got an array of shape {raw.shape}, expected (n + 1, 3) whole numbers.",
             )
-        if len(raw) < FEWEST_NODES:
+        if len(raw) < MIN_NODES:
             raise InputError(
                 "too-few-nodes",
-                f"got {len(raw)} nodes, expected at least {FEWEST_NODES}: two modules and a hinge.",
+                f"got {len(raw)} nodes, expected at least {MIN_NODES}: two modules and a hinge.",
             )
         check_pitch(pitch_m)
         whole = raw.astype(np.int64)
-        if np.abs(whole).max() > LARGEST_COORDINATE:
+        if np.abs(whole).max() > MAX_COORDINATE:
             raise InputError(
                 "too-far",
-                f"expected coordinates between -{LARGEST_COORDINATE} and {LARGEST_COORDINATE}.",
+                f"expected coordinates between -{MAX_COORDINATE} and {MAX_COORDINATE}.",
             )
         _check(whole)
         whole.setflags(write=False)

@@ -10,20 +10,20 @@ import numpy as np
 
 from planner.motion.stuck_figures import BlockFigures, MoveFigures, TurnFigures
 
-MOST_NAMED: Final = 3
-"""Pairs, and modules, that the words name one by one."""
+MAX_NAMED_PAIRS: Final = 3
+"""Maximum number of pairs, or modules, that a message lists; it counts the others. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
-    """One hinge turned towards straight, alone, and what it runs into.
+    """One hinge turned towards straight, alone, and the modules that then overlap.
 
     Attributes:
         hinge: Index into the joint angles.
         module: The module that carries its joint.
-        turned_rad: By how much its angle was changed; the sign is that towards straight.
+        turned_rad: Change of its angle, rad; its sign is that of the way towards straight.
         modules: Two modules that then overlap, and had not before.
-        overlap: How deep, in pitches.
+        overlap: Depth of that overlap, in pitches.
     """
 
     hinge: int
@@ -35,13 +35,13 @@ class Turn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Move:
-    """The unit that a peeling has to let go next, moved as it is, and what it runs into.
+    """One rigid move of the unit that a peeling releases next, and the modules it runs into.
 
     Attributes:
-        direction: Along the lattice of the folded chain, whose module 0 is upright.
-        moved: How far, in pitches.
+        direction: Lattice direction in the frame of the folded chain's module 0.
+        moved: Distance of the move, in pitches.
         modules: A module of the unit and one of the core that then overlap.
-        overlap: How deep, in pitches.
+        overlap: Depth of that overlap, in pitches.
     """
 
     direction: tuple[int, int, int]
@@ -58,11 +58,11 @@ class BlockEvidence:
         module_size: Size at which modules overlap, as a fraction of the pitch: what is recorded
             keeps clear at it.
         bent_above_rad: Each hinge bent by more has its turn here.
-        first_hinge: Hinges before it are those of a peeling's core, which have none.
-        turns: Of all the others that are bent.
-        unit: First and last module of the unit that a peeling lets go next; None where nothing is
-            left to let go, or no peeling.
-        moves: Of that unit, in all six directions; none where it is free in one of them.
+        first_hinge: First hinge that is released; those before it belong to a peeling's core.
+        turns: One turn of each bent hinge from ``first_hinge`` on.
+        unit: First and last module of the unit that a peeling releases next; None if all are
+            released, or the strategy is another one.
+        moves: One move of that unit in each of the six directions; empty if one of them is free.
     """
 
     module_size: float
@@ -74,7 +74,7 @@ class BlockEvidence:
 
     @property
     def words(self) -> str:
-        """The same in plain words."""
+        """Evidence as a phrase in plain English."""
         parts: list[str] = []
         if self.turns:
             modules = sorted({turn.module for turn in self.turns})
@@ -97,7 +97,7 @@ class BlockEvidence:
         return f"{'; '.join(parts)} (at a module size of {self.module_size:g})"
 
     def as_dict(self) -> BlockFigures:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         turns: list[TurnFigures] = [
             {
                 "hinge": turn.hinge,
@@ -129,7 +129,7 @@ class BlockEvidence:
 
     @classmethod
     def from_dict(cls, values: BlockFigures) -> BlockEvidence:
-        """From ``as_dict``."""
+        """Build the evidence from the values of ``as_dict``."""
         return cls(
             module_size=values["module_size"],
             bent_above_rad=values["bent_above_rad"],
@@ -164,15 +164,15 @@ def _pair(values: Sequence[int]) -> tuple[int, int]:
 def _listed(modules: Sequence[int]) -> str:
     if len(modules) == 1:
         return f"module {modules[0]}"
-    if len(modules) > MOST_NAMED:
-        some = ", ".join(map(str, modules[:MOST_NAMED]))
-        return f"modules {some} and {len(modules) - MOST_NAMED} more"
+    if len(modules) > MAX_NAMED_PAIRS:
+        some = ", ".join(map(str, modules[:MAX_NAMED_PAIRS]))
+        return f"modules {some} and {len(modules) - MAX_NAMED_PAIRS} more"
     return f"modules {', '.join(map(str, modules[:-1]))} and {modules[-1]}"
 
 
 def _pairs(found: Sequence[Turn] | Sequence[Move]) -> str:
     pairs = list(dict.fromkeys(each.modules for each in found))
-    told = ", ".join(f"module {a} against {b}" for a, b in pairs[:MOST_NAMED])
+    told = ", ".join(f"module {a} against {b}" for a, b in pairs[:MAX_NAMED_PAIRS])
     return told + (
-        "" if len(pairs) <= MOST_NAMED else f", and {len(pairs) - MOST_NAMED} pairs more"
+        "" if len(pairs) <= MAX_NAMED_PAIRS else f", and {len(pairs) - MAX_NAMED_PAIRS} pairs more"
     )

@@ -1,4 +1,4 @@
-"""Blocking: whether the modules of a chain that sticks block each other, and in which directions.
+"""Blocking: a test of a stalled chain for modules that block each other, and in which directions.
 
 Each bent hinge is turned towards straight by itself, and the unit that a peeling lets go next is
 moved along the lattice. That all of it is blocked does not prove that no motion of many hinges at
@@ -20,17 +20,21 @@ from planner.kernels.pairs import near_pairs
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-BENT_RAD: Final = 1.0
-"""Bend from which on a joint is told as stuck: most of a right angle."""
-TURNS_RAD: Final = tuple(np.deg2rad([1.0, 2.0, 3.0, 4.0, 5.0]).tolist())
-"""Turns that are tried of each hinge; one that can make the largest of them is free."""
-MOVED: Final = 0.5
-"""Pitches that a unit is moved: farther than anything that leaves the core is loose in it."""
-LEAST_OVERLAP: Final = 1e-3
-"""Pitches by which modules overlap at least where they block each other."""
-MOST_TURNS: Final = 400
-"""Bent hinges that are looked at, at most: of more than that nothing is said."""
-DIRECTIONS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+STUCK_JOINT_BEND_RAD: Final = 1.0
+"""Minimum bend of a joint that counts as stuck, rad: most of a right angle. Larger values report
+fewer joints. Chosen."""
+TRIAL_TURNS_RAD: Final = tuple(np.deg2rad([1.0, 2.0, 3.0, 4.0, 5.0]).tolist())
+"""Turns of a hinge that are tested, rad; a hinge that can make the largest one is free. A larger
+last value finds obstacles that are farther away. Chosen."""
+TRIAL_MOVE_PITCH: Final = 0.5
+"""Distance that a unit is moved, pitches: more than the play of a unit in its core. Chosen."""
+MIN_BLOCKING_OVERLAP_PITCH: Final = 1e-3
+"""Minimum overlap of two modules that block each other, pitches. Larger values report fewer blocked
+hinges. Chosen."""
+MAX_TESTED_HINGES: Final = 400
+"""Maximum number of bent hinges that are tested (processor time); with more there is no evidence.
+Chosen."""
+LATTICE_DIRECTIONS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 
 def blocked(
@@ -41,18 +45,18 @@ def blocked(
     first_hinge: int = 0,
     unit: tuple[int, int] | None = None,
 ) -> BlockEvidence | None:
-    """The modules that block each other; None when a bent hinge is free to turn.
+    """Find the modules that block each other; None if a bent hinge is free to turn.
 
     Args:
         chain: The chain.
-        angles_rad: (J,) where it sticks.
+        angles_rad: (J,) hinge angles where the chain stalled, rad.
         size: Module size at which they are to be clear, as a fraction of the pitch.
-        first_hinge: Hinges before it are those of a peeling's core, and not let go.
-        unit: First and last module of the unit that a peeling lets go next, if there is one.
+        first_hinge: First hinge that is released; those before it belong to a peeling's core.
+        unit: First and last module of the unit that a peeling releases next, if there is one.
     """
-    bent = np.flatnonzero(np.abs(angles_rad) > BENT_RAD)
+    bent = np.flatnonzero(np.abs(angles_rad) > STUCK_JOINT_BEND_RAD)
     bent = bent[bent >= first_hinge]
-    if len(bent) > MOST_TURNS:
+    if len(bent) > MAX_TESTED_HINGES:
         return None
     # What overlaps before a turn does not lie in its way.
     before = _overlapping(chain, angles_rad, size) if len(bent) else set[tuple[int, int]]()
@@ -67,7 +71,7 @@ def blocked(
         return None
     return BlockEvidence(
         module_size=size,
-        bent_above_rad=BENT_RAD,
+        bent_above_rad=STUCK_JOINT_BEND_RAD,
         first_hinge=first_hinge,
         turns=tuple(turns),
         unit=unit,
@@ -78,9 +82,9 @@ def blocked(
 def _turn(
     chain: Chain, angles: Array, hinge: int, size: float, before: set[tuple[int, int]]
 ) -> Turn | None:
-    """What one hinge runs into on its way towards straight; None when it is free."""
+    """Find the first overlap of one hinge on its way towards straight; None if it is free."""
     module = hinge // chain.module.hinges_per_joint + chain.module.rigid_links
-    for turned in TURNS_RAD:
+    for turned in TRIAL_TURNS_RAD:
         now = angles.copy()
         now[hinge] -= np.sign(angles[hinge]) * turned
         poses = forward_kinematics(chain.module, now)
@@ -100,19 +104,19 @@ def _turn(
 
 
 def _overlapping(chain: Chain, angles: Array, size: float) -> set[tuple[int, int]]:
-    """All pairs that overlap in a configuration."""
+    """Return all pairs that overlap in a configuration."""
     poses = forward_kinematics(chain.module, angles)
     pairs = near_pairs(poses.positions, 2.0 * chain.module.radius * size, chain.module.apart)
     return {(i, j) for i, j in pairs.tolist() if _deepest(chain, poses, [[i, j]], size)[1]}
 
 
 def _moves(chain: Chain, unit: tuple[int, int], size: float) -> tuple[Move, ...]:
-    """What a unit runs into in each direction; nothing when it is free in one of them."""
+    """Find the overlap of a unit in each direction; empty if it is free in one of them."""
     poses = forward_kinematics(chain.module, chain.folded_rad[: _hinges_to(chain, unit[1])])
     moves: list[Move] = []
-    for direction in DIRECTIONS:
+    for direction in LATTICE_DIRECTIONS:
         positions = poses.positions.copy()
-        positions[unit[0] :] += MOVED * np.array(direction)
+        positions[unit[0] :] += TRIAL_MOVE_PITCH * np.array(direction)
         pairs = near_pairs(positions, 2.0 * chain.module.radius * size, chain.module.apart)
         across = pairs[(pairs.min(axis=1) < unit[0]) & (pairs.max(axis=1) >= unit[0])]
         there = Poses(positions=positions, rotations=poses.rotations)
@@ -120,25 +124,27 @@ def _moves(chain: Chain, unit: tuple[int, int], size: float) -> tuple[Move, ...]
         if pair is None:
             return ()
         core, moved = sorted(pair)
-        moves.append(Move(direction=direction, moved=MOVED, modules=(moved, core), overlap=depth))
+        moves.append(
+            Move(direction=direction, moved=TRIAL_MOVE_PITCH, modules=(moved, core), overlap=depth)
+        )
     return tuple(moves)
 
 
 def _hinges_to(chain: Chain, module: int) -> int:
-    """Hinges of the joints before a module."""
+    """Return the number of hinges of the joints before a module."""
     return (module - chain.module.rigid_links) * chain.module.hinges_per_joint
 
 
 def _deepest(
     chain: Chain, poses: Poses, pairs: list[list[int]], size: float
 ) -> tuple[float, tuple[int, int] | None]:
-    """The deepest overlap among pairs and the pair that has it; None when there is none."""
+    """Return the deepest overlap among pairs, in pitches, and its pair; None if there is none."""
     separation, i, j = least_separation(
         poses.positions,
         poses.rotations,
         np.array(pairs, dtype=np.int64).reshape(-1, 2),
         chain.module.hull,
         size,
-        -LEAST_OVERLAP,
+        -MIN_BLOCKING_OVERLAP_PITCH,
     )
     return (0.0, None) if i < 0 else (-float(separation), (int(i), int(j)))

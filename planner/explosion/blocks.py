@@ -25,30 +25,35 @@ from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments
 
 Ints = NDArray[np.int64]
-BLOCK_MODULES: Final = 64
-"""Modules of a rigid block, at least."""
-MOST_BLOCKS: Final = 24
-"""Blocks of a chain, at most: all their tethers are one tree, whose steps cost the cube of them."""
+MIN_BLOCK_MODULES: Final = 64
+"""Minimum number of modules of a rigid block. Larger blocks are fewer and heavier. Chosen."""
+MAX_BLOCKS: Final = 24
+"""Maximum number of blocks of a chain: all tethers are one tree, and a step costs the cube of their
+number. Chosen."""
 TETHER_MODULES: Final = 4
-"""Modules at either end of a block whose joints stay free. With none, or one, packed blocks hinge
-into each other and jam: docs/decisions/0015-hard-paths.md."""
-TENSION: Final = 4.0
-"""Factor of the tension on rigid blocks, which are heavier than single modules."""
-STEP_IN_CONTACT: Final = 0.1
-"""Largest time step in contact, in s: blocks are heavier and slower than modules."""
-COARSER_TURN: Final = 3.0
-"""Factor of the turn between two snapshots."""
-COARSER_WAY: Final = 8.0
-"""Factor of the way between two snapshots; the certificate bounds what lies between."""
-FEWEST_STEPS: Final = 200
-"""Steps before the blocks may be let go."""
-LOOSE_RAD: Final = 0.35
-"""Mean bend of the tethers' hinges below which the blocks have come apart."""
-WINDOW: Final = 100
-"""Steps between two looks at the tethers."""
-LEAST_EASED: Final = 0.03
-"""Share by which the tethers' bends must fall from look to look; with less, blocks are as far
-apart as they get."""
+"""Number of modules at either end of a block whose joints stay free. With none, or one, packed
+blocks hinge into each other and jam: docs/decisions/0015-hard-paths.md."""
+BLOCK_TENSION_SCALE: Final = 4.0
+"""Factor of the tension while blocks are rigid, as they are heavier than single modules. Larger
+values part them sooner and press contacts deeper. Chosen."""
+BLOCK_STEP_IN_CONTACT_S: Final = 0.1
+"""Maximum time step in contact, s: blocks are heavier and slower than modules. Larger steps are
+fewer and press contacts deeper. Chosen."""
+SNAPSHOT_TURN_SCALE: Final = 3.0
+"""Factor of the turn between two snapshots. Larger values keep fewer snapshots. Chosen."""
+SNAPSHOT_DISTANCE_SCALE: Final = 8.0
+"""Factor of the distance between two snapshots. Larger values keep fewer snapshots; the certificate
+bounds the clearance between them. Chosen."""
+MIN_BLOCK_STEPS: Final = 200
+"""Minimum number of steps before all joints are released. Chosen."""
+LOOSE_TETHER_RAD: Final = 0.35
+"""Mean bend of the tethers' hinges, rad, below which the blocks count as apart. Larger values
+release all joints earlier. Chosen."""
+TETHER_CHECK_STEPS: Final = 100
+"""Steps between two checks of the tethers. Chosen."""
+MIN_TETHER_EASING: Final = 0.03
+"""Minimum relative decrease of the tethers' mean bend between two checks. With less, all joints are
+released: the blocks are as far apart as they get. Chosen."""
 
 
 def explode_blocks_first(
@@ -60,11 +65,11 @@ def explode_blocks_first(
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
-    """Explodes a folded chain of cubes: first its blocks, then all of it.
+    """Explode a folded chain of cubes: first its blocks, then all of it.
 
     Args:
         chain: The chain, starting in its folded configuration.
-        parameters: How it is let go.
+        parameters: Parameters of the explosion.
         seed, sink, progress, cancelled: As in ``planner.explosion.simultaneous.explode``.
 
     Raises:
@@ -72,17 +77,17 @@ def explode_blocks_first(
     """
     coarser = replace(
         parameters,
-        snapshot_rad=COARSER_TURN * parameters.snapshot_rad,
-        snapshot_distance=COARSER_WAY * parameters.snapshot_distance,
+        snapshot_rad=SNAPSHOT_TURN_SCALE * parameters.snapshot_rad,
+        snapshot_distance=SNAPSHOT_DISTANCE_SCALE * parameters.snapshot_distance,
     )
-    block = max(BLOCK_MODULES, -(-len(chain) // MOST_BLOCKS))
+    block = max(MIN_BLOCK_MODULES, -(-len(chain) // MAX_BLOCKS))
     starts = block_starts(len(chain), block, TETHER_MODULES)
     run = _BlocksFirst(chain, coarser, seed, sink, starts)
     return run.run(progress, cancelled)
 
 
 def block_starts(modules: int, block: int, tether: int) -> Ints:
-    """First modules of the rigid pieces: blocks without their tethers, and the tethers' modules."""
+    """Return the first modules of the rigid pieces: blocks without tethers, and tether modules."""
     starts = {0}
     for first in range(block, modules, block):
         starts.update(range(max(1, first - tether), min(modules, first + tether + 1)))
@@ -105,8 +110,8 @@ class _BlocksFirst(Simultaneous):
             chain,
             replace(
                 parameters,
-                tension=TENSION * parameters.tension,
-                step_in_contact_s=STEP_IN_CONTACT,
+                tension=BLOCK_TENSION_SCALE * parameters.tension,
+                step_in_contact_s=BLOCK_STEP_IN_CONTACT_S,
             ),
             seed,
             sink,
@@ -121,11 +126,11 @@ class _BlocksFirst(Simultaneous):
     def step(self) -> bool:
         moved = super().step()
         # A state that it went back to may have to be looked at first.
-        if isinstance(self.engine, Blocks) and not self.steps % WINDOW and moved:
+        if isinstance(self.engine, Blocks) and not self.steps % TETHER_CHECK_STEPS and moved:
             bent = self._bent()
-            eased = bent < (1.0 - LEAST_EASED) * self.bent
+            eased = bent < (1.0 - MIN_TETHER_EASING) * self.bent
             self.bent = bent
-            if self.steps >= FEWEST_STEPS and (bent < LOOSE_RAD or not eased):
+            if self.steps >= MIN_BLOCK_STEPS and (bent < LOOSE_TETHER_RAD or not eased):
                 self._let_go()
         return moved
 
@@ -136,7 +141,7 @@ class _BlocksFirst(Simultaneous):
         return isinstance(self.engine, Blocks) or super().unjam()
 
     def _bent(self) -> float:
-        """Mean bend of the hinges that are free in the first stage and bent when folded."""
+        """Return the mean bend, rad, of the hinges that are free at first and bent when folded."""
         assert isinstance(self.engine, Blocks)
         free = self.engine.free[np.abs(self.chain.folded_rad[self.engine.free]) > 0.1]
         return float(np.abs(self.state.angles[free]).mean()) if len(free) else 0.0

@@ -10,8 +10,9 @@ from planner.explosion.evidence import BudgetEvidence
 from planner.motion.frames import Frames
 from planner.motion.record import Record
 
-SLIGHT_RAD: Final = 0.1
-"""Bends below this are not told at all."""
+SLIGHT_BEND_RAD: Final = 0.1
+"""Maximum bend, rad, of a hinge that is not reported as bent. Larger values report fewer.
+Chosen."""
 
 
 def budget(record: Record, last: Frames) -> BudgetEvidence | None:
@@ -28,6 +29,6 @@ def budget(record: Record, last: Frames) -> BudgetEvidence | None:
         spent=record.spent.kind,
         allowed=record.spent.allowed,
         used=record.spent.used,
-        bent_hinges=int((angles > SLIGHT_RAD).sum()),
+        bent_hinges=int((angles > SLIGHT_BEND_RAD).sum()),
         largest_bend_rad=float(angles.max(initial=0.0)),
     )

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.explosion.block_evidence import BlockEvidence
-from planner.explosion.blocking import BENT_RAD, blocked
-from planner.explosion.budget import SLIGHT_RAD, budget
+from planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked
+from planner.explosion.budget import SLIGHT_BEND_RAD, budget
 from planner.explosion.evidence import (
     Crossing,
     Evidence,
@@ -25,7 +25,7 @@ from planner.explosion.evidence import (
     Point,
     evidence_from,
 )
-from planner.explosion.peeling import FEWEST_LEFT
+from planner.explosion.peeling import MIN_LAST_UNIT_MODULES
 from planner.kernels.folded_core import FIXED
 from planner.kernels.pairs import near_pairs
 from planner.motion.frames import PHASES, Frames
@@ -39,17 +39,20 @@ from planner.pathfinding.knot_diagram import diagram_of
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped"]
-MOST_BENT: Final = 0.5
-"""Share of the largest bend from which on a joint is told, where none is bent by ``BENT_RAD``."""
-TOUCHING: Final = 1.1
-"""Pitches between centres up to which cubes count as touching; face to face it is 1."""
-CLUSTER: Final = 0.25
-"""Share of the chain's modules that touch in one cluster, from which on contacts are the reason."""
-MOST_MODULES: Final = 200
-"""Modules that a diagnosis names, at most."""
-LARGEST_KNOT: Final = 4096
-"""Modules up to which a knot is looked for: it takes time by their square."""
-WORDS: Final[dict[str, str]] = {
+MIN_REPORTED_BEND_SHARE: Final = 0.5
+"""Minimum bend of a reported joint as a fraction of the largest one, where none is stuck. Larger
+values report fewer joints. Chosen."""
+TOUCHING_CENTRES_PITCH: Final = 1.1
+"""Maximum distance of the centres of touching cubes, pitches; face to face it is 1. Chosen."""
+MIN_CLUSTER_SHARE: Final = 0.25
+"""Minimum fraction of the chain's modules in one touching cluster for the kind ``contacts``. Larger
+values report ``joints`` more often. Chosen."""
+MAX_DIAGNOSED_MODULES: Final = 200
+"""Maximum number of modules that a diagnosis lists. Chosen."""
+MAX_STALLED_KNOT_MODULES: Final = 4096
+"""Maximum number of modules of a chain that is tested for a knot: the test takes time by their
+square. Chosen."""
+STALL_TEXTS: Final[dict[str, str]] = {
     "knot": "the chain is knotted",
     "buried": "the next modules to move are covered by modules that move later",
     "contacts": "too many modules press against each other at once",
@@ -62,15 +65,15 @@ WORDS: Final[dict[str, str]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
-    """What keeps a chain from becoming straight.
+    """Reason why a chain does not become straight.
 
     Attributes:
-        kind: What decides what is tried next: a ``knot``, a ``buried`` unit, a cluster of
-            ``contacts``, stuck ``joints``, a simulation that is ``broken`` off, or a ``limit`` that
-            came first; ``stopped`` when it was ended from outside.
-        modules: Where it sticks: modules whose joint is still bent, some of them at least.
-        evidence: The reason, as another program can test it; None when it was ended from outside,
-            and of what an earlier version has written.
+        kind: Kind of the reason, by which the next attempt is chosen: a ``knot``, a ``buried``
+            unit, a cluster of ``contacts``, stuck ``joints``, a simulation that is ``broken`` off,
+            or a ``limit`` that came first; ``stopped`` if the run was ended from outside.
+        modules: Modules whose joint is still bent, some of them at least.
+        evidence: The reason, as another program can test it; None if the run was ended from
+            outside, or an earlier version wrote the file.
     """
 
     kind: Kind
@@ -79,11 +82,11 @@ class Diagnosis:
 
     @property
     def words(self) -> str:
-        """The same in plain words."""
-        return WORDS[self.kind] if self.evidence is None else self.evidence.words
+        """Reason as a phrase in plain English."""
+        return STALL_TEXTS[self.kind] if self.evidence is None else self.evidence.words
 
     def as_dict(self) -> StuckFigures:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         return {
             "kind": self.kind,
             "modules": list(self.modules),
@@ -93,7 +96,7 @@ class Diagnosis:
 
     @classmethod
     def from_dict(cls, values: StuckFigures) -> Diagnosis:
-        """From ``as_dict``; what an earlier version did not write is not there."""
+        """Build a diagnosis from ``as_dict``; values that earlier versions lack stay empty."""
         return cls(
             kind=cast("Kind", values["kind"]),
             modules=tuple(values.get("modules", ())),
@@ -102,12 +105,12 @@ class Diagnosis:
 
 
 def diagnose(chain: Chain, record: Record, parameters: Parameters) -> Diagnosis | None:
-    """Why a record does not end straight; None when it does, or when somebody stopped it.
+    """Diagnose a record that does not end straight; None if it does, or if it was cancelled.
 
     Args:
         chain: The chain.
-        record: What was recorded.
-        parameters: What it was made with.
+        record: Record of the explosion.
+        parameters: Parameters of the fold.
     """
     if record.status in ("straight", "cancelled"):
         return None
@@ -116,19 +119,19 @@ def diagnose(chain: Chain, record: Record, parameters: Parameters) -> Diagnosis 
     knot = _knot(chain, last)
     return Diagnosis(
         kind=kind if knot is None else "knot",
-        modules=tuple(modules[:MOST_MODULES].tolist()),
+        modules=tuple(modules[:MAX_DIAGNOSED_MODULES].tolist()),
         evidence=knot or _blocks(chain, record, last, parameters) or budget(record, last),
     )
 
 
 def _where(chain: Chain, record: Record, last: Frames) -> tuple[Kind, Ints]:
-    """What kind of sticking it is if it is no knot, and the modules whose joints are bent."""
+    """Return the kind of the stall, knots left aside, and the modules whose joints are bent."""
     bent, folded = _bends(chain, last)
     first = chain.module.rigid_links
-    stuck = np.flatnonzero((bent > BENT_RAD) & (folded > BENT_RAD)) + first
+    stuck = np.flatnonzero((bent > STUCK_JOINT_BEND_RAD) & (folded > STUCK_JOINT_BEND_RAD)) + first
     if record.strategy == "peel":
         core = int(np.argmax(np.abs(bent - folded) > 1e-6)) if (bent != folded).any() else 0
-        beside = np.flatnonzero(bent[core:] > BENT_RAD)
+        beside = np.flatnonzero(bent[core:] > STUCK_JOINT_BEND_RAD)
         if not len(beside):
             beside = _most_bent(bent[core:])
         return _kind_beside(core, record), beside + core + first
@@ -140,12 +143,12 @@ def _where(chain: Chain, record: Record, last: Frames) -> tuple[Kind, Ints]:
         return "joints", _most_bent(bent) + first
     poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
     cluster = _largest_cluster(poses.positions, chain.module.apart)
-    return "contacts" if len(cluster) >= CLUSTER * len(chain) else "joints", stuck
+    return "contacts" if len(cluster) >= MIN_CLUSTER_SHARE * len(chain) else "joints", stuck
 
 
 def _knot(chain: Chain, last: Frames) -> KnotEvidence | None:
-    """The knot that the chain is where it stopped: as folded it may have been another one."""
-    if len(chain) > LARGEST_KNOT:
+    """Return the knot of the chain where it stopped: as folded it may have been another one."""
+    if len(chain) > MAX_STALLED_KNOT_MODULES:
         return None
     poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
     found = diagram_of(poses.positions)
@@ -166,7 +169,7 @@ def _knot(chain: Chain, last: Frames) -> KnotEvidence | None:
 def _blocks(
     chain: Chain, record: Record, last: Frames, parameters: Parameters
 ) -> BlockEvidence | None:
-    """The modules that block each other where pushes were in vain."""
+    """Find the modules that block each other after pulses without progress."""
     if record.status != "stalled":
         return None
     size, hinges, unit, first = parameters.module_size, chain.module.hinges_per_joint, None, 0
@@ -178,14 +181,14 @@ def _blocks(
         joint = first // hinges
         if joint:
             before = joint - peeling.unit
-            unit = ((before if before >= FEWEST_LEFT else 0) + FIXED, joint + FIXED - 1)
+            unit = ((before if before >= MIN_LAST_UNIT_MODULES else 0) + FIXED, joint + FIXED - 1)
     elif isinstance(parameters.explosion, ExplosionParameters):
         size = max(size, parameters.explosion.verify_size)
     return blocked(chain, last.joint_angles_rad[0], size=size, first_hinge=first, unit=unit)
 
 
 def _first_let_go(chain: Chain, record: Record, last: Frames) -> int:
-    """The hinge up to which a peeling's core reaches."""
+    """Return the first hinge that a peeling has released."""
     if isinstance(record.frames, Windows):
         return int(record.frames.first[-1])
     moved = np.abs(last.joint_angles_rad[0] - chain.folded_rad) > 1e-6
@@ -199,7 +202,7 @@ def _point(values: Array) -> Point:
 
 
 def stopped(chain: Chain, last: Frames) -> Diagnosis:
-    """Where a fold was that was ended from outside.
+    """Diagnose a fold that was ended from outside.
 
     Args:
         chain: The chain.
@@ -209,17 +212,17 @@ def stopped(chain: Chain, last: Frames) -> Diagnosis:
     bent, folded = _bends(chain, last)
     left = np.abs(bent - folded) if PHASES[int(last.phase[-1])] == "playback" else bent
     modules = _most_bent(left) + chain.module.rigid_links
-    return Diagnosis(kind="stopped", modules=tuple(modules[:MOST_MODULES].tolist()))
+    return Diagnosis(kind="stopped", modules=tuple(modules[:MAX_DIAGNOSED_MODULES].tolist()))
 
 
 def stuck_of(
     explosion: Mapping[str, Any] | None, attempts: Sequence[Mapping[str, Any]]
 ) -> StuckFigures | None:
-    """Of an explosion that did not come to its end: why and where, as ``Diagnosis.as_dict``.
+    """Return the diagnosis of a failed explosion, as ``Diagnosis.as_dict``; None if unknown.
 
     Args:
         explosion: Its figures, as of ``Record.summary``.
-        attempts: What was tried, as a plan tells it; one of them is that explosion.
+        attempts: Attempts as stored in a plan; one of them is that explosion.
     """
     for attempt in attempts:
         told = attempt.get("diagnosis")
@@ -229,7 +232,7 @@ def stuck_of(
 
 
 def _bends(chain: Chain, last: Frames) -> tuple[Array, Array]:
-    """The largest angle of each joint, now and folded."""
+    """Return the largest angle of each joint, rad, in a frame and when folded."""
     hinges = chain.module.hinges_per_joint
     now, folded = last.joint_angles_rad[0], chain.folded_rad
     return (
@@ -239,25 +242,29 @@ def _bends(chain: Chain, last: Frames) -> tuple[Array, Array]:
 
 
 def _most_bent(bent: Array) -> Ints:
-    """Joints that are bent the most, where none is bent far."""
+    """Return the joints that are bent the most, where none is bent far."""
     most = bent.max(initial=0.0)
-    return np.flatnonzero(bent >= MOST_BENT * most) if most > SLIGHT_RAD else np.zeros(0, np.int64)
+    return (
+        np.flatnonzero(bent >= MIN_REPORTED_BEND_SHARE * most)
+        if most > SLIGHT_BEND_RAD
+        else np.zeros(0, np.int64)
+    )
 
 
 def _kind_beside(core: int, record: Record) -> Kind:
-    """Why a peeling stopped beside a core of so many joints."""
+    """Return the kind of the stall of a peeling with ``core`` joints still folded."""
     if record.status == "timeout":
         return "limit"
     return "buried" if core else "joints"
 
 
 def _largest_cluster(positions: NDArray[np.float64], apart: int) -> Ints:
-    """The most modules that touch each other, directly or not, links of the chain apart."""
+    """Return the largest set of modules that touch, directly or not; chain links do not count."""
     from scipy.sparse import coo_array  # late: most folds come to their end
     from scipy.sparse.csgraph import connected_components
 
     count = len(positions)
-    pairs = near_pairs(positions, TOUCHING, apart)
+    pairs = near_pairs(positions, TOUCHING_CENTRES_PITCH, apart)
     if not len(pairs):
         return np.zeros(0, dtype=np.int64)
     ones = np.ones(len(pairs))

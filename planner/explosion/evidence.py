@@ -1,4 +1,4 @@
-"""Evidence: what a refusal rests on, as data that another program can test.
+"""Evidence: data of a failed explosion that another program can test.
 
 ``planner/verification/reasons.py`` is such a program. Positions are in pitches, in the frame of the
 timeline's last frame of the explosion.
@@ -33,11 +33,11 @@ USED_UP: Final[dict[SpentKind, str]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossing:
-    """A place where one strand of a diagram passes over another one.
+    """Crossing of a diagram: one strand passes over another one.
 
     Attributes:
-        over, under: Where along the polygon, as edge plus fraction: 2.25 is a quarter of the way
-            from vertex 2 to vertex 3.
+        over, under: Positions along the polygon, as edge plus fraction: 2.25 is a quarter of the
+            way from vertex 2 to vertex 3.
         sign: 1 or −1, by the right-hand rule.
     """
 
@@ -56,8 +56,8 @@ class KnotEvidence:
         closings: Corners by which the last module is joined to the first one, for each way in which
             the ends were drawn out: the knot is the same for all. Without corners where they touch.
         polygon: Vertices of a closed polygon of that knot.
-        sight: Direction in which the diagram is seen, pointing at who looks.
-        diagram: Its crossings.
+        sight: Direction from the diagram towards the viewer.
+        diagram: Crossings of the polygon, seen in that direction.
     """
 
     determinant: int | None
@@ -68,7 +68,7 @@ class KnotEvidence:
 
     @property
     def words(self) -> str:
-        """The same in plain words."""
+        """Evidence as a phrase in plain English."""
         which = "" if self.determinant is None else f" (determinant {self.determinant})"
         return (
             f"the chain is knotted{which}: drawn as it stalled, with its ends extended outwards, "
@@ -76,7 +76,7 @@ class KnotEvidence:
         )
 
     def as_dict(self) -> KnotFigures:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         return {
             "kind": "knot",
             "determinant": self.determinant,
@@ -92,16 +92,17 @@ class KnotEvidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BudgetEvidence:
-    """What an explosion may use of something was used up before the chain was straight.
+    """Limit of an explosion that was used up before the chain was straight.
 
     Attributes:
-        spent: What was used up: simulation ``steps``; ``pushes``, pulses in a row without progress;
-            ``retries``, returns to the last sound state before an error; ``snapshots`` that are
-            kept; on a table, ``refusals`` of frames that need more than the torque limit; or, as
-            published, the ``motion`` itself, which came to rest.
-        allowed, used: How many. Of what is counted in a row, the last one used is one too many.
-        bent_hinges: Hinges still bent by more than a tenth of a radian.
-        largest_bend_rad: Of all hinges.
+        spent: Kind of the limit: simulation ``steps``; ``pushes``, pulses in a row without
+            progress; ``retries``, returns to the last checkpoint before an error; ``snapshots``
+            that are kept; on a table, ``refusals`` of frames that need more than the torque limit;
+            or, as published, the ``motion`` itself, which came to rest.
+        allowed, used: Limit and count. Where a count in a row is limited, the last one used is one
+            too many.
+        bent_hinges: Number of hinges still bent by more than a tenth of a radian.
+        largest_bend_rad: Largest bend of all hinges, rad.
     """
 
     spent: SpentKind
@@ -112,7 +113,7 @@ class BudgetEvidence:
 
     @property
     def words(self) -> str:
-        """The same in plain words."""
+        """Evidence as a phrase in plain English."""
         told = USED_UP[self.spent].format(allowed=_whole(self.allowed), used=_whole(self.used))
         hinges = "hinge was" if self.bent_hinges == 1 else "hinges were"
         left = (
@@ -123,7 +124,7 @@ class BudgetEvidence:
         return f"{told}; {left} {np.rad2deg(self.largest_bend_rad):.0f}°"
 
     def as_dict(self) -> BudgetFigures:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         return {
             "kind": "budget",
             "spent": self.spent,
@@ -138,7 +139,7 @@ Evidence = KnotEvidence | BlockEvidence | BudgetEvidence
 
 
 def evidence_from(values: EvidenceFigures | None) -> Evidence | None:
-    """From ``as_dict``; None where an earlier version wrote none."""
+    """Build evidence from ``as_dict``; None if an earlier version wrote none."""
     if values is None:
         return None
     if values["kind"] == "knot":

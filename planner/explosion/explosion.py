@@ -20,37 +20,46 @@ from planner.explosion.recorder import Recorder
 from planner.motion.motion import Motion
 from planner.motion.record import Record, RecordStatus, Spent
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
-from planner.progress import Cancelled, Progress, Report
+from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 from planner.simulation.reduced import Acceleration, State
 
-COMMIT_EVERY: Final = 25
-"""Steps between two states that a run may go back to."""
-JAM_PULSE: Final = (120, 300)
-"""Steps of a pulse with weak tension and strong repulsion, and of the whole pulse."""
-WEAK_TENSION: Final = 0.05
-"""Factor of the tension in the weak part of a pulse."""
-STRONG_REPULSION: Final = 4.0
-"""Factor of the repulsion in the weak part of a pulse."""
-MOST_PUSHES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
-"""Pulses in a row without progress after which a run by a strategy has stalled."""
-STOP_GIVES_RAD: Final = 0.01
-"""Angle by which a simulated stop lies inside a joint's range: stops are springs, and give."""
-MOST_RETRIES: Final = 6
-"""Times that a run goes back to one state; then deep contacts are let be, and an error ends it."""
-LEAST_TENSION: Final = 0.05
-"""Factor that deep contacts reduce the tension to, at most."""
-SLOWER: Final = 0.3
-"""Factor of all velocities when a run goes back to an earlier state."""
-LEAST_TIME_CONSTANT_S: Final = 0.03
-"""Time constant of contacts, at least; else it is two steps, MuJoCo's limit of stability."""
-REPORT_EVERY_S: Final = 0.1
-"""Seconds of wall time between two reports of progress."""
-UNEVENNESS: Final = 0.02
-"""Share by which a module's radial gain is off the mean, at most: all that a seed decides."""
-LEAST_DEPTH: Final = 0.002
-"""Pitches that contacts may be deep even where the size to verify leaves less."""
-BACK_OFF: Final = 0.7
-"""Share of the allowed depth from which on the tension falls."""
+COMMIT_EVERY_STEPS: Final = 25
+"""Steps between two checkpoints. Larger values lose more steps when a run goes back. Chosen."""
+PULSE_STEPS: Final = (120, 300)
+"""Steps with weak tension and strong repulsion at the start of a pulse, and steps of the whole
+pulse. Chosen."""
+PULSE_TENSION_SCALE: Final = 0.05
+"""Factor of the tension in the weak part of a pulse. Smaller values loosen a jam more. Chosen."""
+PULSE_REPULSION_SCALE: Final = 4.0
+"""Factor of the repulsion in the weak part of a pulse. Larger values part modules more. Chosen."""
+MAX_STALLED_PULSES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
+"""Maximum number of pulses in a row without progress, by strategy; one more ends the run as
+stalled. Chosen."""
+STOP_COMPLIANCE_RAD: Final = 0.01
+"""Angle by which a simulated stop lies inside a joint's range, rad: stops are springs, and give.
+Smaller values let joints pass their range. Chosen."""
+MAX_CHECKPOINT_RETRIES: Final = 6
+"""Maximum number of restarts from one checkpoint. Beyond it deep contacts are accepted and a solver
+error ends the run. Chosen."""
+MIN_TENSION_SCALE: Final = 0.05
+"""Minimum factor to which deep contacts reduce the tension. Chosen."""
+RESTORED_VELOCITY_SCALE: Final = 0.3
+"""Factor of all velocities when a run goes back to a checkpoint. Smaller values avoid the same
+contact more surely and cost more steps. Chosen."""
+MIN_CONTACT_TIME_CONSTANT_S: Final = 0.03
+"""Minimum time constant of contacts, s; else it is two steps, MuJoCo's limit of stability. Larger
+values make contacts softer. Chosen."""
+
+RADIAL_GAIN_JITTER: Final = 0.02
+"""Maximum relative deviation of a module's radial gain from the mean, ±2 %: all that a seed
+decides. Chosen."""
+MIN_ALLOWED_DEPTH_PITCH: Final = 0.002
+"""Minimum allowed depth of contacts, pitches, even where the size to verify leaves less. Chosen."""
+BACK_OFF_DEPTH_SHARE: Final = 0.7
+"""Depth of contacts, as a fraction of the allowed depth, beyond which the tension falls. Chosen."""
+
+UNREPELLED_LINKS: Final = 1
+"""Maximum number of links between two modules that do not repel each other (eq. 3). Chosen."""
 
 Snapshot = TypeVar("Snapshot")
 Parameters = TypeVar("Parameters", ExplosionParameters, PeelingParameters)
@@ -59,11 +68,11 @@ Ended = Literal["straight", "stalled"]
 
 @dataclass(frozen=True, slots=True)
 class ContactDepth:
-    """How deep modules may press into each other while a chain is let go, in pitches.
+    """Limits of the depth of contacts during an explosion, in pitches.
 
     Attributes:
-        most: A run goes back when a contact is deeper.
-        back_off: From here on the tension falls.
+        most: Maximum depth; a run goes back when a contact is deeper.
+        back_off: Depth beyond which the tension falls.
     """
 
     most: float
@@ -71,13 +80,13 @@ class ContactDepth:
 
     @classmethod
     def within(cls, room: float, deepest: float) -> ContactDepth:
-        """For what the module size to verify leaves between hulls, never more than ``deepest``."""
-        most = float(np.clip(room, LEAST_DEPTH, deepest))
-        return cls(most, BACK_OFF * most)
+        """Build the limits for the room that the size to verify leaves, at most ``deepest``."""
+        most = float(np.clip(room, MIN_ALLOWED_DEPTH_PITCH, deepest))
+        return cls(most, BACK_OFF_DEPTH_SHARE * most)
 
 
 class Reports:
-    """When to tell how far a run is: a few times a second."""
+    """Timer of the progress reports of a run: a few a second."""
 
     def __init__(self) -> None:
         self.begun = self._told = time.perf_counter()
@@ -85,13 +94,13 @@ class Reports:
 
     @property
     def seconds(self) -> float:
-        """Since the run began."""
+        """Wall time since the run began, s."""
         return time.perf_counter() - self.begun
 
     def steps_per_second(self, steps: int) -> float | None:
-        """Steps in a second since the last report; None while none is due."""
+        """Return the steps per second since the last report; None while no report is due."""
         now = time.perf_counter()
-        if now - self._told < REPORT_EVERY_S:
+        if now - self._told < PROGRESS_PERIOD_S:
             return None
         rate = (steps - self._steps) / (now - self._told)
         self._told, self._steps = now, steps
@@ -99,19 +108,19 @@ class Reports:
 
 
 class Explosion(ABC, Generic[Snapshot, Parameters]):
-    """One run: what all strategies have in common.
+    """One run of an explosion: the part that all strategies have in common.
 
     Args:
-        parameters: How the chain is let go.
-        allowed: How deep contacts may be.
-        recorder: Gets every step.
-        seed: Decides a slight unevenness of the radial gain.
-        modules: Of the chain.
+        parameters: Parameters of the explosion.
+        allowed: Limits of the depth of contacts.
+        recorder: Receives every step.
+        seed: Seed of the slight unevenness of the radial gain.
+        modules: Number of modules of the chain.
     """
 
     strategy: str
     doing: str
-    """What is said of it while it runs."""
+    """Message that ``Progress`` shows during a run."""
 
     def __init__(
         self,
@@ -126,7 +135,7 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
         self.allowed = allowed
         self.recorder = recorder
         spread = np.random.default_rng(seed).uniform(-1.0, 1.0, modules)
-        self.weights = 1.0 + UNEVENNESS * spread
+        self.weights = 1.0 + RADIAL_GAIN_JITTER * spread
         self.state: State
         self.saved: tuple[float, State]
         self.time_s = 0.0
@@ -142,12 +151,12 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
     @property
     @abstractmethod
     def most_steps(self) -> int:
-        """After so many steps the run ends as it is."""
+        """Maximum number of steps of the run."""
 
     @property
     def most_pushes(self) -> int:
         """Maximum number of pulses in a row without progress; one more ends the run."""
-        return MOST_PUSHES[self.strategy]
+        return MAX_STALLED_PULSES[self.strategy]
 
     @property
     def stall_limit(self) -> Spent:
@@ -157,46 +166,46 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
     @property
     def error_limit(self) -> Spent:
         """Limit that is used up when an error of the simulation ends the run."""
-        return Spent("retries", MOST_RETRIES, self.retries)
+        return Spent("retries", MAX_CHECKPOINT_RETRIES, self.retries)
 
     @abstractmethod
     def snapshot(self) -> Snapshot:
-        """The present state, whose poses have been computed."""
+        """Return a copy of the present state, whose poses have been computed."""
 
     @abstractmethod
     def place(self) -> None:
-        """Computes the poses of the present state."""
+        """Compute the poses of the present state."""
 
     @abstractmethod
     def accelerations(self) -> Acceleration | None:
-        """The acceleration of the present state, or None when the run went back."""
+        """Return the acceleration of the present state, or None if the run went back."""
 
     @abstractmethod
     def excess(self) -> float:
-        """How many times farther than it may anything goes in a time unit, once accelerated."""
+        """Return 1/Δt_max, 1/s: the largest ratio of a speed to its allowed change per step."""
 
     @abstractmethod
     def commit(self) -> None:
-        """Makes the steps so far final, if they are sound."""
+        """Make the steps so far final, if they are sound."""
 
     @abstractmethod
     def look(self) -> Ended | None:
-        """Looks at what has come of it so far, every few steps; how it ended, if it has."""
+        """Check the progress every few steps; return how the run ended, if it has."""
 
     @abstractmethod
     def motion(self) -> Motion:
-        """All snapshots."""
+        """Return all snapshots."""
 
     @abstractmethod
     def unfolded(self) -> float:
-        """How far it is: 0 when folded, 1 when straight."""
+        """Return the progress: 0 when folded, 1 when straight."""
 
     @abstractmethod
     def stall_reason(self) -> str:
-        """Where it is stuck, and what to try."""
+        """Describe where the chain is stuck, and what to try."""
 
     def run(self, progress: Report, cancelled: Cancelled) -> Record:
-        """Steps until the chain is straight, or it is known that it won't be."""
+        """Step until the chain is straight, or a limit ends the run."""
         reports = Reports()
         status: RecordStatus = "timeout"
         reason = (
@@ -210,7 +219,7 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
         try:
             while self.steps < self.most_steps:
                 moved = self.step()
-                if self.steps % COMMIT_EVERY == 0:
+                if self.steps % COMMIT_EVERY_STEPS == 0:
                     if moved and self.depth < self.allowed.back_off:
                         self.commit()
                     if cancelled():
@@ -243,7 +252,7 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
         )
 
     def step(self) -> bool:
-        """One step of the simulation; whether it moved on, and did not go back."""
+        """Make one step of the simulation; return True if it moved on, and did not go back."""
         self.steps += 1
         self.place()
         self.recorder.add(self.snapshot())
@@ -259,32 +268,36 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
         return True
 
     def contact_time_constant(self) -> float:
-        """Of contacts in this step, in seconds."""
-        return max(2.0 * self.step_s, LEAST_TIME_CONSTANT_S)
+        """Return the time constant of contacts in this step, s."""
+        return max(2.0 * self.step_s, MIN_CONTACT_TIME_CONSTANT_S)
 
     def push(self) -> None:
-        """Begins a pulse: weak tension and strong repulsion for a while."""
+        """Begin a pulse: weak tension and strong repulsion for a while."""
         self.pushes += 1
-        self.pulse_left = JAM_PULSE[1]
+        self.pulse_left = PULSE_STEPS[1]
 
-    def is_weak(self) -> bool:
-        """Whether this step is in the weak part of a pulse, of which a step has gone then."""
-        weak = self.pulse_left > JAM_PULSE[1] - JAM_PULSE[0]
+    def advance_pulse(self) -> bool:
+        """Count one step of the pulse; return True if the step is in its weak part."""
+        weak = self.pulse_left > PULSE_STEPS[1] - PULSE_STEPS[0]
         self.pulse_left = max(0, self.pulse_left - 1)
         return weak
 
-    def is_too_deep(self, depth: float) -> bool:
-        """Whether contacts are deeper than allowed and than before; adapts the tension to them."""
+    def adapt_tension(self, depth: float) -> bool:
+        """Adapt the tension to the depth of contacts, pitches.
+
+        Returns:
+            True if contacts are deeper than allowed and than in the step before.
+        """
         worse = depth > self.depth
         self.depth = depth
         if depth > self.allowed.back_off:
-            self.tension = max(LEAST_TENSION, 0.85 * self.tension)
+            self.tension = max(MIN_TENSION_SCALE, 0.85 * self.tension)
         else:
             self.tension = min(1.0, 1.02 * self.tension)
         return depth > self.allowed.most and worse
 
     def _slow_down(self, excess: float) -> None:
-        """Caps what one step may move by scaling all velocities; adapts step and drag to it."""
+        """Limit the motion of one step by scaling all velocities; adapt time step and drag."""
         p = self.parameters
         if excess > 1.0:
             self.state.scale_velocities(1.0 / excess)
@@ -295,14 +308,14 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
             self.step_s = min(p.step_s[1], 1.03 * self.step_s)
 
     def go_back(self) -> None:
-        """Returns to the last sound state, slower and with less tension."""
+        """Return to the last checkpoint, slower and with less tension."""
         self.retries += 1
         self.recorder.take_back()
         self.time_s, saved = self.saved[0], self.saved[1].copy()
-        saved.scale_velocities(SLOWER)
+        saved.scale_velocities(RESTORED_VELOCITY_SCALE)
         self.state = saved
         self.step_s = max(self.parameters.step_s[0], 0.5 * self.step_s)
-        self.tension = max(LEAST_TENSION, 0.5 * self.tension)
+        self.tension = max(MIN_TENSION_SCALE, 0.5 * self.tension)
         self.depth = 0.0
 
     def _progress(self, rate: float) -> Progress:

@@ -1,4 +1,4 @@
-"""A chain on a table, seen from above: where its links point, and whether it lies over itself.
+"""A chain on a table, seen from above: the headings of its links, and crossings of itself.
 
 A chain cannot twist: a loop in which it lies over itself tightens when it is drawn straight, and
 never opens. And a tail that is to go round must go the way that takes its turns back: the short way
@@ -13,21 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-STEEP: Final = 0.3
-"""Share of a link's length that is seen from above, below which it points nowhere."""
-SPAN: Final = 3
-"""Links over which the way is taken that a chain goes: single ones may be steep."""
-APART: Final = 3
-"""Links of which the first and the last may cross: nearer ones meet at a joint, or stand."""
-AT_MOST_ROUND: Final = 1.25 * np.pi
-"""Radians by which a way may be round from another one, whichever way round."""
+MIN_PROJECTED_SHARE: Final = 0.3
+"""Minimum projected length of a link, as a fraction of its length, for it to have a heading.
+Chosen."""
+HEADING_LINKS: Final = 3
+"""Number of links over which the heading of a chain is averaged: single ones may be steep. Larger
+values smooth it more. Chosen."""
+MIN_CROSSING_LINKS: Final = 3
+"""Minimum index difference of two links that may cross: nearer ones meet at a joint, or stand."""
+MAX_HEADING_CHANGE_RAD: Final = 1.25 * np.pi
+"""Maximum angle from one heading to another one, rad, in either direction. Larger values allow a
+tail to wind farther round. Chosen."""
 
 
 class Above:
-    """Looks down on a table.
+    """Projection onto a table.
 
     Args:
-        up: (3,) away from the table, along an axis.
+        up: (3,) unit normal of the table, along an axis of the frame of the core.
     """
 
     def __init__(self, up: Array) -> None:
@@ -37,28 +40,28 @@ class Above:
         """(2, 3) unit vectors along the table."""
 
     def seen(self, vectors: Array) -> Array:
-        """(..., 2) what is seen of (..., 3) vectors."""
+        """Return the (..., 2) projections of (..., 3) vectors."""
         return vectors @ self.across.T
 
     def along(self, angles: Array) -> Array:
-        """(..., 3) unit vectors along the table, at (...,) radians."""
+        """Return (..., 3) unit vectors along the table, at (...,) angles, rad."""
         return np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ self.across
 
     def angle(self, vector: Array) -> float:
-        """Where a vector points, in radians."""
+        """Return the heading of a vector, rad."""
         x, y = self.seen(vector)
         return float(np.arctan2(y, x))
 
     def turned(self, positions: Array, first: Array, last: Array) -> Array:
-        """(m - 1,) by how much each link is turned against the first, counted past full turns.
+        """Return (m - 1,) headings of links relative to the first, rad, counted past full turns.
 
         Args:
             positions: (m, 3) centres of modules, three at least.
-            first, last: (3,) where the first and the last link point.
+            first, last: (3,) directions of the first and the last link.
         """
-        ways = (positions[SPAN:] - positions[:-SPAN]) / SPAN
+        ways = (positions[HEADING_LINKS:] - positions[:-HEADING_LINKS]) / HEADING_LINKS
         seen = self.seen(np.vstack([first, ways, last]))
-        points = np.hypot(seen[:, 0], seen[:, 1]) > STEEP
+        points = np.hypot(seen[:, 0], seen[:, 1]) > MIN_PROJECTED_SHARE
         points[0] = True
         turns = wrapped(np.diff(np.arctan2(seen[points, 1], seen[points, 0])))
         counted = np.concatenate([[0.0], np.cumsum(turns)])
@@ -66,21 +69,22 @@ class Above:
 
 
 def wrapped(angles: Array) -> Array:
-    """The same directions, from −π to π."""
+    """Return angles wrapped to −π…π, rad."""
     return (angles + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def nearest_way(angle: float, counted: float) -> float:
-    """The same direction as an angle, counted so that it is near another one, but not far round."""
+    """Return an angle, rad, unwrapped to be near another one, within ``MAX_HEADING_CHANGE_RAD``."""
     once = float(wrapped(np.array(angle)))
     ways = [way for way in (once, once - 2.0 * np.pi, once + 2.0 * np.pi)]
     return min(
-        (way for way in ways if abs(way) <= AT_MOST_ROUND), key=lambda way: abs(way - counted)
+        (way for way in ways if abs(way) <= MAX_HEADING_CHANGE_RAD),
+        key=lambda way: abs(way - counted),
     )
 
 
 def crosses_itself(points: Array) -> bool:
-    """Whether a line through (m, 2) points crosses itself."""
+    """Return True if a line through (m, 2) points crosses itself."""
     begin, way = points[:-1], np.diff(points, axis=0)
     x, y = way.T
     between = begin[None] - begin[:, None]
@@ -89,4 +93,4 @@ def crosses_itself(points: Array) -> bool:
         on_first = (between[..., 0] * y - between[..., 1] * x) / across
         on_second = (between[..., 0] * y[:, None] - between[..., 1] * x[:, None]) / across
     inside = (on_first > 0.0) & (on_first < 1.0) & (on_second > 0.0) & (on_second < 1.0)
-    return bool(np.triu(inside, APART).any())
+    return bool(np.triu(inside, MIN_CROSSING_LINKS).any())

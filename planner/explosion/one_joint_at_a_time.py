@@ -19,18 +19,18 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.windows import Windows
 
-STEP_RAD: Final = 0.4
-"""Turn of the joint between two frames, at most."""
-RATE_RAD_S: Final = 0.25
-"""Speed of the one joint that turns."""
+MAX_FRAME_TURN_RAD: Final = 0.4
+"""Maximum turn of the joint between two frames, rad. Smaller values make more frames. Chosen."""
+BASELINE_RATE_RAD_S: Final = 0.25
+"""Speed of the one joint that turns, rad/s. Chosen; a playback gets its own timing."""
 
 
 def unbend_one_by_one(chain: Chain, *, sink: Callable[[Motion], None] | None = None) -> Record:
-    """The record of a folded chain whose joints are straightened from the last one to the first.
+    """Return the record of a chain whose joints are straightened from the last one to the first.
 
     Args:
         chain: The chain.
-        sink: Gets the snapshots.
+        sink: Receives the snapshots.
     """
     begun = time.perf_counter()
     per_joint = chain.module.hinges_per_joint
@@ -38,11 +38,11 @@ def unbend_one_by_one(chain: Chain, *, sink: Callable[[Motion], None] | None = N
     first, angles, times = [len(chain.folded_rad)], [np.zeros(0)], [0.0]
     for joint in np.flatnonzero(np.abs(joints).max(axis=1))[::-1]:
         largest = float(np.abs(joints[joint]).max())
-        count = int(np.ceil(largest / STEP_RAD))
+        count = int(np.ceil(largest / MAX_FRAME_TURN_RAD))
         for k in range(1, count + 1):
             first.append(per_joint * int(joint))
             angles.append((1.0 - k / count) * joints[joint])
-            times.append(times[-1] + largest / count / RATE_RAD_S)
+            times.append(times[-1] + largest / count / BASELINE_RATE_RAD_S)
     frames = Windows(
         time_s=np.array(times),
         phase=np.full(len(times), PHASES.index("explosion"), dtype=np.uint8),

@@ -1,8 +1,8 @@
 """The explosion as published: constant gains, fixed step, snapshots at a fixed interval.
 
-The paper gives figures without units and leaves some out. What is read into it, and what was tried,
-stands in docs/decisions/0002-published-preset.md. Lengths are in pitches here and a module weighs
-1, so a force in the paper's units is divided by a module's mass in grams and the pitch.
+The paper gives figures without units and leaves some out. How it was read, and which variants were
+tried, stands in docs/decisions/0002-published-preset.md. Lengths are in pitches here and a module
+weighs 1, so a force in the paper's units is divided by a module's mass in grams and the pitch.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.errors import SimulationError
-from planner.explosion.explosion import Reports
+from planner.explosion.explosion import UNREPELLED_LINKS, Reports
 from planner.explosion.recorder import FrameRecorder, Step
 from planner.kernels.pairs import near_pairs, repulsion
 from planner.motion.angle_steps import snapped
@@ -29,27 +29,31 @@ from planner.simulation.reduced import State
 from planner.simulation.segments import Segments
 
 Array = NDArray[np.float64]
-LINKED: Final = 1
-"""Links apart up to which two modules do not repel each other."""
-STRAIGHT_RAD: Final = 0.05
-"""Every hinge is below this when the chain counts as straight."""
-STRAIGHT_SPAN: Final = 0.99
-"""Share of the chain's length that its ends are apart when it counts as straight."""
-CHECK_EVERY: Final = 25
-"""Steps between two looks whether it is straight."""
-COMMIT_EVERY: Final = 10
-STILL_STEPS: Final = 5000
-"""Steps between two looks whether it has come to rest."""
-STILL_RATE: Final = 1e-7
-"""Hinge speed in rad/s below which a chain does not get straight within the steps it has."""
-MOST_ANGLES: Final = 20_000_000
-"""Numbers in all snapshots together, 160 MB; the wrench of 160 cubes has three million."""
-KEPT_RAD: Final = 0.03
-"""Turn of a hinge since the last frame, from which on a snapshot is kept as one."""
-KEPT_DISTANCE: Final = 1.0
-"""Way of a module since the last frame in pitches, from which on a snapshot is kept as one."""
-VERIFIED_SIZE: Final = 0.95
-"""Module size at which frames in between are checked, see ``planner.explosion.recorder``."""
+MAX_STRAIGHT_BEND_RAD: Final = 0.05
+"""Maximum bend of any hinge of a chain that counts as straight, rad. Chosen."""
+MIN_STRAIGHT_SPAN_SHARE: Final = 0.99
+"""Minimum distance of the ends of a straight chain, as a fraction of its length. Chosen."""
+STRAIGHT_CHECK_STEPS: Final = 25
+"""Steps between two checks for a straight chain. Chosen."""
+COMMIT_EVERY_SNAPSHOTS: Final = 10
+"""Snapshots between two commits of the recorder. Chosen."""
+REST_CHECK_STEPS: Final = 5000
+"""Steps between two checks for a chain at rest. Chosen."""
+REST_RATE_RAD_S: Final = 1e-7
+"""Largest hinge speed of a chain at rest, rad/s: slower than this it does not get straight within
+the steps it has. Chosen."""
+MAX_SNAPSHOT_ANGLES: Final = 20_000_000
+"""Maximum number of angles in all snapshots together: 160 MB of memory. The wrench of 160 cubes has
+three million. Chosen."""
+FRAME_SPACING_RAD: Final = 0.03
+"""Turn of a hinge since the last frame, rad, at which a snapshot is kept as a frame. Larger values
+keep fewer. Chosen."""
+FRAME_SPACING_PITCH: Final = 1.0
+"""Distance of a module since the last frame, pitches, at which a snapshot is kept as a frame.
+Larger values keep fewer. Chosen."""
+BETWEEN_FRAMES_SIZE: Final = 0.95
+"""Module size, as a fraction of the pitch, at which the motion between frames is checked, see
+``planner.explosion.recorder``. Chosen."""
 
 
 def explode_as_published(
@@ -60,7 +64,7 @@ def explode_as_published(
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
-    """Explodes a chain with the paper's parameters; see ``planner.explosion.simultaneous.explode``.
+    """Explode a chain with the paper's parameters; see ``planner.explosion.simultaneous.explode``.
 
     The last snapshot, nearly straight, is followed by the straight configuration itself. Playback
     follows all snapshots; as frames only so many are kept as show the motion.
@@ -70,9 +74,9 @@ def explode_as_published(
     segments = Segments(chain, explosion_material(p, chain.module))
     recorder = FrameRecorder(
         chain,
-        snapshot_rad=KEPT_RAD,
-        snapshot_distance=KEPT_DISTANCE,
-        size=VERIFIED_SIZE,
+        snapshot_rad=FRAME_SPACING_RAD,
+        snapshot_distance=FRAME_SPACING_PITCH,
+        size=BETWEEN_FRAMES_SIZE,
         sink=sink,
     )
     folded = chain.folded_poses
@@ -97,22 +101,29 @@ def explode_as_published(
             if steps % p.snapshot_interval == 0:
                 recorder.add(Step.of(steps * p.step_s, state, positions))
                 snapshots.append(state.angles.copy())
-                if len(snapshots) % COMMIT_EVERY == 0:
+                if len(snapshots) % COMMIT_EVERY_SNAPSHOTS == 0:
                     recorder.commit()
-            if len(snapshots) * len(state.angles) > MOST_ANGLES:
+            if len(snapshots) * len(state.angles) > MAX_SNAPSHOT_ANGLES:
                 reason = (
                     f"the chain was not straight after {len(snapshots)} snapshots, the limit for "
                     "its length; set a longer snapshot_interval."
                 )
-                spent = Spent("snapshots", MOST_ANGLES // len(state.angles), len(snapshots))
+                spent = Spent("snapshots", MAX_SNAPSHOT_ANGLES // len(state.angles), len(snapshots))
                 break
-            if steps % CHECK_EVERY == 0:
-                if steps and steps % STILL_STEPS == 0 and np.abs(state.rates).max() < STILL_RATE:
+            if steps % STRAIGHT_CHECK_STEPS == 0:
+                if (
+                    steps
+                    and steps % REST_CHECK_STEPS == 0
+                    and np.abs(state.rates).max() < REST_RATE_RAD_S
+                ):
                     status, reason = "stalled", f"nothing moved any more after {steps} steps."
                     spent = Spent("motion", p.max_steps, steps)
                     break
                 span = float(np.linalg.norm(positions[-1] - positions[0])) / (len(chain) - 1)
-                if np.abs(state.angles).max() < STRAIGHT_RAD and span >= STRAIGHT_SPAN:
+                if (
+                    np.abs(state.angles).max() < MAX_STRAIGHT_BEND_RAD
+                    and span >= MIN_STRAIGHT_SPAN_SHARE
+                ):
                     status, reason = "straight", ""
                     break
                 if cancelled():
@@ -132,10 +143,12 @@ def explode_as_published(
                     )
             arms = positions - positions.mean(axis=0)
             forces = radial_gain * arms
-            pairs = near_pairs(positions, p.repulsion_cutoff, LINKED + 1)
+            pairs = near_pairs(positions, p.repulsion_cutoff, UNREPELLED_LINKS + 1)
             repulsion(positions, pairs, repulsion_gain, forces)
             near = (
-                pairs if reach <= p.repulsion_cutoff else near_pairs(positions, reach, LINKED + 1)
+                pairs
+                if reach <= p.repulsion_cutoff
+                else near_pairs(positions, reach, UNREPELLED_LINKS + 1)
             )
             acceleration = (
                 segments.free_accelerations(state, forces)
@@ -169,7 +182,7 @@ def explode_as_published(
 
 
 def explosion_material(p: PaperExplosionParameters, module: Module) -> Material:
-    """Joints and surfaces of the chain as it explodes."""
+    """Return the joints and surfaces of the chain as it explodes."""
     return Material(
         geom_size=p.geom_size,
         friction=p.friction,

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.explosion.explosion import (
-    JAM_PULSE,
-    MOST_PUSHES,
-    MOST_RETRIES,
-    STOP_GIVES_RAD,
-    STRONG_REPULSION,
-    WEAK_TENSION,
+    MAX_CHECKPOINT_RETRIES,
+    MAX_STALLED_PULSES,
+    PULSE_REPULSION_SCALE,
+    PULSE_STEPS,
+    PULSE_TENSION_SCALE,
+    STOP_COMPLIANCE_RAD,
     ContactDepth,
     Ended,
     Explosion,
@@ -33,7 +33,8 @@ from planner.explosion.explosion import (
 from planner.explosion.peeling_core import Core
 from planner.explosion.peeling_proof import Proof
 from planner.explosion.peeling_recorder import WindowRecorder
-from planner.explosion.peeling_window import Bend, Peelable
+from planner.explosion.peeling_window import Peelable, WindowConfiguration
+from planner.explosion.straightening import KINEMATIC_FRAME_S
 from planner.kernels.folded_core import FIXED, CoreCells
 from planner.kernels.pairs import PairLimits
 from planner.kernels.window_forces import (
@@ -51,36 +52,40 @@ from planner.simulation.model import Material
 from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
-RELEASE_EVERY: Final = 5
-"""Steps between two looks whether the next unit may be let go."""
-RETIRE_EVERY: Final = 20
-"""Steps between two looks whether outer joints may become part of the rod."""
-STIFFEN_EVERY: Final = 5
-"""Steps between two updates of the springs' stiffness."""
-FEWEST_RETIRED: Final = 6
-"""Joints that become part of the rod together, at least."""
-FEWEST_LEFT: Final = 6
-"""Modules of a last unit; fewer are let go together with the unit before."""
-FINISH_EVERY: Final = 25
-"""Steps between two tries to straighten the last window by kinematics."""
-PROGRESS_EVERY: Final = 50
-"""Steps between two looks whether anything moves on."""
-LEAST_PROGRESS_RAD: Final = 0.5
-"""Sum of bends that must go from look to look."""
-DEEP: Final = 0.016
-"""Depth of contacts in pitches, at most; less where the module size to verify leaves less."""
-ROOM_USED: Final = 0.9
-"""Share of the room between the simulated hull and the size to verify that contacts may use."""
-ALIGNED: Final = 0.5
-"""Cosine between the rod and where it is to point, above which a unit may be let go."""
-TURNED: Final = 0.9
-"""Cosine between two directions of the rod, above which they count as the same."""
-LEAST_CLEARANCE: Final = 0.002
-"""Clearance in pitches that snapshots keep at the size to verify."""
-ROUNDING: Final = 1e-9
-"""Clearance in pitches that rounding may take from a snapshot, or from the way to one."""
-FRAME_S: Final = 0.1
-"""Simulated seconds between two snapshots that kinematics makes."""
+RELEASE_CHECK_STEPS: Final = 5
+"""Steps between two checks for the release of the next unit. Chosen."""
+RETIRE_CHECK_STEPS: Final = 20
+"""Steps between two checks for outer joints that may become part of the rod. Chosen."""
+STIFFNESS_UPDATE_STEPS: Final = 5
+"""Steps between two updates of the springs' stiffness. Chosen."""
+MIN_RETIRED_JOINTS: Final = 6
+"""Minimum number of joints that become part of the rod together: each time the model of the window
+is built anew. Chosen."""
+MIN_LAST_UNIT_MODULES: Final = 6
+"""Minimum number of modules of the last unit; fewer are released together with the unit before.
+Chosen."""
+WINDOW_FINISH_STEPS: Final = 25
+"""Steps between two attempts to straighten the last window by kinematics. Chosen."""
+PROGRESS_CHECK_STEPS: Final = 50
+"""Steps between two checks of the progress. Chosen."""
+MIN_PEELING_PROGRESS_RAD: Final = 0.5
+"""Minimum decrease of the sum of all bends, rad, that counts as progress. Larger values start
+pulses earlier. Chosen."""
+MAX_PEELING_DEPTH_PITCH: Final = 0.016
+"""Maximum depth of contacts, pitches; less where the module size to verify leaves less. Larger
+values allow faster steps and less clearance. Chosen."""
+CONTACT_ROOM_SHARE: Final = 0.9
+"""Fraction of the room between the simulated hull and the size to verify that contacts may use.
+Chosen."""
+MIN_RELEASE_COSINE: Final = 0.5
+"""Minimum cosine of the angle between the rod and its wanted direction before the next unit is
+released. Larger values release later. Chosen."""
+SAME_HEADING_COSINE: Final = 0.9
+"""Minimum cosine of the angle between two directions of the rod that count as the same. Chosen."""
+MIN_SNAPSHOT_CLEARANCE_PITCH: Final = 0.002
+"""Minimum clearance of snapshots at the size to verify, pitches. Chosen."""
+CLEARANCE_ROUNDING_PITCH: Final = 1e-9
+"""Clearance that rounding may take from a snapshot, or from the motion to it, pitches."""
 
 
 def peel(
@@ -92,18 +97,18 @@ def peel(
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
-    """Peels a folded chain off its core, from its last module on, and records how.
+    """Peel a folded chain off its core, from its last module on, and record the motion.
 
     Args:
         chain: A chain of cubes, starting in its folded configuration.
-        parameters: How it is let go.
-        seed: Decides a slight unevenness of the radial gain.
-        sink: Gets the snapshots as they are made.
-        progress: Told how far it is, a few times a second.
-        cancelled: Asked now and then whether to stop.
+        parameters: Parameters of the peeling.
+        seed: Seed of the slight unevenness of the radial gain.
+        sink: Receives the snapshots as they are made.
+        progress: Receives the progress, a few times a second.
+        cancelled: Returns True to stop; called every few steps.
 
     Returns:
-        The record, whatever came of it.
+        The record, whether straight or not.
 
     Raises:
         InputError: ``not-peelable`` for modules that are no cubes, or off the lattice.
@@ -111,8 +116,8 @@ def peel(
     return Peeling(chain, parameters, seed, sink).run(progress, cancelled)
 
 
-class Peeling(Explosion[Bend, PeelingParameters]):
-    """A run in which one unit after the other is let go. For what it takes, see ``peel``."""
+class Peeling(Explosion[WindowConfiguration, PeelingParameters]):
+    """A run in which one unit after the other is released; the arguments are those of ``peel``."""
 
     strategy = "peel"
     doing = "peeling"
@@ -135,10 +140,10 @@ class Peeling(Explosion[Bend, PeelingParameters]):
             snapshot_distance=parameters.snapshot_distance,
             sink=sink,
         )
-        room = ROOM_USED * (parameters.geom_size - parameters.verify_size)
+        room = CONTACT_ROOM_SHARE * (parameters.geom_size - parameters.verify_size)
         super().__init__(
             parameters,
-            ContactDepth.within(room, DEEP),
+            ContactDepth.within(room, MAX_PEELING_DEPTH_PITCH),
             self.windows,
             seed=seed,
             modules=len(chain),
@@ -147,11 +152,14 @@ class Peeling(Explosion[Bend, PeelingParameters]):
             geom_size=parameters.geom_size,
             stiffness=parameters.spring,
             armature=parameters.armature,
-            stop_rad=chain.module.angle_limit_rad - STOP_GIVES_RAD,
+            stop_rad=chain.module.angle_limit_rad - STOP_COMPLIANCE_RAD,
         )
         self.finder = ContactFinder(chain, self.material)
         # Folded neighbours are no farther apart than the module size leaves.
-        self.least = min(LEAST_CLEARANCE, 0.5 * (1.0 - parameters.verify_size) - ROUNDING)
+        self.least = min(
+            MIN_SNAPSHOT_CLEARANCE_PITCH,
+            0.5 * (1.0 - parameters.verify_size) - CLEARANCE_ROUNDING_PITCH,
+        )
         self.caps = StepLimits(
             joint_rad=parameters.joint_cap_rad,
             body=parameters.body_cap,
@@ -172,56 +180,56 @@ class Peeling(Explosion[Bend, PeelingParameters]):
 
     @property
     def rod(self) -> int:
-        """Modules of the rod."""
+        """Number of modules of the rod."""
         return len(self.chain) - self.first - self.modules
 
     @property
     def most_steps(self) -> int:
-        """By the chain's length."""
+        """Maximum number of steps of the run, by the chain's length."""
         return self.parameters.most_steps(len(self.chain))
 
     @property
     def error_limit(self) -> Spent:
         """Number of pushes without progress after which an error ends the run."""
-        return Spent("pushes", MOST_PUSHES[self.strategy], self.pushes)
+        return Spent("pushes", MAX_STALLED_PULSES[self.strategy], self.pushes)
 
     @property
     def next_first(self) -> int:
-        """The window's first module once the next unit is let go."""
+        """First module of the window after the next release."""
         first = self.first - self.parameters.unit
-        return first if first >= FEWEST_LEFT else 0
+        return first if first >= MIN_LAST_UNIT_MODULES else 0
 
     def place(self) -> None:
-        """Computes the poses of the present state."""
+        """Compute the poses of the present state."""
         self.window.place(self.state)
 
     def motion(self) -> Windows:
-        """All snapshots."""
+        """Return all snapshots."""
         return self.windows.motion()
 
     def step(self) -> bool:
-        """One step, after which no hinge is beyond its stop."""
+        """Make one step, after which no hinge is beyond its stop."""
         moved = super().step()
         if moved:
             self.state.stop_at(self.material.stop_of(self.chain.module))
         return moved
 
     def look(self) -> Ended | None:
-        """Lets the next unit go when it may be; whether it is straight, or stuck."""
-        if self.steps % RETIRE_EVERY == 0:
+        """Release the next unit if it may go; return how the run ended, if it has."""
+        if self.steps % RETIRE_CHECK_STEPS == 0:
             self._retire()
-        if self.first and self.steps % RELEASE_EVERY == 0 and self._ready():
+        if self.first and self.steps % RELEASE_CHECK_STEPS == 0 and self._ready():
             self._release()
-        if not self.first and self.steps % FINISH_EVERY == 0 and self._finish():
+        if not self.first and self.steps % WINDOW_FINISH_STEPS == 0 and self._finish():
             return "straight"
-        if self.steps % PROGRESS_EVERY == 0 and not self._unjam():
+        if self.steps % PROGRESS_CHECK_STEPS == 0 and not self._unjam():
             return "stalled"
         return None
 
     # What is simulated.
 
     def _let_go(self, angles: Array, rates: Array) -> None:
-        """Widens the window by the next unit and builds its model."""
+        """Widen the window by the next unit and build its model."""
         hinges = self.peelable.hinges
         first = self.next_first
         fresh = self.chain.folded_rad[hinges * first : hinges * self.first]
@@ -241,17 +249,17 @@ class Peeling(Explosion[Bend, PeelingParameters]):
             self.aim = self.target
 
     def _hold(self, first: int) -> None:
-        """Makes the modules 0 to ``first`` what does not move."""
+        """Hold the modules 0 to ``first`` still."""
         self.field = self.core.distances(first)
         self.finder.set_boxes(*self._boxes(first))
         self.core_box = self.core.extent(first + FIXED - 1)
 
     def _boxes(self, first: int) -> tuple[Array, Array]:
-        """(B, 3) centres and half sides of what does not move: the modules 0 to ``first``."""
+        """Return (B, 3) centres and half sides of boxes around the modules 0 to ``first``."""
         return self.core.boxes(first)
 
     def _way_out(self) -> Array:
-        """(3,) unit vector: where the rod is to point while there is still a core."""
+        """Return the (3,) unit vector that the rod is to point along beside the core."""
         before = self.target if self.target.any() else None
         return self.core.way_out(self.field, self.centre, self.first + 1, before)
 
@@ -277,16 +285,16 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         self._stiffen(self.window.positions)
 
     def _forces(self, positions: Array) -> Array:
-        """(m, 3) forces: radial with the wanted tension, the pull at the end, and eq. 3."""
+        """Return (m, 3) forces: radial with the wanted tension, the pull at the end, and eq. 3."""
         p = self.parameters
-        weak = self.is_weak()
-        scale = p.spring * self.tension * (WEAK_TENSION if weak else 1.0)
+        weak = self.advance_pulse()
+        scale = p.spring * self.tension * (PULSE_TENSION_SCALE if weak else 1.0)
         loads = WindowLoads(
             weights=self.weights[self.first : self.first + self.modules],
             source=self.centre - 2.0 * self.aim,
             heading=self.aim,
             cutoff=p.repulsion_cutoff,
-            gain=p.repulsion_gain * (STRONG_REPULSION if weak else 1.0),
+            gain=p.repulsion_gain * (PULSE_REPULSION_SCALE if weak else 1.0),
             tension=p.tension * scale,
             pull=p.pull * scale,
         )
@@ -298,7 +306,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         return CoreCells(self.core.grid, self.core.low, self.core_box, self.first)
 
     def _stiffen(self, positions: Array) -> None:
-        """Hinges far from the core pull harder towards straight."""
+        """Set the springs' stiffness: it grows with the distance from the core."""
         p = self.parameters
         heights = self.core.distance_at(self.field, positions)
         share = np.clip((heights[1:-1] - 2.0) / 6.0, 0.0, 1.0)
@@ -306,13 +314,13 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         self.window.set_stiffness(np.repeat(stiffness, self.peelable.hinges))
 
     def accelerations(self) -> Acceleration | None:
-        """Under all forces; None when the run went back."""
+        """Return the acceleration under all forces; None if the run went back."""
         p = self.parameters
         window = self.window
         self.finder.set_contact_time_constant(self.contact_time_constant())
         self.aim = turned_towards(self.aim, self.target, p.turn_rad)
         forces = self._forces(window.positions)
-        if self.steps % STIFFEN_EVERY == 0:
+        if self.steps % STIFFNESS_UPDATE_STEPS == 0:
             self._stiffen(window.positions)
         try:
             acceleration = window.accelerations(self.state, forces, self._end_torque())
@@ -321,19 +329,19 @@ class Peeling(Explosion[Bend, PeelingParameters]):
                 raise
             self._refused()
             return None
-        if self.is_too_deep(acceleration.depth):
+        if self.adapt_tension(acceleration.depth):
             self._refused()
             return None
         self.contacts = acceleration.contacts
         return acceleration
 
     def _end_torque(self) -> Array:
-        """(3,) on the last module: it turns the rod to where it is to point."""
+        """Return the (3,) torque on the last module that turns the rod to its direction."""
         p = self.parameters
         return p.alignment * p.spring * crossed(self.window.rotations[-1][:, 0], self.aim)
 
     def excess(self) -> float:
-        """By hinges, modules near each other, and the rod."""
+        """Return 1/Δt_max, 1/s, of hinges, modules near each other, and the rod."""
         p = self.parameters
         state, window = self.state, self.window
         window.place_velocities(state)
@@ -350,7 +358,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
     # What changes the window.
 
     def _ready(self) -> bool:
-        """Whether the next unit may be let go."""
+        """Return True if the next unit may be released."""
         p = self.parameters
         # The joints next to the core may have to wait for what lies in their way.
         hinges = self.peelable.hinges
@@ -360,8 +368,8 @@ class Peeling(Explosion[Bend, PeelingParameters]):
             and self.contacts <= p.release_contacts
             and self.modules < max(p.window, 1.2 * p.unit)
             and unit.max(initial=0.0) < p.release_rad
-            and self.window.rotations[-1][:, 0] @ self.aim > ALIGNED
-            and self.aim @ self.target > TURNED
+            and self.window.rotations[-1][:, 0] @ self.aim > MIN_RELEASE_COSINE
+            and self.aim @ self.target > SAME_HEADING_COSINE
         )
 
     def _release(self) -> None:
@@ -369,20 +377,20 @@ class Peeling(Explosion[Bend, PeelingParameters]):
             self._let_go(self.state.angles, self.state.rates)
 
     def _retire(self) -> None:
-        """Makes the outer hinges that are nearly straight part of the rod."""
+        """Make the outer hinges that are nearly straight part of the rod."""
         p = self.parameters
         hinges = self.peelable.hinges
         if self.depth >= self.allowed.back_off:
             return
         self.window.place(self.state)
         bent = np.abs(self.state.angles).reshape(-1, hinges).max(axis=1)
-        if bent[-FEWEST_RETIRED:].max() >= p.retire_rad:
+        if bent[-MIN_RETIRED_JOINTS:].max() >= p.retire_rad:
             return
         heights = self.core.distance_at(self.field, self.window.positions)
         good = (bent < p.retire_rad) & (heights[1:-1] > p.retire_height)
         count = len(good) if good.all() else int(np.argmin(good[::-1]))
         count = min(count, len(good) - 4)
-        while count >= FEWEST_RETIRED:
+        while count >= MIN_RETIRED_JOINTS:
             bends = self._straightened(count)
             if bends is not None:
                 break
@@ -396,31 +404,31 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         left = bends[-1].angles
         self._build(left.copy(), self.state.rates[: len(left)].copy())
 
-    def _straightened(self, count: int) -> list[Bend] | None:
-        """Configurations that straighten the last joints, so many; None if something touches."""
+    def _straightened(self, count: int) -> list[WindowConfiguration] | None:
+        """Return snapshots that straighten the last ``count`` joints; None if modules touch."""
         p = self.parameters
         angles = self.state.angles
         left = angles[: len(angles) - self.peelable.hinges * count]
         _, rotations = self.peelable.poses(self.first, left)
         turned = float(rotations[-1][:, 0] @ self.window.rotations[-1][:, 0])
-        if turned < TURNED:
+        if turned < SAME_HEADING_COSINE:
             return None
         bent = float(np.abs(angles[len(left) :]).max())
         largest = max(float(np.arccos(min(turned, 1.0))), bent)
         frames = int(np.ceil(largest / p.retire_step_rad))
-        bends: list[Bend] = []
+        bends: list[WindowConfiguration] = []
         for k in range(1, frames):
             partly = angles.copy()
             partly[len(left) :] *= 1.0 - k / frames
-            bends.append(self._bent(self.time_s + k * FRAME_S, partly))
-        bends.append(self._bent(self.time_s + frames * FRAME_S, left.copy()))
+            bends.append(self._bent(self.time_s + k * KINEMATIC_FRAME_S, partly))
+        bends.append(self._bent(self.time_s + frames * KINEMATIC_FRAME_S, left.copy()))
         return bends if self._clear([self.snapshot(), *bends]) else None
 
     def _settle(self) -> bool:
-        """Keeps the present state as a snapshot: the window changes after it.
+        """Keep the present state as a snapshot: the window changes after it.
 
         Returns:
-            False when the way to it touches something: then the run went back.
+            False if modules touch on the way to it: then the run went back.
         """
         self.window.place(self.state)
         self.recorder.add(self.snapshot())
@@ -431,20 +439,20 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         return True
 
     def _refused(self) -> None:
-        """Goes back from what would not be certified; with a push when that did not help."""
+        """Reject the steps since the last checkpoint; start a pulse when that did not help."""
         self.go_back()
-        if self.retries > MOST_RETRIES:
+        if self.retries > MAX_CHECKPOINT_RETRIES:
             self.retries = 0
             self.push()
             self.state.scale_velocities(0.0)
 
-    def _clear(self, bends: list[Bend]) -> bool:
-        """Whether configurations, and the ways between them, may be kept."""
+    def _clear(self, bends: list[WindowConfiguration]) -> bool:
+        """Return True if configurations, and the motion between them, keep the clearance."""
         return self.proof.keeps(bends, self.least)[0] >= self.least
 
-    def snapshot(self) -> Bend:
-        """The present state."""
-        return Bend(
+    def snapshot(self) -> WindowConfiguration:
+        """Return the present state as a snapshot."""
+        return WindowConfiguration(
             time_s=self.time_s,
             first=self.first,
             angles=self.state.angles.copy(),
@@ -452,10 +460,10 @@ class Peeling(Explosion[Bend, PeelingParameters]):
             along=self.window.rotations[-1][:, 0].copy(),
         )
 
-    def _bent(self, time_s: float, angles: Array) -> Bend:
-        """A configuration of the window that was not simulated."""
+    def _bent(self, time_s: float, angles: Array) -> WindowConfiguration:
+        """Return a configuration of the window that was not simulated."""
         positions, rotations = self.peelable.poses(self.first, angles)
-        return Bend(
+        return WindowConfiguration(
             time_s=time_s,
             first=self.first,
             angles=angles,
@@ -464,20 +472,20 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         )
 
     def commit(self) -> None:
-        """Makes the steps so far final."""
+        """Make the steps so far final, if they keep the clearance."""
         if self._clear([self.snapshot()]) and self._settle():
             self.saved = (self.time_s, self.state.copy())
             self.retries = 0
 
     def go_back(self) -> None:
-        """Returns to the last sound state, slower."""
+        """Return to the last checkpoint, slower."""
         super().go_back()
         # Its contacts may be deeper than allowed already: what makes them less deep is no reason
         # to go back again.
         self.depth = np.inf
 
     def _finish(self) -> bool:
-        """Ends the run by pure kinematics if the window can be straightened without a touch."""
+        """End the run by pure kinematics if the window can be straightened without contact."""
         p = self.parameters
         angles = self.state.angles.copy()
         largest = float(np.abs(angles).max(initial=0.0))
@@ -485,7 +493,7 @@ class Peeling(Explosion[Bend, PeelingParameters]):
             return False
         count = int(np.ceil(max(largest / p.snapshot_rad, 1.0)))
         bends = [
-            self._bent(self.time_s + k * FRAME_S, (1.0 - k / count) * angles)
+            self._bent(self.time_s + k * KINEMATIC_FRAME_S, (1.0 - k / count) * angles)
             for k in range(1, count + 1)
         ]
         if not self._clear([self.snapshot(), *bends]) or not self._settle():
@@ -496,14 +504,14 @@ class Peeling(Explosion[Bend, PeelingParameters]):
     # When it sticks.
 
     def _left(self) -> float:
-        """Radians that are still to be unbent."""
+        """Return the sum of all bends that remain, rad."""
         return float(np.abs(self.state.angles).sum()) + self.peelable.bent_below(self.first)
 
     def _unjam(self) -> bool:
-        """Tries something when nothing moves on; False when enough was tried in vain."""
+        """Release a unit or start a pulse if nothing moves; return False at the limit of tries."""
         p = self.parameters
         left = self._left()
-        if left < self.least_left - LEAST_PROGRESS_RAD:
+        if left < self.least_left - MIN_PEELING_PROGRESS_RAD:
             self.least_left = left
             self.progressed = self.steps
             self.pushes = 0
@@ -514,11 +522,11 @@ class Peeling(Explosion[Bend, PeelingParameters]):
             if self.first and room and self.depth < self.allowed.back_off:
                 self._release()
             else:
-                self.pulse_left = JAM_PULSE[1]
+                self.pulse_left = PULSE_STEPS[1]
         return self.pushes <= self.most_pushes
 
     def stall_reason(self) -> str:
-        """How much of it is let go, and which joint stays bent."""
+        """Describe how many modules are released, and which joint stays bent."""
         angles = np.abs(self.state.angles).reshape(-1, self.peelable.hinges).max(axis=1)
         worst = int(np.argmax(angles))
         let_go = (
@@ -533,13 +541,13 @@ class Peeling(Explosion[Bend, PeelingParameters]):
         )
 
     def unfolded(self) -> float:
-        """By the bends that are left."""
+        """Return the progress, 0 to 1, by the bends that remain."""
         whole = self.peelable.bent_below(len(self.chain) - 2)
         return 1.0 - self._left() / max(whole, 1e-9)
 
 
 def turned_towards(a: Array, b: Array, most_rad: float) -> Array:
-    """(3,) unit vector a turned towards b, by so much at most."""
+    """Return the (3,) unit vector ``a`` turned towards ``b`` by ``most_rad`` at most."""
     if a is b:
         return b
     angle = float(np.arccos(np.clip(a @ b, -1.0, 1.0)))
@@ -554,7 +562,7 @@ def turned_towards(a: Array, b: Array, most_rad: float) -> Array:
 
 
 def crossed(a: Array, b: Array) -> Array:
-    """(3,) cross product; NumPy's takes many times as long for two vectors."""
+    """Return the (3,) cross product; NumPy's takes many times as long for two vectors."""
     return np.array(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )

@@ -1,4 +1,4 @@
-"""Core: the part of a chain that is still folded, on its lattice."""
+"""Folded core: the modules of a chain that are still folded, on their lattice."""
 
 from __future__ import annotations
 
@@ -14,24 +14,26 @@ from planner.kernels.folded_core import box_cover, distances_at
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-PAD: Final = 6
-"""Cells around the core in which distances to it are known."""
-DIRECTIONS: Final = 400
-"""Directions, evenly over the sphere, in which a rod is tried."""
-RAY_STEP: Final = 0.5
-"""Cells from one place of a ray to the next that is looked at."""
-WANTED: Final = 2.0
-"""Cells that a ray keeps from the core once it is far enough out to; nearer it keeps less."""
+FIELD_PADDING_CELLS: Final = 6
+"""Width of the margin around the core in which distances to it are stored, cells. Larger values are
+exact farther out and take more memory. Chosen."""
+RAY_DIRECTIONS: Final = 400
+"""Number of directions, evenly over the sphere, in which a rod is tested. Chosen."""
+RAY_STEP_PITCH: Final = 0.5
+"""Distance of two samples of a ray, pitches. Smaller values miss fewer obstacles. Chosen."""
+RAY_CLEARANCE_PITCH: Final = 2.0
+"""Wanted distance of a ray from the core, pitches; near its start it is less. Larger values choose
+freer rays. Chosen."""
 
 
 class Core:
-    """Which module is in which cell, in the frame of module 0.
+    """Cells of the folded modules, in the frame of module 0.
 
     Attributes:
         cells: (n, 3) cells of the modules, float64.
         rotations: (n, 3, 3) their orientations when folded.
         grid: (X, Y, Z) int32 number of the module in each cell, −1 for none.
-        low: (3,) the cell that the grid begins with.
+        low: (3,) first cell of the grid.
     """
 
     def __init__(self, chain: Chain) -> None:
@@ -58,49 +60,49 @@ class Core:
         self._boxes = np.empty((len(cells), 6), dtype=np.int64)
 
     def boxes(self, last: int) -> tuple[Array, Array]:
-        """(B, 3) centres and (B, 3) half sides of boxes that hold the modules 0 to ``last``."""
+        """Return (B, 3) centres and half sides of boxes that hold the modules 0 to ``last``."""
         count = box_cover(self.grid, last, self._boxes)
         found = self._boxes[:count].astype(np.float64)
         half = 0.5 * found[:, 3:]
         return found[:, :3] + self.low - 0.5 + half, half
 
     def extent(self, last: int) -> Ints:
-        """(2, 3) the least and the largest cell of the modules 0 to ``last``."""
+        """Return the (2, 3) smallest and largest cell of the modules 0 to ``last``."""
         cells = self.cells[: last + 1]
         return np.stack([cells.min(axis=0), cells.max(axis=0)]).astype(np.int64)
 
     def distances(self, last: int) -> Array:
-        """Distance of each cell of the grid, padded by ``PAD``, to the nearest of those folded."""
+        """Return the distance of each cell of the padded grid to the nearest folded one."""
         from scipy.ndimage import distance_transform_edt  # late: it takes a while
 
-        there = np.pad((self.grid >= 0) & (self.grid <= last), PAD)
+        there = np.pad((self.grid >= 0) & (self.grid <= last), FIELD_PADDING_CELLS)
         return np.asarray(distance_transform_edt(~there), dtype=np.float64)
 
     def distance_at(self, field: Array, points: Array) -> Array:
-        """(...,) distance of (..., 3) points to the core, roughly; grows on outside the field."""
+        """Return rough (...,) distances of (..., 3) points to the core, outside the field too."""
         found = np.empty(points.shape[:-1])
-        low = (self.low - PAD).astype(np.float64)
+        low = (self.low - FIELD_PADDING_CELLS).astype(np.float64)
         distances_at(field, low, points.reshape(-1, 3), found.reshape(-1))
         return found
 
     def way_out(self, field: Array, start: Array, last: int, before: Array | None) -> Array:
-        """(3,) unit vector: the free ray from a point that is nearest to radial.
+        """Return the (3,) unit vector of the free ray from a point that is nearest to radial.
 
         Args:
-            field: Distances to the core.
-            start: (3,) where the ray begins.
+            field: Distances to the core, see ``distances``.
+            start: (3,) start of the ray.
             last: Last module of the core.
-            before: (3,) the ray of the unit before; what is near it is preferred a little.
+            before: (3,) ray of the unit before; rays near it are preferred a little.
         """
         centre = self.cells[: last + 1].mean(axis=0)
         radial = start - centre
         radial = radial / max(float(np.linalg.norm(radial)), 1e-9)
         rays = _directions()
-        reach = float(np.linalg.norm(np.array(self.grid.shape))) + PAD
-        along = np.arange(1.0, reach, RAY_STEP)
+        reach = float(np.linalg.norm(np.array(self.grid.shape))) + FIELD_PADDING_CELLS
+        along = np.arange(1.0, reach, RAY_STEP_PITCH)
         points = start + rays[:, None, :] * along[None, :, None]
         distance = self.distance_at(field, points)
-        wanted = np.minimum(WANTED, 0.7 + 0.5 * along)
+        wanted = np.minimum(RAY_CLEARANCE_PITCH, 0.7 + 0.5 * along)
         lack = np.maximum(wanted - distance, 0.0).max(axis=1)
         score = rays @ radial - 3.0 * lack
         if before is not None:
@@ -109,9 +111,9 @@ class Core:
 
 
 def _directions() -> Array:
-    """(DIRECTIONS + 6, 3) unit vectors: evenly over the sphere, and the axes."""
-    k = np.arange(DIRECTIONS) + 0.5
-    z = 1.0 - 2.0 * k / DIRECTIONS
+    """Return (RAY_DIRECTIONS + 6, 3) unit vectors: evenly over the sphere, and the axes."""
+    k = np.arange(RAY_DIRECTIONS) + 0.5
+    z = 1.0 - 2.0 * k / RAY_DIRECTIONS
     turn = np.pi * (1.0 + np.sqrt(5.0)) * k
     across = np.sqrt(1.0 - z * z)
     even = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)

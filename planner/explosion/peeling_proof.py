@@ -1,4 +1,4 @@
-"""Proof: what a peeled chain keeps at and between its snapshots, as the certificate will see it."""
+"""Proof of the clearance of a peeled chain at and between snapshots, as in the certificate."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.clearance.sweep import windows_shape
-from planner.explosion.peeling_window import Bend
+from planner.explosion.peeling_window import WindowConfiguration
 from planner.kernels.sweep import Angles, sweep_frames
 
 Array = NDArray[np.float64]
@@ -18,23 +18,23 @@ Array = NDArray[np.float64]
 class Proof:
     """The sweep of a motion, for a few configurations at a time and at one module size.
 
-    What is folded, and what is straight, is not looked at against itself: it never changes.
+    Folded modules are not checked against each other, nor are straight ones: they do not change.
     """
 
     def __init__(self, chain: Chain, size: float) -> None:
         self._hinges = chain.module.hinges_per_joint
         self._shape = windows_shape(chain, size)
 
-    def keeps(self, bends: Sequence[Bend], enough: float) -> tuple[float, Array]:
-        """The least clearance of configurations and of the straight ways between them.
+    def keeps(self, bends: Sequence[WindowConfiguration], enough: float) -> tuple[float, Array]:
+        """Return the least clearance of configurations and of the linear motion between them.
 
         Args:
             bends: F configurations, in their order; their angles count in single precision.
-            enough: Clearances of this and more are not told apart.
+            enough: Cap of the clearances, pitches: larger ones count as this.
 
         Returns:
-            The least of all, not above 0 where nothing could be proved of a way, and (F,) that of
-            each configuration.
+            The least of all, not above 0 where the motion between two could not be proved, and
+            (F,) that of each configuration; pitches.
         """
         count = len(bends)
         lengths = [len(bend.angles) for bend in bends]

@@ -10,40 +10,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.explosion.peeling_proof import Proof
-from planner.explosion.peeling_window import Bend, Peelable
-from planner.explosion.recorder import WORSE, Recorder
+from planner.explosion.peeling_window import Peelable, WindowConfiguration
+from planner.explosion.recorder import MIN_CLEARANCE_LOSS_PITCH, Recorder
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import PHASES
 from planner.motion.windows import Windows
 
 Array = NDArray[np.float64]
-CLOSE: Final = 0.02
-"""Clearance in pitches; larger ones are told as this."""
-FARTHEST_TURN: Final = float(np.cos(0.1))
-"""Cosine of the largest turn of the rod between two snapshots, 0.1 rad."""
+CLEARANCE_CAP_PITCH: Final = 0.02
+"""Cap of the clearance, pitches: larger ones count as this. Larger values take more time.
+Chosen."""
+MIN_SNAPSHOT_COSINE: Final = float(np.cos(0.1))
+"""Cosine of the maximum turn of the rod between two snapshots, 0.1 rad. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A place of a record that it may return to: its parts, and its last snapshot."""
+    """Position in a record that it may return to: number of parts, and last snapshot."""
 
     parts: int
-    last: Bend | None
+    last: WindowConfiguration | None
 
 
-class WindowRecorder(Recorder[Bend]):
+class WindowRecorder(Recorder[WindowConfiguration]):
     """Records configurations that are folded, bent, then straight.
 
-    What is kept was swept as the certificate sweeps it, at the snapshots and everywhere between
-    them.
+    Snapshots are kept only with a proof of clearance, at and between them, as in the certificate.
 
     Args:
         peelable: The chain.
-        proof: Sweeps it.
-        snapshot_rad: Turn of a hinge from one snapshot to the next, at most.
-        snapshot_distance: Way in pitches of a module that is in both windows, at most.
-        sink: Gets the windows.
-        holds: Whether snapshots may follow another one, asked of those that are about to be kept.
+        proof: Proof of its clearance.
+        snapshot_rad: Maximum turn of a hinge from one snapshot to the next, rad.
+        snapshot_distance: Maximum distance that a module of both windows moves, pitches.
+        sink: Receives the windows.
+        holds: Returns True if the given snapshots may follow another one.
     """
 
     def __init__(
@@ -54,7 +54,8 @@ class WindowRecorder(Recorder[Bend]):
         snapshot_rad: float,
         snapshot_distance: float,
         sink: Callable[[Windows], None] | None,
-        holds: Callable[[Bend | None, Sequence[Bend]], bool] | None = None,
+        holds: Callable[[WindowConfiguration | None, Sequence[WindowConfiguration]], bool]
+        | None = None,
     ) -> None:
         super().__init__()
         self._peelable = peelable
@@ -64,22 +65,22 @@ class WindowRecorder(Recorder[Bend]):
         self._sink = sink
         self._holds = holds
         self._kept: list[Windows] = []
-        self._least = CLOSE
-        """Clearance of what is about to be kept."""
+        self._least = CLEARANCE_CAP_PITCH
+        """Least clearance of the snapshots that are about to be kept, pitches."""
 
     def commit(self, *, end: bool = False, least: float = -np.inf) -> bool:
-        """Makes the steps so far final and passes their snapshots on; the last one is one of them.
+        """Make the steps so far final and pass their snapshots on; the last step is one of them.
 
         Args:
-            end: As the last one is a snapshot in any case, this changes nothing.
-            least: When a snapshot or a place on the way to it has a clearance below this, or does
-                not hold, all the steps are forgotten instead.
+            end: Without effect: the last step is a snapshot in any case.
+            least: Minimum clearance, pitches, of snapshots and of the motion between them. With
+                less, or if ``holds`` refuses one, all the steps are dropped instead.
 
         Returns:
-            Whether they were kept.
+            True if they were kept.
         """
         waiting, self._waiting = self._waiting, []
-        self._least = CLOSE
+        self._least = CLEARANCE_CAP_PITCH
         chosen, _ = self._chosen(waiting, to_the_end=True)
         if self._least < least or (self._holds is not None and not self._holds(self._last, chosen)):
             return False
@@ -88,26 +89,26 @@ class WindowRecorder(Recorder[Bend]):
         self._emit(chosen)
         return True
 
-    def append(self, bends: list[Bend]) -> None:
-        """Adds snapshots that were made without a simulation, and proved, after a ``commit``."""
+    def append(self, bends: list[WindowConfiguration]) -> None:
+        """Add snapshots that were made without a simulation, and proved, after a ``commit``."""
         self._last = bends[-1]
         self._emit(bends)
 
     def mark(self) -> Mark:
-        """Where the record ends now."""
+        """Return the present end of the record."""
         return Mark(len(self._kept), self._last)
 
     def return_to(self, mark: Mark) -> None:
-        """Forgets all snapshots after a mark. Who got them has got them."""
+        """Drop all snapshots after a mark; the sink is not told."""
         self._waiting = []
         del self._kept[mark.parts :]
         self._last = mark.last
 
     def motion(self) -> Windows:
-        """All snapshots so far."""
+        """Return all snapshots so far."""
         return Windows.joined(self._kept)
 
-    def _emit(self, bends: list[Bend]) -> None:
+    def _emit(self, bends: list[WindowConfiguration]) -> None:
         if not bends:
             return
         chain = self._peelable.chain
@@ -126,16 +127,16 @@ class WindowRecorder(Recorder[Bend]):
         if self._sink is not None:
             self._sink(windows)
 
-    def _far(self, a: Bend, b: Bend) -> bool:
+    def _far(self, a: WindowConfiguration, b: WindowConfiguration) -> bool:
         _, one, other = self._peelable.together(a, b)
         if np.abs(one - other).max(initial=0.0) >= self._snapshot_rad:
             return True
-        if a.along is not None and b.along is not None and a.along @ b.along < FARTHEST_TURN:
+        if a.along is not None and b.along is not None and a.along @ b.along < MIN_SNAPSHOT_COSINE:
             return True
         return self._moved(a, b) >= self._snapshot_distance
 
-    def _moved(self, a: Bend, b: Bend) -> float:
-        """How far a module of both windows has gone; 0 where that is not known."""
+    def _moved(self, a: WindowConfiguration, b: WindowConfiguration) -> float:
+        """Return the largest distance of a module of both windows, pitches; 0 if unknown."""
         if a.centres is None or b.centres is None:
             return 0.0
         low = max(a.first, b.first)
@@ -143,9 +144,9 @@ class WindowRecorder(Recorder[Bend]):
         gone = a.centres[low - a.first : high - a.first] - b.centres[low - b.first : high - b.first]
         return float(np.sqrt((gone**2).sum(axis=1).max(initial=0.0)))
 
-    def _needs_more(self, a: Bend, b: Bend, *, more: bool) -> bool:
-        least, each = self._proof.keeps((a, b), CLOSE)
-        if more and least < each.min() - WORSE:
+    def _needs_more(self, a: WindowConfiguration, b: WindowConfiguration, *, more: bool) -> bool:
+        least, each = self._proof.keeps((a, b), CLEARANCE_CAP_PITCH)
+        if more and least < each.min() - MIN_CLEARANCE_LOSS_PITCH:
             return True
         self._least = min(self._least, least)
         return False

@@ -1,4 +1,4 @@
-"""Recorders: pick the snapshots of an explosion from all its steps, as it runs."""
+"""Recorders: choice of the snapshots of an explosion from all its steps, as it runs."""
 
 from __future__ import annotations
 
@@ -19,16 +19,18 @@ from planner.motion.frames import Frames
 from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
-CLOSE: Final = 0.06
-"""Clearance in pitches from which on a place between two snapshots is clear enough."""
-WORSE: Final = 0.002
-"""Pitches by which a place between is nearer than both snapshots, if one is recorded there."""
+CLEAR_ENOUGH_PITCH: Final = 0.06
+"""Clearance between two snapshots, pitches, that needs no further snapshot. Larger values keep
+more. Chosen."""
+MIN_CLEARANCE_LOSS_PITCH: Final = 0.002
+"""Minimum loss of clearance between two snapshots, pitches, for which another one is kept between
+them. Smaller values keep more. Chosen."""
 
 S = TypeVar("S")
 
 
 class Recorder(ABC, Generic[S]):
-    """Takes every step, keeps the snapshots that the record needs, and passes them on.
+    """Recorder of every step: it keeps the snapshots that the record needs, and passes them on.
 
     Two neighbouring snapshots are about as far apart as they may be (a single step may be
     more), and the way between them is not closer to a collision than they are, as far as the
@@ -40,38 +42,38 @@ class Recorder(ABC, Generic[S]):
         self._last: S | None = None
 
     def add(self, step: S) -> None:
-        """Takes a step that may still be taken back."""
+        """Add a step that may still be taken back."""
         self._waiting.append(step)
 
     def take_back(self) -> None:
-        """Forgets the steps since the last ``commit``."""
+        """Drop the steps since the last ``commit``."""
         self._waiting = []
 
     @abstractmethod
     def commit(self, *, end: bool = False) -> bool:
-        """Makes the steps so far final and passes their snapshots on.
+        """Make the steps so far final and pass their snapshots on.
 
         Args:
             end: Keep the last step as a snapshot in any case.
 
         Returns:
-            Whether they were kept.
+            True if they were kept.
         """
 
     @abstractmethod
     def _far(self, a: S, b: S) -> bool:
-        """Whether two snapshots are farther apart than they may be."""
+        """Return True if two snapshots are farther apart than allowed."""
 
     @abstractmethod
     def _needs_more(self, a: S, b: S, *, more: bool) -> bool:
-        """Whether the way between two snapshots asks for another, if there are more steps."""
+        """Return True if the motion between two snapshots needs another one, of ``more`` steps."""
 
     def _chosen(self, waiting: list[S], *, to_the_end: bool) -> tuple[list[S], int]:
-        """The snapshots among steps, and how many of these are done with.
+        """Return the snapshots among steps, and the number of steps that are done with.
 
         Args:
             waiting: The steps.
-            to_the_end: Whether the last one is a snapshot.
+            to_the_end: True if the last one is a snapshot in any case.
         """
         chosen: list[S] = []
         last = self._last
@@ -91,7 +93,7 @@ class Recorder(ABC, Generic[S]):
         return chosen, first
 
     def _between(self, a: S, b: S, steps: list[S]) -> list[S]:
-        """The snapshots that are needed between two, from the steps between them."""
+        """Return the snapshots that are needed between two, from the steps between them."""
         if not self._needs_more(a, b, more=bool(steps)):
             return []
         middle = len(steps) // 2
@@ -104,7 +106,7 @@ class Recorder(ABC, Generic[S]):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Step:
-    """One step of a simulation: time, configuration, and where the modules were."""
+    """One step of a simulation: time, configuration, and centres of the modules."""
 
     time_s: float
     angles: Array
@@ -114,7 +116,7 @@ class Step:
 
     @classmethod
     def of(cls, time_s: float, state: State, centres: Array) -> Step:
-        """A copy of a state."""
+        """Copy a state."""
         return cls(
             time_s=time_s,
             angles=state.angles.copy(),
@@ -129,10 +131,10 @@ class FrameRecorder(Recorder[Step]):
 
     Args:
         chain: The chain.
-        snapshot_rad: Turn of a hinge from one snapshot to the next, at most.
-        snapshot_distance: Way of a module in pitches from one snapshot to the next, at most.
-        size: Module size at which the way between them is looked at.
-        sink: Gets the frames.
+        snapshot_rad: Maximum turn of a hinge from one snapshot to the next, rad.
+        snapshot_distance: Maximum distance of a module from one snapshot to the next, pitches.
+        size: Module size, as a fraction of the pitch, at which the motion between them is checked.
+        sink: Receives the frames.
     """
 
     def __init__(
@@ -152,16 +154,16 @@ class FrameRecorder(Recorder[Step]):
         self._sink = sink
         self._kept: list[Frames] = []
         self.spacing = 1.0
-        """How many times as far apart snapshots may be now. Above 1 all of the way between two is
-        looked at, and not its middle only."""
+        """Factor of the allowed distance of snapshots. Above 1 the whole motion between two is
+        checked, and not its middle only."""
         self._way = Between(chain, size)
 
     def __len__(self) -> int:
-        """Snapshots so far."""
+        """Return the number of snapshots so far."""
         return sum(len(part) for part in self._kept)
 
     def commit(self, *, end: bool = False) -> bool:
-        """Makes the steps so far final and passes their snapshots on.
+        """Make the steps so far final and pass their snapshots on.
 
         Args:
             end: Keep the last step as a snapshot in any case.
@@ -177,14 +179,14 @@ class FrameRecorder(Recorder[Step]):
         return True
 
     def append(self, frames: Frames) -> None:
-        """Adds frames that were made without a simulation."""
+        """Add frames that were made without a simulation."""
         if len(frames):
             self._kept.append(frames)
             if self._sink is not None:
                 self._sink(frames)
 
     def motion(self) -> Frames:
-        """All snapshots so far."""
+        """Return all snapshots so far."""
         return Frames.joined(self._kept)
 
     def _emit(self, steps: list[Step]) -> None:
@@ -210,15 +212,19 @@ class FrameRecorder(Recorder[Step]):
         if not more:
             return False
         if self.spacing > 1.0:
-            between = self._way.clearance(a.angles, b.angles, CLOSE)
+            between = self._way.clearance(a.angles, b.angles, CLEAR_ENOUGH_PITCH)
         else:
             between = self._clearance(0.5 * (a.angles + b.angles))
-        return between < CLOSE and between < (
-            min(self._clearance(a.angles), self._clearance(b.angles)) - WORSE
+        return between < CLEAR_ENOUGH_PITCH and between < (
+            min(self._clearance(a.angles), self._clearance(b.angles)) - MIN_CLEARANCE_LOSS_PITCH
         )
 
     def _clearance(self, angles: Array) -> float:
         poses = forward_kinematics(self._chain.module, angles, root=self._chain.root)
         return closest(
-            self._chain.module, poses.positions, poses.rotations, size=self._size, enough=CLOSE
+            self._chain.module,
+            poses.positions,
+            poses.rotations,
+            size=self._size,
+            enough=CLEAR_ENOUGH_PITCH,
         ).clearance

@@ -15,13 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.chain.module import UNSMOOTHED_FROM_MODULES
 from planner.errors import SimulationError
 from planner.explosion.explosion import (
-    COMMIT_EVERY,
-    MOST_RETRIES,
-    STOP_GIVES_RAD,
-    STRONG_REPULSION,
-    WEAK_TENSION,
+    COMMIT_EVERY_STEPS,
+    MAX_CHECKPOINT_RETRIES,
+    PULSE_REPULSION_SCALE,
+    PULSE_TENSION_SCALE,
+    STOP_COMPLIANCE_RAD,
+    UNREPELLED_LINKS,
     ContactDepth,
     Ended,
     Explosion,
@@ -41,39 +43,39 @@ from planner.simulation.segments import Segments
 
 Array = NDArray[np.float64]
 Engine = Segments | Blocks
-LINKED: Final = 1
-"""Links apart up to which two modules do not repel each other."""
-FINISH_EVERY: Final = 50
-"""Steps between two tries to straighten what is left by kinematics, at first."""
-FINISH_RARELY: Final = (1.5, 800.0)
-"""Factor of those steps after each try in vain, and what they grow to: a try takes as long as ten
-steps of a long chain, or more."""
-KNOT_EVERY: Final = 200
-"""Steps between two looks whether the chain is knotted."""
-KNOT_FROM: Final = 0.4
-"""How far it must be unfolded, from 0 to 1, before a knot is looked for: packed ends show knots
-that are none."""
-CREEP: Final = 0.1
-"""Force along the chain on each module of a chain that creeps, in its direction. All move along
-the chain itself, whose curve stays where it is: one end follows it through every loop and out."""
-COMING_APART: Final = (0.05, 0.25)
-"""How far it is unfolded when repulsion begins to grow, and when it is at its strongest."""
-JAM_WINDOW: Final = 400
-"""Steps between two looks whether the chain is jammed."""
-EXACT_FROM: Final = 1500
-"""Modules above which a record is played back as it is, and stops begin earlier: they give a
-little, which a curve would cut to the joints' range."""
-SHORT: Final = 512
-"""Modules up to which ends go no faster than ``ExplosionParameters.body_cap``."""
-MOST_LONGER: Final = 2.5
-"""Factor of that for longer chains, at most: a step goes no farther than pairs are looked for. What
-is between two snapshots grows with its square once the chain has come apart."""
-STUCK_RAD: Final = 1.0
-"""Bend above which a hinge that has not moved counts as stuck."""
-LEAST_PROGRESS: Final = 0.005
-"""How much ``unfolded``, from 0 to 1, must grow from look to look."""
-DEEP: Final = 0.02
-"""Depth of contacts in pitches, at most; less where the module size to verify leaves less."""
+FIRST_FINISH_STEPS: Final = 50
+"""Steps between two attempts to straighten the chain by kinematics, at first. Chosen."""
+FINISH_BACKOFF: Final = (1.5, 800.0)
+"""Growth factor of those steps after each failed attempt, and their maximum: an attempt takes as
+long as ten steps of a long chain, or more. Chosen."""
+KNOT_CHECK_STEPS: Final = 200
+"""Steps between two tests for a knot. Chosen."""
+MIN_KNOT_CHECK_PROGRESS: Final = 0.4
+"""Minimum ``unfolded``, 0…1, before a chain is tested for a knot: packed ends show knots that are
+none. Chosen."""
+REPTATION_FORCE: Final = 0.1
+"""Force on each module of a creeping chain along the chain, in module weights. All modules move
+along the chain itself, whose curve stays in place: one end follows it through every loop and out.
+Larger values creep faster. Chosen."""
+REPULSION_RAMP: Final = (0.05, 0.25)
+"""Values of ``unfolded``, 0…1, at which the repulsion begins to grow, and at which it is largest.
+Chosen."""
+JAM_CHECK_STEPS: Final = 400
+"""Steps between two checks for a jam. Chosen."""
+BODY_CAP_REFERENCE_MODULES: Final = 512
+"""Number of modules up to which the speed cap is ``ExplosionParameters.body_cap``; beyond it the
+cap grows with the chain's length. Chosen."""
+MAX_BODY_CAP_SCALE: Final = 2.5
+"""Maximum factor of the speed cap of longer chains: a larger one would outrun the search for near
+pairs. The distance of snapshots grows with its square once the chain has come apart. Chosen."""
+STUCK_HINGE_BEND_RAD: Final = 1.0
+"""Bend, rad, above which a hinge that has not moved counts as stuck. Chosen."""
+MIN_UNFOLDING_PROGRESS: Final = 0.005
+"""Minimum growth of ``unfolded``, 0…1, between two checks. Larger values start pulses earlier.
+Chosen."""
+MAX_EXPLOSION_DEPTH_PITCH: Final = 0.02
+"""Maximum depth of contacts, pitches; less where the module size to verify leaves less. Larger
+values allow faster steps and less clearance. Chosen."""
 
 
 def explode(
@@ -85,24 +87,24 @@ def explode(
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
-    """Explodes a folded chain and records how it comes out straight.
+    """Explode a folded chain and record its motion.
 
     Args:
         chain: The chain, starting in its folded configuration.
-        parameters: How it is let go.
-        seed: Decides a slight unevenness of the radial gain.
-        sink: Gets the snapshots as they are made.
-        progress: Told how far it is, a few times a second.
-        cancelled: Asked now and then whether to stop.
+        parameters: Parameters of the explosion.
+        seed: Seed of the slight unevenness of the radial gain.
+        sink: Receives the snapshots as they are made.
+        progress: Receives the progress, a few times a second.
+        cancelled: Returns True to stop; called every few steps.
 
     Returns:
-        The record, whatever came of it.
+        The record, whether straight or not.
     """
     return Simultaneous(chain, parameters, seed, sink).run(progress, cancelled)
 
 
 class Simultaneous(Explosion[Step, ExplosionParameters]):
-    """A run in which all modules are let go at once."""
+    """A run in which all modules are released at once."""
 
     strategy = "simultaneous"
     doing = "exploding"
@@ -115,9 +117,9 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         sink: Callable[[Frames], None] | None,
     ) -> None:
         room = 2.0 * chain.module.inner_radius * (parameters.geom_size - parameters.verify_size)
-        longer = float(np.clip(len(chain) / SHORT, 1.0, MOST_LONGER))
+        longer = float(np.clip(len(chain) / BODY_CAP_REFERENCE_MODULES, 1.0, MAX_BODY_CAP_SCALE))
         self.spacing = longer**2
-        """How many times as far apart snapshots are once the chain has come apart."""
+        """Factor of the distance of snapshots once the chain has come apart."""
         self.frames = FrameRecorder(
             chain,
             snapshot_rad=parameters.snapshot_rad,
@@ -127,7 +129,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         )
         super().__init__(
             parameters,
-            ContactDepth.within(room, DEEP),
+            ContactDepth.within(room, MAX_EXPLOSION_DEPTH_PITCH),
             self.frames,
             seed=seed,
             modules=len(chain),
@@ -137,7 +139,8 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             geom_size=parameters.geom_size,
             stiffness=parameters.spring,
             armature=parameters.armature,
-            stop_rad=chain.module.stop_rad - (STOP_GIVES_RAD if len(chain) > EXACT_FROM else 0.0),
+            stop_rad=chain.module.stop_rad
+            - (STOP_COMPLIANCE_RAD if len(chain) > UNSMOOTHED_FROM_MODULES else 0.0),
         )
         # The ends of a long chain go as far as it is long.
         self.body_cap = longer * parameters.body_cap
@@ -148,117 +151,117 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         )
         self.sound = self.saved = (0.0, self.state.copy())
         self.contacts = 0
-        """In the last step; −1 when it went back."""
+        """Number of contacts in the last step; −1 if the run went back."""
         self.pairs = np.zeros((0, 2), dtype=np.int64)
         self.farthest = -1.0
-        """How far it was unfolded when last something moved on."""
+        """Value of ``unfolded`` at the last progress."""
         self.window_angles = np.abs(chain.folded_rad)
         self.knotted = False
-        """Whether it was seen to be, when last looked at."""
+        """True if the last test found a knot."""
         self.way, self.crept = 0, 0.0
-        """1 for a chain that creeps towards its last module, −1 for the other way, 0 when that is
-        to be chosen; and how far it has."""
-        self.finish_at, self.finish_wait = 0, float(FINISH_EVERY)
+        """Direction of the creep: 1 towards the last module, −1 the other way, 0 while it is to be
+        chosen; and its distance so far, pitches."""
+        self.finish_at, self.finish_wait = 0, float(FIRST_FINISH_STEPS)
 
     def first_engine(self) -> Engine:
-        """What gives the accelerations from the folded configuration on."""
+        """Return the engine that computes the accelerations at first."""
         return Segments(self.chain, self.material)
 
     @property
     def most_steps(self) -> int:
-        """Of one run."""
+        """Maximum number of steps of the run."""
         return self.parameters.max_steps
 
     def place(self) -> None:
-        """Computes the poses of the present state."""
+        """Compute the poses of the present state."""
         self.engine.place(self.state)
 
     def snapshot(self) -> Step:
-        """The present state."""
+        """Return the present state as a snapshot."""
         return Step.of(self.time_s, self.state, self.engine.positions)
 
     def motion(self) -> Frames:
-        """All snapshots."""
+        """Return all snapshots."""
         return self.frames.motion()
 
     def look(self) -> Ended | None:
-        """Whether the chain can be straightened, or is stuck."""
-        if self.steps % FINISH_EVERY == 0 and self.contacts == 0 and self.finish():
+        """Check for a chain that can be straightened, is knotted, or is stuck."""
+        if self.steps % FIRST_FINISH_STEPS == 0 and self.contacts == 0 and self.finish():
             return "straight"
-        if self.steps % KNOT_EVERY == 0 and self.may_creep():
-            loose = self.knotted or self.unfolded() >= KNOT_FROM
+        if self.steps % KNOT_CHECK_STEPS == 0 and self.may_creep():
+            loose = self.knotted or self.unfolded() >= MIN_KNOT_CHECK_PROGRESS
             was, self.knotted = self.knotted, loose and not self.is_unknot()
             if was != self.knotted:
                 self.way, self.crept = 0, 0.0
-        if self.steps % JAM_WINDOW == 0 and not self.unjam():
+        if self.steps % JAM_CHECK_STEPS == 0 and not self.unjam():
             return "stalled"
         return None
 
     def accelerations(self) -> Acceleration | None:
-        """Under eq. 1 and 3; None when the run went back."""
+        """Return the acceleration under eq. 1 and 3; None if the run went back."""
         positions = self.engine.positions
-        self.pairs = near_pairs(positions, self.parameters.repulsion_cutoff, LINKED + 1)
+        self.pairs = near_pairs(positions, self.parameters.repulsion_cutoff, UNREPELLED_LINKS + 1)
         self.engine.set_contact_time_constant(self.contact_time_constant())
         self.contacts = -1
         forces = self._forces(positions)
         try:
             acceleration = self.acceleration_under(forces)
         except SimulationError:
-            if self.retries >= MOST_RETRIES:
+            if self.retries >= MAX_CHECKPOINT_RETRIES:
                 raise
             self.go_back()
             return None
-        if self.is_too_deep(acceleration.depth) and self.retries < MOST_RETRIES:
+        if self.adapt_tension(acceleration.depth) and self.retries < MAX_CHECKPOINT_RETRIES:
             self.go_back()
             return None
-        if self.steps % COMMIT_EVERY == 0:
+        if self.steps % COMMIT_EVERY_STEPS == 0:
             self.sound = (self.time_s, self.state.copy())
         self.contacts = acceleration.contacts
         return acceleration
 
     def acceleration_under(self, forces: Array) -> Acceleration:
-        """Under forces on the modules."""
+        """Return the acceleration under (n, 3) forces on the modules."""
         engine = self.engine
         if isinstance(engine, Segments):
             return engine.lean_accelerations(self.state, forces, self.pairs)
         return engine.accelerations(self.state, forces)
 
     def step(self) -> bool:
-        """One step, after which no hinge is beyond its stop."""
+        """Make one step, after which no hinge is beyond its stop."""
         moved = super().step()
         if isinstance(self.engine, Segments):
             self.state.stop_at(self.material.stop_of(self.chain.module))
         return moved
 
     def _forces(self, positions: Array) -> Array:
-        """(n, 3) forces: eq. 1 with the gain that gives the wanted tension, and eq. 3."""
+        """Return (n, 3) forces: eq. 1 with the gain that gives the wanted tension, and eq. 3."""
         p = self.parameters
-        weak, creeps = self.is_weak(), self.creeps()
+        weak, creeps = self.advance_pulse(), self.creeps()
         arms = positions - positions.mean(axis=0)
         diameter = 2.0 * float(np.sqrt((arms**2).sum(axis=1).max()))
         radial = self.weights[:, None] * arms / diameter
         radial -= radial.mean(axis=0)
         summed = float(np.sqrt((np.cumsum(radial, axis=0) ** 2).sum(axis=1).max()))
         gain = p.tension * p.spring * self.tension / summed
-        forces = gain * (WEAK_TENSION if weak or creeps else 1.0) * radial
+        forces = gain * (PULSE_TENSION_SCALE if weak or creeps else 1.0) * radial
         if creeps:
             forces += self._creep(positions)
         apart = self.apart()
         self.frames.spacing = 1.0 + (self.spacing - 1.0) * apart
         push = p.repulsion_gain * (1.0 + (p.loose_repulsion - 1.0) * apart)
-        push *= STRONG_REPULSION if weak and not creeps else 1.0
+        push *= PULSE_REPULSION_SCALE if weak and not creeps else 1.0
         repulsion(positions, self.pairs, push, forces)
         return forces
 
     def apart(self) -> float:
-        """0 while the chain is packed, 1 once it has come apart."""
-        low, high = COMING_APART
+        """Return 0 while the chain is packed, 1 once it has come apart, or a value between."""
+        low, high = REPULSION_RAMP
         return float(np.clip((self.unfolded() - low) / (high - low), 0.0, 1.0))
 
     def _creep(self, positions: Array) -> Array:
-        """(n, 3) forces along the chain, from the end that its sharpest bends are nearer to.
+        """Return (n, 3) forces along the chain, from the end that its sharpest bends are nearer to.
 
-        Once it has gone its own length in vain, the other way.
+        They reverse once the chain has crept its own length without success.
         """
         along = np.gradient(positions, axis=0)
         along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -270,23 +273,23 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         self.crept += self.step_s * speed
         if self.crept > len(positions):
             self.way, self.crept = -self.way, 0.0
-        return CREEP * self.way * along
+        return REPTATION_FORCE * self.way * along
 
     def may_creep(self) -> bool:
-        """Whether the chain is simulated as such, and not in blocks."""
+        """Return True if all joints are free, and no blocks are rigid."""
         return isinstance(self.engine, Segments)
 
     def is_unknot(self) -> bool:
-        """Whether the chain as it is now is seen to be one."""
+        """Return True if the present configuration is proved to be no knot."""
         return knot_of(self.engine.positions).verdict == "unknot"
 
     def creeps(self) -> bool:
-        """Whether the chain creeps in this step: while it is knotted, and in every other push."""
+        """Return True if the chain creeps: while it is knotted, and in every other pulse."""
         pushed = self.pulse_left > 0 and self.pushes % 2 == 0 and self.may_creep()
         return self.knotted or pushed
 
     def excess(self) -> float:
-        """By hinges, near modules, and all modules."""
+        """Return 1/Δt_max, 1/s, of hinges, near modules, and all modules."""
         p = self.parameters
         state, engine = self.state, self.engine
         engine.place(state)
@@ -303,16 +306,16 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         )
 
     def commit(self) -> None:
-        """Makes the steps so far final: the run goes back to the last one, not behind.
+        """Make the steps so far final: the run goes back to the last one at most.
 
-        That is one whose contacts were looked at, and not where its step has led since.
+        The checkpoint is the last state whose contacts were checked, before its step.
         """
         self.recorder.commit()
         self.saved = self.sound
         self.retries = 0
 
     def finish(self) -> bool:
-        """Ends the run by pure kinematics if the chain can be straightened without a touch."""
+        """End the run by pure kinematics if the chain can be straightened without contact."""
         if self.steps < self.finish_at:
             return False
         if np.abs(self.state.angles).max() > self.parameters.finish_rad:
@@ -326,7 +329,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             size=self.parameters.verify_size,
         )
         if rest is None:
-            factor, most = FINISH_RARELY
+            factor, most = FINISH_BACKOFF
             self.finish_wait = min(factor * self.finish_wait, most)
             self.finish_at = self.steps + round(self.finish_wait)
             return False
@@ -337,13 +340,13 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         return True
 
     def unjam(self) -> bool:
-        """Starts a pulse when nothing moves on; False when enough of them were in vain."""
+        """Start a pulse if nothing moves; return False at the limit of pulses without progress."""
         angles = np.abs(self.state.angles)
-        stuck = (angles > STUCK_RAD) & (angles > self.window_angles - 0.05)
+        stuck = (angles > STUCK_HINGE_BEND_RAD) & (angles > self.window_angles - 0.05)
         eased = (angles > 0.6).sum() < 0.95 * (self.window_angles > 0.6).sum()
         self.window_angles = angles
         unfolded = self.unfolded()
-        advanced = unfolded > self.farthest + LEAST_PROGRESS
+        advanced = unfolded > self.farthest + MIN_UNFOLDING_PROGRESS
         if advanced:
             self.farthest = unfolded
             self.pushes = 0
@@ -352,7 +355,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         return self.pushes <= self.most_pushes
 
     def unfolded(self) -> float:
-        """0 when folded, 1 when straight: half by the joints' bends, half by the chain's span."""
+        """Return the progress, 0 to 1: half by the joints' bends, half by the chain's span."""
         positions = self.engine.positions
         # A chain that folds into a line has nothing to unbend.
         bent = np.abs(self.state.angles).sum() / max(np.abs(self.chain.folded_rad).sum(), 1e-9)
@@ -360,7 +363,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         return float(0.5 * (1.0 - bent) + 0.5 * span)
 
     def stall_reason(self) -> str:
-        """Which joint stays bent."""
+        """Describe which joint stays bent."""
         angles = np.abs(self.state.angles).reshape(-1, self.chain.module.hinges_per_joint)
         worst = int(np.argmax(angles.max(axis=1))) + self.chain.module.rigid_links
         return (

@@ -16,15 +16,18 @@ from planner.motion.frames import Frames
 from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
-LEAST_CLEARANCE: Final = 0.02
-"""Clearance in pitches to keep on the way, or half of the straight chain's where that is less."""
-FRAME_S: Final = 0.1
-"""Simulated seconds between two frames."""
-CHUNK: Final = 128
-FIRST_LOOKS: Final = 24
-"""Configurations on the way that are looked at before anything else."""
-LOOK_EVERY: Final = 4
-"""Frames between two that are checked first, before the whole way is proved."""
+STRAIGHTENING_CLEARANCE_PITCH: Final = 0.02
+"""Minimum clearance on the way, pitches, or half of the straight chain's where that is less. Larger
+values straighten later. Chosen."""
+KINEMATIC_FRAME_S: Final = 0.1
+"""Simulated time between two frames that kinematics makes, s. Chosen."""
+STRAIGHTENING_CHUNK_FRAMES: Final = 128
+"""Maximum number of frames that are computed at once (memory). Chosen."""
+COARSE_CHECKS: Final = 24
+"""Number of configurations on the way that are checked before anything else: an early end of
+attempts that would fail. Chosen."""
+CHECK_EVERY_FRAMES: Final = 4
+"""Frames from one that is checked to the next, before the whole motion is proved. Chosen."""
 
 
 def straightening(
@@ -36,17 +39,17 @@ def straightening(
     snapshot_distance: float,
     size: float,
 ) -> Frames | None:
-    """Frames from a nearly straight state to the straight one, q·s with s from 1 to 0.
+    """Return frames from a nearly straight state to the straight one, q·s with s from 1 to 0.
 
-    The root keeps its orientation and the centre of mass stays where it is.
+    The root keeps its orientation and the centre of mass keeps its position.
 
     Returns:
-        The frames after the given state, or None when modules would come too close on the way.
+        The frames after the given state, or None if modules would come too close on the way.
     """
     angles = state.angles
-    for scale in np.linspace(1.0, 0.0, FIRST_LOOKS, endpoint=False):
+    for scale in np.linspace(1.0, 0.0, COARSE_CHECKS, endpoint=False):
         # What touches soon is found before the way is divided into frames.
-        if _clearance(chain, scale * angles, size, LEAST_CLEARANCE) < 0.0:
+        if _clearance(chain, scale * angles, size, STRAIGHTENING_CLEARANCE_PITCH) < 0.0:
             return None
     turned = np.abs(angles).max() / snapshot_rad
     count = int(np.ceil(max(turned, 1.0)))
@@ -62,8 +65,11 @@ def straightening(
     scales[-1] = 0.0
     count = len(scales)
     way = scales[:, None] * angles
-    least = min(LEAST_CLEARANCE, 0.5 * _clearance(chain, way[-1], size, 2.0 * LEAST_CLEARANCE))
-    for row in way[::LOOK_EVERY]:  # before all is proved
+    least = min(
+        STRAIGHTENING_CLEARANCE_PITCH,
+        0.5 * _clearance(chain, way[-1], size, 2.0 * STRAIGHTENING_CLEARANCE_PITCH),
+    )
+    for row in way[::CHECK_EVERY_FRAMES]:  # before all is proved
         if _clearance(chain, row, size, least) < least:
             return None
     swept = sweep(chain, np.concatenate([angles[None], way]), size=size)
@@ -72,13 +78,13 @@ def straightening(
     centre = _centres(chain, state, angles[None])[0].mean(axis=0)
     offsets = np.concatenate(
         [
-            _centres(chain, state, way[start : start + CHUNK]).mean(axis=1)
-            for start in range(0, count, CHUNK)
+            _centres(chain, state, way[start : start + STRAIGHTENING_CHUNK_FRAMES]).mean(axis=1)
+            for start in range(0, count, STRAIGHTENING_CHUNK_FRAMES)
         ]
     )
     return Frames.of_phase(
         "explosion",
-        time_s=start_s + FRAME_S * np.arange(1.0, count + 1.0),
+        time_s=start_s + KINEMATIC_FRAME_S * np.arange(1.0, count + 1.0),
         joint_angles_rad=way,
         root_position=state.position + centre - offsets,
         root_wxyz=np.broadcast_to(wxyz_from_matrix(state.rotation), (count, 4)).copy(),
@@ -86,7 +92,7 @@ def straightening(
 
 
 def _clearance(chain: Chain, angles: Array, size: float, enough: float) -> float:
-    """Of one configuration; anything above ``enough`` is not told apart."""
+    """Return the clearance of one configuration, pitches; values above ``enough`` are not exact."""
     poses = forward_kinematics(chain.module, angles, root=chain.root)
     return closest(
         chain.module, poses.positions, poses.rotations, size=size, enough=enough
@@ -94,19 +100,19 @@ def _clearance(chain: Chain, angles: Array, size: float, enough: float) -> float
 
 
 def _moved(chain: Chain, state: State, scales: Array) -> Array:
-    """(F − 1,) the farthest that a module moves from one scale to the next."""
+    """Return the (F − 1,) largest distance of a module from one scale to the next, pitches."""
     moved = np.empty(len(scales) - 1)
-    for start in range(0, len(moved), CHUNK):
-        part = scales[start : start + CHUNK + 1]
+    for start in range(0, len(moved), STRAIGHTENING_CHUNK_FRAMES):
+        part = scales[start : start + STRAIGHTENING_CHUNK_FRAMES + 1]
         centres = _centres(chain, state, part[:, None] * state.angles)
         centres -= centres.mean(axis=1, keepdims=True)
         steps = np.sqrt((np.diff(centres, axis=0) ** 2).sum(axis=2).max(axis=1))
-        moved[start : start + CHUNK] = steps
+        moved[start : start + STRAIGHTENING_CHUNK_FRAMES] = steps
     return moved
 
 
 def _centres(chain: Chain, state: State, angles: Array) -> Array:
-    """(F, n, 3) centres with the root where the state has it."""
+    """Return (F, n, 3) centres with the root at its pose in the state."""
     return forward_kinematics(
         chain.module,
         angles,

@@ -1,8 +1,8 @@
-"""Strategies: the ways in which a folded chain is let go.
+"""Strategies: the ways in which a folded chain is released.
 
 ``simultaneous`` is the paper's: all modules at once. ``blocks`` lets rigid blocks come apart first.
-``peel`` lets one unit after the other go from the chain's far end, so its cost grows linearly.
-``auto`` takes what suits the chain. ``one-by-one`` is a baseline: one joint after the other.
+``peel`` releases one unit after the other from the chain's far end, so its cost grows linearly.
+``auto`` chooses by size and path. ``one-by-one`` is a baseline: one joint after the other.
 """
 
 from __future__ import annotations
@@ -37,25 +37,26 @@ from planner.parameters.published import PaperExplosionParameters
 from planner.pathfinding.removal_analysis import peelable
 from planner.progress import Cancelled, Report, never, silent
 
-OFF_SQUARE: Final = 1e-4
-"""Share of a right angle by which a cube's folded hinge may differ from a multiple of one."""
-BLOCKS_FROM: Final = 160
-"""Modules from which on blocks come apart first: docs/decisions/0015-hard-paths.md."""
+RIGHT_ANGLE_TOLERANCE: Final = 1e-4
+"""Maximum difference of a cube's folded hinge from a multiple of a right angle, as a fraction of
+one. Chosen."""
+BLOCKS_FROM_MODULES: Final = 160
+"""Minimum number of modules for ``blocks``: docs/decisions/0015-hard-paths.md."""
 
-GENTLE: Final = 0.5
-"""Factor of the forces of a gentle explosion."""
+GENTLE_FORCE_SCALE: Final = 0.5
+"""Factor of the tension and of the pair speed caps of a gentle explosion. Chosen."""
 _Forces = TypeVar("_Forces", ExplosionParameters, PeelingParameters)
 
 
 def strategies_for(
     chain: Chain, parameters: Parameters, *, refolds: bool = False
 ) -> tuple[str, ...]:
-    """The strategies that a fold's wish leaves, the best first.
+    """Return the strategies that a fold's settings allow, the best first.
 
     Args:
         chain: The chain.
-        parameters: Of the fold, with its wish.
-        refolds: Whether the chain begins folded otherwise: its motion is then one simulation.
+        parameters: Parameters of the fold, with the strategy that was asked for.
+        refolds: True if the chain begins folded otherwise: its motion is then one simulation.
 
     Raises:
         InputError: ``unknown-strategy``, or ``strategy-differs`` for one that this chain, preset or
@@ -84,10 +85,10 @@ def strategies_for(
 
 
 def others_for(chain: Chain, parameters: Parameters, *, refolds: bool = False) -> tuple[str, ...]:
-    """The strategies whose plans may be better than a verified one, the most promising first.
+    """Return the strategies whose plans may be better than a verified one, best guess first.
 
-    Without a wish for one strategy these are all but the baseline: what moves most at a time folds
-    in the least time, with the least torque in a given time, and leaves most room on the way.
+    Unless one strategy was asked for, these are all but the baseline: a plan that moves more joints
+    at a time folds faster, with less torque in a given time, and keeps more clearance.
     """
     if parameters.strategy != AUTO:
         return strategies_for(chain, parameters, refolds=refolds)
@@ -95,7 +96,7 @@ def others_for(chain: Chain, parameters: Parameters, *, refolds: bool = False) -
 
 
 def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str, ...]:
-    """What a chain can have at all."""
+    """Return all strategies that are defined for a chain."""
     if parameters.world == "table":
         return ("peel",) if on_lattice(chain) else ()
     if not isinstance(parameters.explosion, ExplosionParameters):
@@ -105,21 +106,21 @@ def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str,
 
 
 def _preferred(chain: Chain) -> tuple[str, ...]:
-    """What suits a chain, the best first."""
+    """Return the strategies for a chain, the best first."""
     if not on_lattice(chain):
         return ("simultaneous",)
     modules = len(chain)
     cells = np.rint(chain.folded_poses.positions).astype(np.int64)
     ways = by_cost(modules, in_layers=peelable(cells).free)
-    if modules < BLOCKS_FROM:
+    if modules < BLOCKS_FROM_MODULES:
         return tuple(way for way in ways if way != "blocks")
     return (*ways, BASELINE) if modules > LONG_CHAIN else ways
 
 
 def on_lattice(chain: Chain) -> bool:
-    """Whether a chain is of cubes that fold into cells."""
+    """Return True if a chain consists of cubes that fold into cells."""
     quarters = chain.folded_rad / (np.pi / 2)
-    square = bool((np.abs(quarters - np.rint(quarters)) < OFF_SQUARE).all())
+    square = bool((np.abs(quarters - np.rint(quarters)) < RIGHT_ANGLE_TOLERANCE).all())
     return square and chain.module.fills_cell and chain.module.rigid_links == 1
 
 
@@ -134,17 +135,17 @@ def let_go(
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
-    """Lets a folded chain go by one of the strategies and records how it becomes straight.
+    """Release a folded chain by one of the strategies and record its motion.
 
     Args:
         chain: The chain, starting in its folded configuration.
         strategy: One of ``STRATEGIES``.
-        parameters: Of the fold.
-        seed: What randomness starts from.
-        gentle: With half the tension, and steps that bring modules half as near.
-        sink: Gets the snapshots as they are made: ``Windows`` if ``windowed`` says so.
-        progress: Told how far it is, a few times a second.
-        cancelled: Asked now and then whether to stop.
+        parameters: Parameters of the fold.
+        seed: Seed of all random numbers.
+        gentle: True for half the tension, and steps that bring modules half as near.
+        sink: Receives the snapshots as they are made: ``Windows`` if ``windowed`` returns True.
+        progress: Receives the progress, a few times a second.
+        cancelled: Returns True to stop; called every few steps.
     """
     how = parameters.explosion
     if isinstance(how, PaperExplosionParameters):
@@ -170,8 +171,8 @@ def let_go(
 
 
 def _suited(parameters: _Forces, module_size: float, gentle: bool) -> _Forces:
-    """The same, for the module size that the plan is verified at, with half the force if gentle."""
-    share = GENTLE if gentle else 1.0
+    """Return the parameters for the size to verify, with half the force if ``gentle``."""
+    share = GENTLE_FORCE_SCALE if gentle else 1.0
     return replace(
         parameters,
         verify_size=max(parameters.verify_size, module_size),
@@ -182,5 +183,5 @@ def _suited(parameters: _Forces, module_size: float, gentle: bool) -> _Forces:
 
 
 def windowed(strategy: str) -> bool:
-    """Whether a strategy's snapshots are ``Windows``."""
+    """Return True if a strategy's snapshots are ``Windows``."""
     return strategy in ("peel", BASELINE)

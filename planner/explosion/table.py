@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz
-from planner.explosion.explosion import MOST_RETRIES, Ended
+from planner.explosion.explosion import MAX_CHECKPOINT_RETRIES, Ended
 from planner.explosion.from_above import Above, nearest_way
 from planner.explosion.peeling import Peeling, crossed
 from planner.explosion.peeling_recorder import Mark, WindowRecorder
-from planner.explosion.peeling_window import Bend
+from planner.explosion.peeling_window import WindowConfiguration
 from planner.explosion.table_guard import Guard
 from planner.explosion.table_way import way_out
 from planner.kernels.folded_core import FIXED
@@ -36,36 +36,41 @@ from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
-THICK: Final = 40.0
-"""Pitches of the box that stands for the table."""
-WIDE: Final = 1000.0
-"""Pitches to its edges, more than any chain is long."""
-LEAST_PROGRESS_RAD: Final = 0.3
-"""Sum of bends that must go from look to look."""
-LEAST_BEND_RAD: Final = 1e-3
-"""Of a hinge, below which its spring is not made stiffer any more."""
-LIFTED: Final = 0.006
-"""Pitches by which the simulated table is too high, as contacts give."""
-ROUND: Final = 0.8
-"""Torque on each link that lies, for each radian that it is off, as a multiple of the pull."""
-MOST_OFF_RAD: Final = 0.5 * np.pi
-"""Being farther off makes that torque no larger."""
-LYING: Final = 0.5
-"""Height from a link's one end to the other, in pitches, below which it lies."""
-RELEASED_WITHIN_RAD: Final = 1.2
-"""How far the rod may be off when the next unit is let go."""
-HELD_BEYOND_RAD: Final = 2.4
-"""The same when it is let go for want of progress."""
-SIDEWAYS: Final = 5
-"""Neighbouring modules that are pushed about alike."""
-STRONGEST_SPRING: Final = 8.0
-"""Largest torque of a spring, in w·p."""
-FIRST_RETURN: Final = 3
-"""Releases that a run goes back when it is stuck, and twice as many each time after that."""
-STRONGER: Final = 0.25
-"""How much more the forces may be each time that they are drawn in vain."""
-RELEASED_EVERY: Final = 4
-"""Times without progress, at the first of which the next unit is let go all the same."""
+TABLE_THICKNESS_PITCH: Final = 40.0
+"""Thickness of the box that stands for the table, pitches: no contact passes through it. Chosen."""
+TABLE_HALF_WIDTH_PITCH: Final = 1000.0
+"""Distance from its centre to its edges, pitches: more than any chain is long. Chosen."""
+MIN_TABLE_PROGRESS_RAD: Final = 0.3
+"""Minimum decrease of the sum of all bends, rad, that counts as progress. Larger values draw new
+forces earlier. Chosen."""
+MIN_SPRING_BEND_RAD: Final = 1e-3
+"""Bend of a hinge, rad, below which its spring is not made stiffer any more. Chosen."""
+TABLE_LIFT_PITCH: Final = 0.006
+"""Height of the simulated table above the real one, pitches, as contacts give. Larger values keep
+modules higher. Chosen."""
+TURNING_TORQUE_SCALE: Final = 0.8
+"""Torque on each lying link per radian of its heading error, as a multiple of the pull. Larger
+values turn the chain faster. Chosen."""
+MAX_TURNING_ERROR_RAD: Final = 0.5 * np.pi
+"""Heading error, rad, beyond which that torque grows no more. Chosen."""
+MAX_LYING_RISE_PITCH: Final = 0.5
+"""Maximum height difference of the ends of a lying link, pitches. Chosen."""
+MAX_RELEASE_ERROR_RAD: Final = 1.2
+"""Maximum heading error of the rod at the release of the next unit, rad. Larger values release
+earlier. Chosen."""
+MAX_FORCED_RELEASE_ERROR_RAD: Final = 2.4
+"""Maximum heading error of the rod at a release for want of progress, rad. Chosen."""
+PERTURBED_NEIGHBOURS: Final = 5
+"""Number of neighbouring modules over which random forces are averaged. Larger values push longer
+pieces alike. Chosen."""
+MAX_SPRING_TORQUE_WP: Final = 8.0
+"""Maximum torque of a spring, w·p (module weight × pitch). Chosen."""
+FIRST_BACKTRACK_RELEASES: Final = 3
+"""Number of releases that a stuck run goes back the first time; it doubles each time. Chosen."""
+PERTURBATION_GROWTH: Final = 0.25
+"""Relative growth of the random forces after each draw without progress. Chosen."""
+FORCED_RELEASE_PERIOD: Final = 4
+"""Checks without progress per forced release of the next unit: the first of so many. Chosen."""
 
 
 def explode_on_table(
@@ -77,19 +82,19 @@ def explode_on_table(
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
-    """Lets a folded chain go on a table, and records how it comes to lie straight.
+    """Release a folded chain on a table, and record its motion until it lies straight.
 
     Args:
         chain: A chain of cubes, starting in its folded configuration; it stands on the table with
             its lowest modules, z up.
-        parameters: How it is let go.
-        seed: Decides which forces are drawn.
-        sink: Gets the snapshots as they are made.
-        progress: Told how far it is, a few times a second.
-        cancelled: Asked now and then whether to stop.
+        parameters: Parameters of the explosion.
+        seed: Seed of the random forces.
+        sink: Receives the snapshots as they are made.
+        progress: Receives the progress, a few times a second.
+        cancelled: Returns True to stop; called every few steps.
 
     Returns:
-        The record, whatever came of it.
+        The record, whether straight or not.
 
     Raises:
         InputError: ``not-peelable`` for modules that are no cubes, or off the lattice.
@@ -99,15 +104,15 @@ def explode_on_table(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Release:
-    """A run at the moment in which a unit was let go: it may return there.
+    """State of a run at the release of a unit: it may return there.
 
     Attributes:
-        first, unit: Of the window before.
-        state: The window's.
-        aim, target: Of the rod.
-        centre: Of the unit that had been let go before.
-        time_s: When.
-        mark: Of the record.
+        first, unit: First module of the window before, and number of modules of its last unit.
+        state: State of the window.
+        aim, target: (3,) present and wanted direction of the rod, unit vectors.
+        centre: (3,) centre of the unit released before, pitches.
+        time_s: Simulated time, s.
+        mark: End of the record.
     """
 
     first: int
@@ -121,7 +126,7 @@ class Release:
 
 
 class TablePeeling(Peeling):
-    """A run on a table. For what it takes, see ``explode_on_table``."""
+    """A run on a table; the arguments are those of ``explode_on_table``."""
 
     doing = "lying down"
 
@@ -135,18 +140,18 @@ class TablePeeling(Peeling):
         self.table = parameters
         rotation = matrix_from_wxyz(chain.folded_wxyz)
         self.up: Array = np.rint(rotation[2])
-        """(3,) in the frame of the core, which is that of module 0."""
+        """(3,) unit vector upwards, in the frame of the core, which is that of module 0."""
         self.above = Above(self.up)
         self.off: Array = np.zeros(1)
-        """(m - 2,) how far the window's links are off from where the rod is to point."""
+        """(m - 2,) heading errors of the window's links against the wanted direction, rad."""
         self.pushed: Array | None = None
-        """(n, 3) forces that were drawn, in weights of a module."""
+        """(n, 3) random forces, in module weights; None while there are none."""
         self._drawn_at: int | None = None
         self._draws = np.random.default_rng(seed)
         self._exhausted = self._unheld = False
         self._releases: list[Release] = []
         self._returns = 0
-        """Times that it has returned to an earlier release since it last got farther than ever."""
+        """Number of returns to an earlier release since the last record of progress."""
         self._farthest = len(chain)
         self._calm(parameters)
         super().__init__(chain, parameters, seed, sink)
@@ -161,7 +166,7 @@ class TablePeeling(Peeling):
         )
 
     def run(self, progress: Report, cancelled: Cancelled) -> Record:
-        """As any explosion, with what the guard has done."""
+        """Run the explosion; the record includes the figures of the guard."""
         return replace(super().run(progress, cancelled), table=self.guard.record())
 
     @property
@@ -179,33 +184,33 @@ class TablePeeling(Peeling):
     # The forces.
 
     def _calm(self, p: TableParameters) -> None:
-        """The forces as they are when nothing is in the way."""
+        """Reset the forces to those without perturbation."""
         self._drawn_at = None
         self.spring_torque = p.largest_spring_torque
         self.pull, self.turning = p.pull, p.turning
         self.pushed = None
 
     def _draw(self, stronger: float) -> None:
-        """Draws the forces anew, for a while."""
+        """Draw random forces, for a while; ``stronger`` scales them."""
         p, draws = self.table, self._draws
         self._drawn_at = self.steps
         size = stronger * draws.uniform(0.0, 0.5)
         each = draws.normal(size=(len(self.chain), 3))
         each -= 0.5 * np.outer(each @ self.up, self.up)
-        alike = np.full(SIDEWAYS, 2.0 / SIDEWAYS)
+        alike = np.full(PERTURBED_NEIGHBOURS, 2.0 / PERTURBED_NEIGHBOURS)
         self.pushed = size * np.column_stack(
             [np.convolve(each[:, axis], alike, "same") for axis in range(3)]
         )
         self.pull, self.turning = draws.uniform(0.0, 1.0), draws.uniform(0.0, 2.0)
         largest = p.largest_spring_torque * draws.uniform(0.75, 1.5 * stronger)
-        self.spring_torque = min(largest, STRONGEST_SPRING)
+        self.spring_torque = min(largest, MAX_SPRING_TORQUE_WP)
 
     @property
     def _rod_mass(self) -> float:
         return float(min(self.rod, self.table.rod_modules))
 
     def _forces(self, positions: Array) -> Array:
-        """(m, 3) forces: weights, the pull at the end, and what was drawn."""
+        """Return (m, 3) forces: weights, the pull at the end, and the random ones."""
         p, count = self.table, self.modules
         forces = np.zeros((count, 3))
         forces[FIXED:] = -self.up
@@ -216,31 +221,33 @@ class TablePeeling(Peeling):
         return p.weight * forces
 
     def _turning_round(self, positions: Array) -> Array:
-        """(m, 3) forces that turn what lies on the table to where the rod is to point.
+        """Return (m, 3) forces that turn lying links to the wanted direction of the rod.
 
-        A pull at the end would turn what is far off no more, or the wrong way round.
+        A pull at the end would turn links that are far off no more, or the wrong way round.
         """
         forces = np.zeros_like(positions)
         links = np.diff(positions[FIXED:], axis=0)
-        off = np.clip(self.off[1:], -MOST_OFF_RAD, MOST_OFF_RAD)
-        lies = np.abs(links @ self.up) < LYING
-        couples = ROUND * self.pull * (off * lies)[:, None] * np.cross(links, self.up)
+        off = np.clip(self.off[1:], -MAX_TURNING_ERROR_RAD, MAX_TURNING_ERROR_RAD)
+        lies = np.abs(links @ self.up) < MAX_LYING_RISE_PITCH
+        couples = (
+            TURNING_TORQUE_SCALE * self.pull * (off * lies)[:, None] * np.cross(links, self.up)
+        )
         forces[FIXED + 1 :] += couples
         forces[FIXED:-1] -= couples
         return forces
 
     def _look_round(self) -> None:
-        """Tells how far all links are off."""
+        """Compute the heading errors of all links."""
         window = self.window
         first, last = window.rotations[1][:, 0], window.rotations[-1][:, 0]
-        if abs(first @ self.up) > LYING:
+        if abs(first @ self.up) > MAX_LYING_RISE_PITCH:
             first = self.target
         turned = self.above.turned(window.positions[1:], first, last)
         wanted = self.above.angle(self.target) - self.above.angle(first)
         self.off = turned - nearest_way(wanted, turned[-1])
 
     def _end_torque(self) -> Array:
-        """(3,) the rod's weight, and what turns it on the table to where it is to point."""
+        """Return the (3,) torque of the rod's weight, and that which turns it on the table."""
         along = self.window.rotations[-1][:, 0]
         flat = along - (along @ self.up) * self.up
         turn = crossed(flat / max(float(np.linalg.norm(flat)), 1e-6), self.aim)
@@ -249,9 +256,9 @@ class TablePeeling(Peeling):
         return self.table.weight * (self.turning * turn - mass * crossed(lever, self.up))
 
     def _stiffen(self, positions: Array) -> None:
-        """Springs whose torque is limited: the more a hinge is bent, the softer its spring."""
+        """Set springs of limited torque: the more a hinge is bent, the softer its spring."""
         p = self.table
-        bends = np.maximum(np.abs(self.state.angles), LEAST_BEND_RAD)
+        bends = np.maximum(np.abs(self.state.angles), MIN_SPRING_BEND_RAD)
         springs = np.minimum(p.spring_torque, self.spring_torque / bends)
         self.window.set_stiffness(p.weight * springs)
 
@@ -259,41 +266,43 @@ class TablePeeling(Peeling):
 
     @property
     def _lowest(self) -> float:
-        """Where the centres of modules are that stand on the table, upwards."""
+        """Height of the centres of modules that stand on the table, pitches along ``up``."""
         return float((self.core.cells @ self.up).min())
 
     def _boxes(self, first: int) -> tuple[Array, Array]:
         centres, halves = super()._boxes(first)
         # Not where the chain begins on the floor: its first free module would be jammed there.
         raised = float(self.core.cells[first + 1] @ self.up) > self._lowest + 0.5
-        top = self._lowest - 0.5 + (LIFTED if raised else 0.0)
-        table = np.where(self.up != 0.0, 0.5 * THICK, WIDE)
+        top = self._lowest - 0.5 + (TABLE_LIFT_PITCH if raised else 0.0)
+        table = np.where(self.up != 0.0, 0.5 * TABLE_THICKNESS_PITCH, TABLE_HALF_WIDTH_PITCH)
         return (
-            np.concatenate([centres, [(top - 0.5 * THICK) * self.up]]),
+            np.concatenate([centres, [(top - 0.5 * TABLE_THICKNESS_PITCH) * self.up]]),
             np.concatenate([halves, [table]]),
         )
 
     def _way_out(self) -> Array:
-        """(3,) unit vector along the table: where the rod points, clear of the core."""
+        """Return the (3,) unit vector along the table in which the rod is clear of the core."""
         ahead = self.core.rotations[self.first + 1][:, 0]
         there = self.core.cells[: self.first + FIXED]
         return way_out(self.above, self.centre, there, ahead, self.target)
 
     # What is kept.
 
-    def _clear(self, bends: list[Bend]) -> bool:
+    def _clear(self, bends: list[WindowConfiguration]) -> bool:
         return super()._clear(bends) and self.guard.holds(None, bends)
 
     def commit(self) -> None:
-        """Makes the steps so far final."""
+        """Make the steps so far final, if they keep the clearance and the guard accepts them."""
         # Of a frame that does not hold, waiting would not make one that does.
         if super()._clear([self.snapshot()]) and self._settle():
             self.saved = (self.time_s, self.state.copy())
             self.retries = 0
             self.guard.keep()
 
-    def _holds(self, before: Bend | None, bends: Sequence[Bend]) -> bool:
-        """What the guard says of snapshots; what it refuses is not a matter of contacts."""
+    def _holds(
+        self, before: WindowConfiguration | None, bends: Sequence[WindowConfiguration]
+    ) -> bool:
+        """Return True if the guard accepts snapshots; a refusal is no matter of contacts."""
         holds = self.guard.holds(before, bends)
         self._unheld = not holds
         return holds
@@ -304,13 +313,13 @@ class TablePeeling(Peeling):
             self._unheld = False
             self._exhausted = not self.guard.refuse(self.time_s)
             self._draw(1.0)
-        elif self.retries > MOST_RETRIES:
+        elif self.retries > MAX_CHECKPOINT_RETRIES:
             self.retries = 0
             self._draw(1.0)
             self.state.scale_velocities(0.0)
 
     def accelerations(self) -> Acceleration | None:
-        """Under all forces; None when the run went back."""
+        """Return the acceleration under all forces; None if the run went back."""
         self._stiffen(self.window.positions)
         self._look_round()
         found = super().accelerations()
@@ -318,7 +327,7 @@ class TablePeeling(Peeling):
         return found
 
     def look(self) -> Ended | None:
-        """Lets the next unit go when it may be; whether it is straight, or stuck."""
+        """Release the next unit if it may go; return how the run ended, if it has."""
         if self._drawn_at is not None and self.steps > self._drawn_at + self.table.drawn_steps:
             self._calm(self.table)
         return "stalled" if self._exhausted else super().look()
@@ -329,16 +338,16 @@ class TablePeeling(Peeling):
             self.depth < self.allowed.back_off
             and self.modules < p.window
             and np.abs(np.diff(self.off[p.skipped :])).sum() < p.unbent
-            and abs(self.off[-1]) < RELEASED_WITHIN_RAD
+            and abs(self.off[-1]) < MAX_RELEASE_ERROR_RAD
             and not self._would_loop()
         )
 
     def _would_loop(self) -> bool:
-        """Whether the tail lies over the next unit."""
+        """Return True if the tail lies over the next unit."""
         hinges, first = self.peelable.hinges, self.next_first
         fresh = self.chain.folded_rad[hinges * first : hinges * self.first]
         angles = np.concatenate([fresh, self.state.angles])
-        return self.guard.loops(Bend(time_s=self.time_s, first=first, angles=angles))
+        return self.guard.loops(WindowConfiguration(time_s=self.time_s, first=first, angles=angles))
 
     def _release(self) -> None:
         before = Release(
@@ -360,10 +369,10 @@ class TablePeeling(Peeling):
     # When it sticks.
 
     def _return(self) -> bool:
-        """Goes back to an earlier release, farther each time; False when that was tried enough."""
+        """Return to an earlier release, farther each time; return False at the limit of returns."""
         if self._returns >= self.table.most_returns or not self._releases:
             return False
-        back = min(FIRST_RETURN * 2**self._returns, len(self._releases))
+        back = min(FIRST_BACKTRACK_RELEASES * 2**self._returns, len(self._releases))
         self._returns += 1
         there = self._releases[-back]
         del self._releases[-back:]
@@ -377,13 +386,13 @@ class TablePeeling(Peeling):
         self.guard.taken_back += 1
         self.depth, self.pushes = 0.0, 0
         self.progressed, self.least_left = self.steps, self._left()
-        self._draw(1.0 + STRONGER * self._returns)
+        self._draw(1.0 + PERTURBATION_GROWTH * self._returns)
         return True
 
     def _unjam(self) -> bool:
         p = self.table
         left = self._left()
-        if left < self.least_left - LEAST_PROGRESS_RAD:
+        if left < self.least_left - MIN_TABLE_PROGRESS_RAD:
             self.least_left = left
             self.progressed = self.steps
             if self.pushes:
@@ -393,18 +402,18 @@ class TablePeeling(Peeling):
             self.pushes += 1
             self.progressed = self.steps
             if (
-                self.pushes % RELEASED_EVERY == 1
+                self.pushes % FORCED_RELEASE_PERIOD == 1
                 and self.first
-                and abs(self.off[-1]) < HELD_BEYOND_RAD
+                and abs(self.off[-1]) < MAX_FORCED_RELEASE_ERROR_RAD
                 and not self._would_loop()
             ):
                 self._release()
             else:
-                self._draw(1.0 + STRONGER * self.pushes)
+                self._draw(1.0 + PERTURBATION_GROWTH * self.pushes)
         return self.pushes <= self.most_pushes or self._return()
 
     def stall_reason(self) -> str:
-        """How much of it is let go, and what the guard refuses."""
+        """Describe how many modules are released, and the refusals of the guard."""
         if self._exhausted:
             return (
                 f"the chain is stuck with modules 0 to {self.first + 1} still folded: "

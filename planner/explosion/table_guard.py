@@ -1,8 +1,8 @@
 """Guard: which frames of an explosion on a table may be kept.
 
-A frame is kept when it stands on the table with no static torque above a bound, nothing lies in the
-table, and what is let go does not lie over itself. What is refused is taken back; the bound is
-raised only when frames are refused for their torque again and again.
+A frame is kept if it stands on the table with no static torque above a bound, no module lies in the
+table, and the released modules do not lie over each other. Refused frames are taken back; the bound
+is raised only when frames are refused for their torque again and again.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.explosion.from_above import crosses_itself
-from planner.explosion.peeling import FEWEST_LEFT
-from planner.explosion.peeling_window import Bend, Peelable
+from planner.explosion.peeling import MIN_LAST_UNIT_MODULES
+from planner.explosion.peeling_window import Peelable, WindowConfiguration
 from planner.kernels.folded_core import FIXED
 from planner.motion.record import TableRecord
 from planner.parameters.explosion import TableParameters
@@ -27,8 +27,9 @@ from planner.statics.contacts import MAX_TABLE_PENETRATION_PITCH, floor_clearanc
 from planner.statics.friction import Friction
 
 Array = NDArray[np.float64]
-FORGIVEN: Final = 0.2
-"""Refusals that count no more for each time that frames were kept."""
+REJECTION_DECAY: Final = 0.2
+"""Decrease of the count of refusals for each time that frames are kept. Larger values raise the
+torque bound later. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +37,9 @@ class Placed:
     """A configuration on the table, whose top is z = 0.
 
     Attributes:
-        angles: (J,) of all hinges.
-        poses: Of all modules.
-        first: The first module of the window: those after the next one are let go.
+        angles: (J,) angles of all hinges, rad.
+        poses: Poses of all modules.
+        first: First module of the window: those after the next one are released.
     """
 
     angles: Array
@@ -47,12 +48,12 @@ class Placed:
 
 
 class Guard:
-    """Asks of frames whether they hold, and keeps count of those that do not.
+    """Judge of frames on a table: it accepts or refuses them, and counts refusals.
 
     Args:
         chain: The chain; folded, it stands on the table with its lowest modules.
-        peelable: The same chain.
-        parameters: The bound at first, and how it grows.
+        peelable: Kinematics of its windows.
+        parameters: First torque bound and its growth.
     """
 
     def __init__(self, chain: Chain, peelable: Peelable, parameters: TableParameters) -> None:
@@ -61,26 +62,29 @@ class Guard:
         self._parameters = parameters
         self._balance = Balance(chain)
         self._height = chain.table_height
-        heights = chain.folded_poses.positions[: FEWEST_LEFT + FIXED, 2]
+        heights = chain.folded_poses.positions[: MIN_LAST_UNIT_MODULES + FIXED, 2]
         self._stacked = bool(np.ptp(heights) > 0.5)
-        """Whether what is let go last, all at once, lies over itself while it is folded."""
+        """True if the last unit lies over itself while it is folded."""
         self.bound = parameters.first_bound
         self.refused = 0.0
-        """Frames that were refused since the bound was raised, less what is forgiven."""
+        """Count of refused frames since the bound was raised, less ``REJECTION_DECAY`` each time
+        that frames were kept."""
         self.taken_back = 0
         self.raised: list[tuple[float, float]] = []
-        """When it was, and the bound from then on."""
+        """Times at which the bound was raised, s, and the bounds from then on, w·p."""
         self.why = ""
-        """What was wrong with the frame that was refused last."""
+        """Reason of the last refusal, as a phrase."""
         self._too_weak = False
-        """Whether that was a torque: for all else, stronger motors would not help."""
+        """True if that reason was a torque: for all others, stronger motors would not help."""
 
-    def holds(self, before: Bend | None, bends: Sequence[Bend]) -> bool:
-        """Whether snapshots of an explosion may be kept, one after the other.
+    def holds(
+        self, before: WindowConfiguration | None, bends: Sequence[WindowConfiguration]
+    ) -> bool:
+        """Return True if snapshots of an explosion may be kept, one after the other.
 
         Args:
             before: The snapshot before them: folding goes there, and friction against it.
-            bends: In the order of the explosion.
+            bends: Snapshots in the order of the explosion.
         """
         earlier = None if before is None else self._placed(before)
         for bend in bends:
@@ -90,8 +94,8 @@ class Guard:
             earlier = placed
         return True
 
-    def loops(self, bend: Bend) -> bool:
-        """Whether what is let go would lie over itself."""
+    def loops(self, bend: WindowConfiguration) -> bool:
+        """Return True if the released modules would lie over each other."""
         return self._loops(self._placed(bend))
 
     def _loops(self, placed: Placed) -> bool:
@@ -100,7 +104,7 @@ class Guard:
         return crosses_itself(placed.poses.positions[placed.first + FIXED - 1 :, :2])
 
     def refuse(self, time_s: float) -> bool:
-        """Counts frames that were taken back; False when the bound cannot be raised any more."""
+        """Count frames that were taken back; return False if the bound is at its maximum."""
         p = self._parameters
         self.taken_back += 1
         if not self._too_weak:
@@ -116,11 +120,11 @@ class Guard:
         return True
 
     def keep(self) -> None:
-        """Counts frames that were kept."""
-        self.refused = max(0.0, self.refused - FORGIVEN)
+        """Count frames that were kept."""
+        self.refused = max(0.0, self.refused - REJECTION_DECAY)
 
     def record(self) -> TableRecord:
-        """What came of it."""
+        """Return the figures of the guard for the record."""
         return TableRecord(
             bound=self.bound,
             taken_back=self.taken_back,
@@ -128,7 +132,7 @@ class Guard:
             friction=self._parameters.friction,
         )
 
-    def _placed(self, bend: Bend) -> Placed:
+    def _placed(self, bend: WindowConfiguration) -> Placed:
         chain = self._chain
         angles = self._peelable.widened(bend, 0, len(chain.folded_rad))
         poses = forward_kinematics(

@@ -1,6 +1,6 @@
-"""Angle steps: hinge angles as whole numbers of a small step, and what of them is written to files.
+"""Angle steps: hinge angles as whole numbers of a small step, and their encoding in files.
 
-A plan's angles are whole steps before they are verified, so that what is written loses nothing.
+A plan's angles are whole steps before they are verified, so that writing loses nothing.
 The step is a right angle divided by a power of two: straight and folded are exact. It needs NumPy
 alone, so that a file's angles can be read without the physics.
 
@@ -22,57 +22,58 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Ints = NDArray[np.signedinteger[Any]]
 Planes = NDArray[np.uint8]
-STEP_RAD: Final = np.pi / 2 * 2.0**-23
-"""A step, 1.9e-7 rad; single precision still tells two neighbours apart."""
-DIFFERENCES: Final = 3
-"""Order of the differences of frames that are stored; third ones of a smooth motion are small."""
-MOST_STEPS: Final = 2**25
-"""Steps of an angle, at most: four right angles, whose third differences fit into 32 bits."""
-MOST_PLAIN: Final = 2**18
-"""Angles up to which a file holds plain numbers: five megabytes of JSON."""
-BLOCK: Final = 2**16
-"""Angles that are worked on at once, so that what is in between stays small."""
-PLANES: Final = "angle_planes"
+PLAN_STEP_RAD: Final = np.pi / 2 * 2.0**-23
+"""Step of an angle, 1.9e-7 rad; single precision still distinguishes two neighbours. Chosen."""
+DIFFERENCE_ORDER: Final = 3
+"""Order of the stored differences of frames: third ones of a smooth motion are small. Chosen."""
+MAX_ANGLE_STEPS: Final = 2**25
+"""Maximum number of steps of an angle: four right angles, whose third differences fit into 32
+bits."""
+MAX_PLAIN_ANGLES: Final = 2**18
+"""Maximum number of angles that a file holds as plain numbers: five megabytes of JSON. Chosen."""
+ANGLES_AT_ONCE: Final = 2**16
+"""Maximum number of angles that are encoded at once (memory). Chosen."""
+PLANES_NAME: Final = "angle_planes"
 """Name of the planes in an ``.npz`` file."""
 
 
 def snapped(angles_rad: NDArray[np.floating[Any]], limit_rad: float = np.inf) -> Array:
-    """Angles rounded to whole steps, at most ``limit_rad`` either way; what is none stays none."""
-    most = np.floor(limit_rad / STEP_RAD)
+    """Return angles rounded to whole steps, ±``limit_rad`` at most; NaN stays NaN."""
+    most = np.floor(limit_rad / PLAN_STEP_RAD)
     found: Array = angles_rad.astype(np.float64)
-    found /= STEP_RAD  # in place: of 100 000 modules there are 30 million angles
+    found /= PLAN_STEP_RAD  # in place: of 100 000 modules there are 30 million angles
     np.clip(np.rint(found, out=found), -most, most, out=found)
-    found *= STEP_RAD
+    found *= PLAN_STEP_RAD
     return found
 
 
 def whole_steps(angles_rad: NDArray[np.floating[Any]]) -> Ints | None:
-    """Angles as whole steps; None when some are not exactly that in their own precision."""
+    """Return angles as whole steps; None if some are no exact steps in their own precision."""
     flat = angles_rad.reshape(-1)
     steps = np.empty(len(flat), dtype=np.int32)
-    for begin in range(0, len(flat), BLOCK):
-        block = flat[begin : begin + BLOCK]
+    for begin in range(0, len(flat), ANGLES_AT_ONCE):
+        block = flat[begin : begin + ANGLES_AT_ONCE]
         with np.errstate(invalid="ignore"):
-            found = np.rint(block.astype(np.float64) / STEP_RAD)
-            exact = np.array_equal((found * STEP_RAD).astype(flat.dtype), block)
-        if not exact or np.abs(found).max(initial=0.0) >= MOST_STEPS:
+            found = np.rint(block.astype(np.float64) / PLAN_STEP_RAD)
+            exact = np.array_equal((found * PLAN_STEP_RAD).astype(flat.dtype), block)
+        if not exact or np.abs(found).max(initial=0.0) >= MAX_ANGLE_STEPS:
             return None
-        steps[begin : begin + BLOCK] = found
+        steps[begin : begin + ANGLES_AT_ONCE] = found
     return steps.reshape(angles_rad.shape)
 
 
 def frame_planes(angles_rad: Array) -> Planes | None:
-    """(4, F·J) third differences over time of (F, J) angles; None for those not in whole steps."""
+    """Return (4, F·J) third differences over time of (F, J) angles; None if not whole steps."""
     steps = whole_steps(angles_rad)
     if steps is None:
         return None
-    for _ in range(DIFFERENCES):
+    for _ in range(DIFFERENCE_ORDER):
         steps = np.diff(steps, axis=0, prepend=np.zeros_like(steps[:1]))
     return byte_planes(steps)
 
 
 def frame_angles(planes: Planes, told: Mapping[str, Any]) -> Array:
-    """The inverse of ``frame_planes``, from what ``told_of`` says."""
+    """Invert ``frame_planes``, by the values of ``told_of``."""
     frames, hinges = told["shape"]
     steps = whole_numbers(planes).reshape(frames, hinges)
     for _ in range(told["differences"]):
@@ -83,7 +84,7 @@ def frame_angles(planes: Planes, told: Mapping[str, Any]) -> Array:
 def window_planes(
     first: Ints, offsets: Ints, angles_rad: NDArray[np.float32], folded_rad: Array
 ) -> Planes | None:
-    """(4, V) ``window_differences`` of single precision angles; None as for ``frame_planes``."""
+    """Return (4, V) ``window_differences`` of single precision angles; None if not whole steps."""
     steps = whole_steps(angles_rad)
     if steps is None:
         return None
@@ -93,7 +94,7 @@ def window_planes(
 def window_angles(
     planes: Planes, told: Mapping[str, Any], first: Ints, offsets: Ints, folded_rad: Array
 ) -> NDArray[np.float32]:
-    """The inverse of ``window_planes``."""
+    """Invert ``window_planes``."""
     step = float(told["step_rad"])
     changes = whole_numbers(planes)
     if len(changes) != offsets[-1]:
@@ -103,9 +104,9 @@ def window_angles(
 
 
 def window_differences(first: Ints, offsets: Ints, steps: Ints, folded: Ints) -> Ints:
-    """(V,) each hinge's change since the snapshot before; those of the first one are whole.
+    """Return each hinge's (V,) change since the snapshot before; those of the first are whole.
 
-    A hinge counts as folded where the window before began later, as straight where it had ended.
+    A hinge counts as folded if the window before began later, as straight if it had ended.
     """
     changes = np.empty(offsets[-1], steps.dtype)
     before = np.zeros(0, np.int64)
@@ -124,7 +125,7 @@ def window_differences(first: Ints, offsets: Ints, steps: Ints, folded: Ints) ->
 
 
 def window_totals(first: Ints, offsets: Ints, changes: Ints, folded: Ints) -> Ints:
-    """The inverse of ``window_differences``."""
+    """Invert ``window_differences``."""
     steps = changes.astype(np.int64)
     whole = np.zeros(len(folded), np.int64)
     begin = end = 0
@@ -141,18 +142,18 @@ def window_totals(first: Ints, offsets: Ints, changes: Ints, folded: Ints) -> In
 
 
 def told_of(shape: tuple[int, ...], *, windowed: bool) -> dict[str, Any]:
-    """What a file says of its planes, as plain JSON values."""
+    """Return the description of a file's planes, as plain JSON values."""
     return {
         "encoding": "zigzag-planes",
         "shape": list(shape),
-        "step_rad": STEP_RAD,
-        "differences": "window" if windowed else DIFFERENCES,
+        "step_rad": PLAN_STEP_RAD,
+        "differences": "window" if windowed else DIFFERENCE_ORDER,
     }
 
 
 def packed_frames(name: str, angles_rad: Array) -> dict[str, Any]:
-    """(F, J) angles as members of an ``.npz`` file, in planes where they are in whole steps."""
-    planes = frame_planes(angles_rad) if angles_rad.size > MOST_PLAIN else None
+    """Return (F, J) angles as members of an ``.npz`` file, in planes if they are whole steps."""
+    planes = frame_planes(angles_rad) if angles_rad.size > MAX_PLAIN_ANGLES else None
     if planes is None:
         return {name: angles_rad}
     told = told_of(angles_rad.shape, windowed=False)
@@ -160,69 +161,69 @@ def packed_frames(name: str, angles_rad: Array) -> dict[str, Any]:
 
 
 def unpacked_frames(arrays: Mapping[str, Any], name: str) -> Array:
-    """What ``packed_frames`` packed."""
+    """Invert ``packed_frames``."""
     if f"{name}_planes" not in arrays:
         return arrays[name]
     return frame_angles(arrays[f"{name}_planes"], json.loads(str(arrays[f"{name}_told"])))
 
 
 def plan_angles(path: FilePath) -> Array:
-    """(F, J) angles of the frames in a plan's ``.npz`` file.
+    """Read the (F, J) angles of the frames in a plan's ``.npz`` file.
 
     Raises:
-        KeyError: For a plan of windows.
-        OSError, ValueError, BadZipFile: When the file cannot be read, or has its angles twice.
+        KeyError: The plan is one of windows.
+        OSError, ValueError, BadZipFile: The file cannot be read, or has its angles twice.
     """
     with np.load(path, allow_pickle=False) as file:
-        if "joint_angles_rad" in file and PLANES in file:
-            raise ValueError(f"got both joint_angles_rad and {PLANES}, expected one of them")
+        if "joint_angles_rad" in file and PLANES_NAME in file:
+            raise ValueError(f"got both joint_angles_rad and {PLANES_NAME}, expected one of them")
         if "joint_angles_rad" in file or "first" in file:
             return file["joint_angles_rad"]
-        return frame_angles(file[PLANES], json.loads(str(file["plan"]))["angles"])
+        return frame_angles(file[PLANES_NAME], json.loads(str(file["plan"]))["angles"])
 
 
 def plan_window_angles(path: FilePath, folded_rad: Array) -> tuple[Ints, Ints, NDArray[np.float32]]:
-    """Where the windows in a plan's ``.npz`` file begin, their offsets and their angles.
+    """Read the first hinges, offsets and angles of the windows in a plan's ``.npz`` file.
 
     Raises:
-        KeyError: For a plan of frames.
-        OSError, ValueError, BadZipFile: As for ``plan_angles``.
+        KeyError: The plan is one of frames.
+        OSError, ValueError, BadZipFile: The file cannot be read, or has its angles twice.
     """
     with np.load(path, allow_pickle=False) as file:
-        if "angles_rad" in file and PLANES in file:
-            raise ValueError(f"got both angles_rad and {PLANES}, expected one of them")
+        if "angles_rad" in file and PLANES_NAME in file:
+            raise ValueError(f"got both angles_rad and {PLANES_NAME}, expected one of them")
         first, offsets = file["first"], file["offsets"]
         if "angles_rad" in file:
             return first, offsets, file["angles_rad"]
         told = json.loads(str(file["plan"]))["angles"]
-        return first, offsets, window_angles(file[PLANES], told, first, offsets, folded_rad)
+        return first, offsets, window_angles(file[PLANES_NAME], told, first, offsets, folded_rad)
 
 
 def unpacked_bytes(path: FilePath) -> int:
-    """Bytes of the arrays in a plan's ``.npz`` file with its angles in double precision.
+    """Return the bytes of the arrays in a plan's ``.npz`` file with angles in double precision.
 
     Raises:
-        OSError, BadZipFile: When the file cannot be read.
+        OSError, BadZipFile: The file cannot be read.
     """
     with ZipFile(path) as file:
         return sum(
-            info.file_size * (2 if info.filename == f"{PLANES}.npy" else 1)
+            info.file_size * (2 if info.filename == f"{PLANES_NAME}.npy" else 1)
             for info in file.infolist()
         )
 
 
 def _nearest(angles_rad: Array) -> Ints:
-    return np.rint(angles_rad / STEP_RAD).astype(np.int64)
+    return np.rint(angles_rad / PLAN_STEP_RAD).astype(np.int64)
 
 
 def byte_planes(changes: Ints) -> Planes:
     """Return the (4, n) bytes of n zigzag codes: 0, −1, 1, −2, … are 0, 1, 2, 3, …."""
     flat = changes.reshape(-1)
     planes = np.empty((4, len(flat)), dtype=np.uint8)
-    for begin in range(0, len(flat), BLOCK):
-        block = flat[begin : begin + BLOCK].astype(np.int64)
+    for begin in range(0, len(flat), ANGLES_AT_ONCE):
+        block = flat[begin : begin + ANGLES_AT_ONCE].astype(np.int64)
         codes = ((block << 1) ^ (block >> 63)).astype("<u4")
-        planes[:, begin : begin + BLOCK] = codes.view(np.uint8).reshape(-1, 4).T
+        planes[:, begin : begin + ANGLES_AT_ONCE] = codes.view(np.uint8).reshape(-1, 4).T
     return planes
 
 

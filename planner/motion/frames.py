@@ -25,9 +25,9 @@ class Frames:
     Attributes:
         time_s: (F,) simulated time, rising through all phases.
         phase: (F,) uint8 index into ``PHASES``.
-        joint_angles_rad: (F, J).
+        joint_angles_rad: (F, J) hinge angles.
         root_position: (F, 3) centre of the root module in pitches.
-        root_wxyz: (F, 4) its orientation.
+        root_wxyz: (F, 4) orientation of the root module.
         joint_error_rad: (F, J) distance of each hinge from its reference; NaN where there is none.
     """
 
@@ -45,22 +45,22 @@ class Frames:
         return Frames(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
     def dense(self, chain: Chain, start: int = 0, stop: int | None = None) -> Frames:
-        """The snapshots ``start`` to ``stop``: as ``Windows.dense``."""
+        """Return the snapshots ``start`` to ``stop``, like ``Windows.dense``."""
         del chain
         return self[start:stop]
 
     @property
     def largest_errors(self) -> Array:
-        """(F,) the largest joint error of each snapshot, NaN where none is recorded."""
+        """(F,) largest joint error of each snapshot, NaN if none is recorded."""
         return self.joint_error_rad.max(axis=1)
 
     def angles(self, chain: Chain, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
-        """(f, J) all angles of the snapshots ``start`` to ``stop``: as ``Windows.angles``."""
+        """Return all (f, J) angles of the snapshots ``start`` to ``stop``, rad."""
         del chain
         return self.joint_angles_rad[start:stop]
 
     def clamped(self, chain: Chain) -> Frames:
-        """The same with the chain's first module where it is when folded."""
+        """Return the frames with the chain's first module at its folded pose."""
         poses = forward_kinematics(
             chain.module,
             self.joint_angles_rad,
@@ -75,14 +75,14 @@ class Frames:
         )
 
     def planned(self, chain: Chain, angles_rad: Array, *, clamped: bool) -> Frames:
-        """The same with other angles, lying where a playback on a table should have them.
+        """Return the frames with planned angles, at the expected pose on a table.
 
         Args:
             chain: The chain; folded, it stands on the table.
-            angles_rad: (F, J) what the angles should be.
-            clamped: Whether the first module is where it is when folded. A chain that lies free
-                drifts: turned about the vertical and shifted along the table, its modules then lie
-                as closely as they can to where these frames have them.
+            angles_rad: (F, J) planned angles.
+            clamped: True if the first module has its folded pose. A chain that lies free drifts:
+                turned about the vertical and shifted along the table, its modules then lie as
+                closely as they can to those of these frames.
         """
         wanted = replace(self, joint_angles_rad=angles_rad).clamped(chain)
         if clamped:
@@ -99,7 +99,7 @@ class Frames:
 
     @classmethod
     def none(cls, joints: int) -> Frames:
-        """No frame at all, of a chain with so many hinges."""
+        """Return no frames, of a chain with ``joints`` hinges."""
         return cls(
             time_s=np.zeros(0),
             phase=np.zeros(0, dtype=np.uint8),
@@ -120,7 +120,7 @@ class Frames:
         root_wxyz: Array,
         joint_error_rad: Array | None = None,
     ) -> Frames:
-        """Frames that all belong to one phase; no error recorded when it is None."""
+        """Build frames of one phase; no errors are recorded if they are None."""
         if joint_error_rad is None:
             joint_error_rad = np.full_like(joint_angles_rad, np.nan)
         return cls(
@@ -134,7 +134,7 @@ class Frames:
 
     @classmethod
     def joined(cls, parts: Sequence[Frames]) -> Frames:
-        """One after the other."""
+        """Concatenate frames."""
         return cls(
             **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
         )

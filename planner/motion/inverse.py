@@ -1,7 +1,7 @@
 """Inverse dynamics of a kinematic playback: the torques that its motion would take.
 
-It costs time in proportion to frames × modules, so of a long motion some frames are looked at,
-spread evenly; what lies between them may be more.
+It costs time in proportion to frames × modules, so for a long motion some frames are computed,
+spread evenly; torques between them may be larger.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from planner.chain.dynamics import floating_torques
 from planner.motion.motion import Motion
 
 Array = NDArray[np.float64]
-MOST_MODULES: Final = 2_000_000
-"""Frames times modules whose torques are worked out; of more, frames are left out evenly."""
-MOST_ANGLES: Final = 2**18
-"""Angles in memory at once, three frames for each that is looked at."""
+MAX_TORQUE_FRAME_MODULES: Final = 2_000_000
+"""Maximum number of frames times modules whose torques are computed (time); of more, frames are
+left out evenly. Chosen."""
+MAX_ANGLES_IN_MEMORY: Final = 2**18
+"""Maximum number of angles in memory at once, three frames for each computed one. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,9 +29,9 @@ class Torques:
     """The largest hinge torques at some frames of a motion.
 
     Attributes:
-        frames: (K,) which ones, rising.
-        largest: (K,) in units of module mass · pitch² / s².
-        rms: Root mean square of them over time.
+        frames: (K,) numbers of the frames, rising.
+        largest: (K,) largest torque there, in units of module mass · pitch² / s².
+        rms: Root mean square of ``largest`` over time.
     """
 
     frames: NDArray[np.int64]
@@ -39,27 +40,27 @@ class Torques:
 
     @property
     def peak(self) -> float:
-        """The largest of all; 0 when nothing was looked at."""
+        """Largest torque of all; 0 without frames."""
         return float(self.largest.max(initial=0.0))
 
 
 def inverse_dynamics(chain: Chain, motion: Motion) -> Torques:
-    """Torques of a chain that floats freely, without gravity, momentum or contacts.
+    """Compute torques of a chain that floats freely, without gravity, momentum or contacts.
 
     Speeds and accelerations at a frame are those of the parabola through it and its neighbours.
 
     Args:
         chain: The chain.
-        motion: At least three frames; neighbours at the same time count as no frame.
+        motion: Motion of three frames or more; of neighbours at one time only the first counts.
     """
     later = np.concatenate([[0], np.flatnonzero(np.diff(motion.time_s) > 0.0) + 1])
     inner = len(later) - 2
     if inner < 1:
         return Torques(frames=np.zeros(0, np.int64), largest=np.zeros(0), rms=0.0)
-    count = min(inner, max(1, MOST_MODULES // len(chain)))
+    count = min(inner, max(1, MAX_TORQUE_FRAME_MODULES // len(chain)))
     middle = 1 + np.unique(np.linspace(0, inner - 1, count).astype(np.int64))
     largest = np.empty(len(middle))
-    step = max(1, MOST_ANGLES // len(chain.folded_rad))
+    step = max(1, MAX_ANGLES_IN_MEMORY // len(chain.folded_rad))
     for start in range(0, len(middle), step):
         part = middle[start : start + step]
         around = [motion[later[part + shift]] for shift in (-1, 0, 1)]
@@ -75,11 +76,11 @@ def inverse_dynamics(chain: Chain, motion: Motion) -> Torques:
 
 
 def _parabolas(times: list[Array], angles: list[Array]) -> tuple[Array, Array]:
-    """(K, J) first and second derivatives at the middle one of three frames each.
+    """Return (K, J) first and second derivatives at the middle one of three frames each.
 
     Args:
-        times: (K,) each, before, at and after.
-        angles: (K, J) each.
+        times: Three (K,) arrays of times: before, at and after, s.
+        angles: Three (K, J) arrays of angles, rad.
     """
     earlier = (times[1] - times[0])[:, None]
     later = (times[2] - times[1])[:, None]

@@ -16,10 +16,10 @@ Motion = Frames | Windows
 
 
 def joined(parts: Sequence[Motion]) -> Motion:
-    """One after the other; all of one kind.
+    """Concatenate motions of one kind.
 
     Raises:
-        TypeError: When they are not.
+        TypeError: They are of two kinds.
     """
     kinds = {type(part) for part in parts}
     if kinds == {Frames}:
@@ -30,12 +30,12 @@ def joined(parts: Sequence[Motion]) -> Motion:
 
 
 def motion_arrays(motion: Motion) -> dict[str, Any]:
-    """Its columns by name, to be written."""
+    """Return the columns of a motion by name, to be written."""
     columns = {name: getattr(motion, name) for name in type(motion).__dataclass_fields__}
     return {name: values for name, values in columns.items() if values is not None}
 
 
 def motion_from_arrays(arrays: Any) -> Motion:
-    """From a mapping of its columns, whichever kind they are of."""
+    """Build a motion from a mapping of its columns, of either kind."""
     kind = Windows if "offsets" in arrays else Frames
     return kind(**{name: arrays[name] for name in kind.__dataclass_fields__ if name in arrays})

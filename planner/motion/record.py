@@ -1,4 +1,4 @@
-"""Record: what an explosion leaves behind, the paper's list of angle snapshots."""
+"""Record: the result of an explosion, the paper's list of angle snapshots."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from planner.motion.stuck_figures import SpentKind
 
 Array = NDArray[np.float64]
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
-SAMPLE: Final = 8192
-"""Half the numbers of an array by which it is judged whether it can be compressed."""
-SHRUNK: Final = 0.7
-"""Share of its size below which it can be; angles of an explosion do not get below 0.9."""
+PROBE_HALF_WIDTH_BYTES: Final = 8192
+"""Number of values on either side of an array's middle on which its compressibility is tested.
+Chosen."""
+MAX_COMPRESSED_SHARE: Final = 0.7
+"""Maximum compressed size, as a fraction, of an array that is stored compressed; angles of an
+explosion do not get below 0.9. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +63,12 @@ class Spent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableRecord:
-    """What an explosion on a table took back, and the bound on the static torque that it kept.
+    """Refusals of an explosion on a table, and the bound of the static torque that it kept.
 
     Attributes:
-        bound: In w·p: no frame needs more.
-        taken_back: Times that frames were taken back.
-        raised: When the bound was raised, and to what.
+        bound: Upper bound of the static torque of all frames, w·p.
+        taken_back: Number of times that frames were taken back.
+        raised: Times at which the bound was raised, s, and the new bounds, w·p.
         friction: μ between modules and floor.
     """
 
@@ -76,7 +78,7 @@ class TableRecord:
     friction: float
 
     def arrays(self) -> dict[str, Any]:
-        """For an ``.npz``."""
+        """Return the arrays of an ``.npz`` file."""
         return {
             "table_bound": np.array(self.bound),
             "table_taken_back": np.array(self.taken_back),
@@ -86,7 +88,7 @@ class TableRecord:
 
     @classmethod
     def of(cls, arrays: Mapping[str, Any]) -> TableRecord | None:
-        """What ``arrays`` made; None where there is none."""
+        """Return the inverse of ``arrays``; None if there is none."""
         if "table_bound" not in arrays:
             return None
         return cls(
@@ -99,20 +101,20 @@ class TableRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Record:
-    """The outcome of an explosion. A failed one is data too.
+    """Outcome of an explosion. A failed one is data too.
 
     Attributes:
-        status: ``straight`` when the chain came out, else why it did not.
-        reason: In plain words; empty when straight.
+        status: ``straight`` if the chain became straight, else the kind of failure.
+        reason: Reason in plain English; empty if straight.
         frames: Snapshots from folded on; the last one is straight if the status says so.
-        steps: Simulation steps.
-        seconds: Wall time.
-        strategy: How it was let go, see ``planner.explosion.strategies``.
-        pushes: Pulses in a row that had moved nothing on when it ended.
-        retries: Times that it had gone back to its last sound state when it ended.
+        steps: Number of simulation steps.
+        seconds: Wall time, s.
+        strategy: Name of the strategy, see ``planner.explosion.strategies``.
+        pushes: Number of pulses in a row without progress at the end.
+        retries: Number of returns to the last checkpoint at the end.
         snapshots_rad: (S, J) hinge angles of all snapshots, in whole steps, where these are more
             than the frames: as published, which keeps one every few steps. Playback follows them.
-        table: Of an explosion on a table; None of one that floats.
+        table: Refusals and bound of an explosion on a table; None for one that floats.
         spent: Limit that ended the explosion; None if it ended straight or was cancelled, and in
             records of earlier versions.
     """
@@ -130,7 +132,7 @@ class Record:
     spent: Spent | None = None
 
     def summary(self) -> dict[str, Any]:
-        """The figures without the frames."""
+        """Return the figures without the frames."""
         return {
             "status": self.status,
             "reason": self.reason,
@@ -141,7 +143,7 @@ class Record:
         }
 
     def save(self, path: FilePath) -> None:
-        """Writes an ``.npz`` that is either whole or not there."""
+        """Write an ``.npz`` that is either complete or absent."""
         save_npz(
             path,
             {
@@ -165,7 +167,7 @@ class Record:
 
     @classmethod
     def load(cls, path: FilePath) -> Record:
-        """Reads what ``save`` wrote."""
+        """Read a file that ``save`` wrote."""
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
             packed = any(name.startswith("snapshots_rad") for name in arrays)
@@ -185,12 +187,12 @@ class Record:
 
 
 def save_npz(path: FilePath, arrays: dict[str, Any], *, level: int = 1) -> None:
-    """Writes arrays aside and renames, so that the file is either whole or not there.
+    """Write arrays to a temporary file and rename it: the file is either complete or absent.
 
     Args:
-        path: Where to.
-        arrays: By name.
-        level: How much zlib tries, from 1 to 9. What would not get smaller it does not try.
+        path: Path of the file.
+        arrays: Arrays by name.
+        level: Level of zlib, 1 to 9, for arrays that compression makes smaller.
     """
     aside = temporary_path(path)
     try:
@@ -206,8 +208,8 @@ def save_npz(path: FilePath, arrays: dict[str, Any], *, level: int = 1) -> None:
 
 
 def _shrinks(array: NDArray[Any]) -> bool:
-    """Whether zlib makes it much smaller, by some of it from its middle."""
+    """Return True if zlib makes an array much smaller, tested on values from its middle."""
     flat = array.reshape(-1)
     middle = len(flat) // 2
-    some = flat[max(0, middle - SAMPLE) : middle + SAMPLE].tobytes()
-    return len(zlib.compress(some, 1)) < SHRUNK * len(some)
+    some = flat[max(0, middle - PROBE_HALF_WIDTH_BYTES) : middle + PROBE_HALF_WIDTH_BYTES].tobytes()
+    return len(zlib.compress(some, 1)) < MAX_COMPRESSED_SHARE * len(some)

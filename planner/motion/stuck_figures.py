@@ -1,4 +1,4 @@
-"""Figures of an explosion that sticks, as plain JSON values: why, where, and the evidence."""
+"""Figures of a failed explosion, as plain JSON values: reason, modules, and evidence."""
 
 from __future__ import annotations
 

@@ -47,19 +47,22 @@ Status = Literal["growing", "complete", "failed"]
 ERRORS_FROM: Final = "errors_from"
 """Attribute of windows: number of angles before the first with a recorded error, or None."""
 FRAMES_A_CHUNK: Final = 128
-"""Frames in a chunk of every array."""
-WINDOWS_A_CHUNK: Final = 4096
-ANGLES_A_CHUNK: Final = 2**16
-FLUSH_EVERY_S: Final = 0.15
-"""Seconds between two flushes, at least."""
-FLUSH_SHARE: Final = 0.1
-"""Share of a writer's time for flushes; one costs about the same however much it writes."""
-FLUSH_EVERY_S_AT_MOST: Final = 1.0
-"""Seconds between two flushes, at most."""
+"""Number of frames in a chunk of every array. Chosen."""
+WINDOWS_PER_CHUNK: Final = 4096
+"""Number of windows in a chunk of every array but those of angles. Chosen."""
+ANGLES_PER_CHUNK: Final = 2**16
+"""Number of angles in a chunk of the arrays of all windows' angles. Chosen."""
+MIN_FLUSH_PERIOD_S: Final = 0.15
+"""Minimum time between two flushes, s. Smaller values show frames sooner, and cost more. Chosen."""
+FLUSH_TIME_SHARE: Final = 0.1
+"""Maximum fraction of a writer's time for flushes; the time of one depends little on its size.
+Chosen."""
+MAX_FLUSH_PERIOD_S: Final = 1.0
+"""Maximum time between two flushes, s. Chosen."""
 
 
 def _frame_columns(joints: int) -> dict[str, tuple[tuple[int, ...], str, int]]:
-    """Of frames: the shape behind the first axis, the type, and the rows of a chunk."""
+    """Return shape behind the first axis, type, and chunk rows of the columns of frames."""
     return {
         "time_s": ((), "float64", FRAMES_A_CHUNK),
         "phase": ((), "uint8", FRAMES_A_CHUNK),
@@ -71,21 +74,21 @@ def _frame_columns(joints: int) -> dict[str, tuple[tuple[int, ...], str, int]]:
 
 
 def _window_columns() -> dict[str, tuple[tuple[int, ...], str, int]]:
-    """Of windows; ``ends`` says where those of each frame end in ``angles_rad``."""
+    """Return the columns of windows; ``ends`` are the ends of each in ``angles_rad``."""
     return {
-        "time_s": ((), "float64", WINDOWS_A_CHUNK),
-        "phase": ((), "uint8", WINDOWS_A_CHUNK),
-        "first": ((), "int64", WINDOWS_A_CHUNK),
-        "ends": ((), "int64", WINDOWS_A_CHUNK),
-        "base_position": ((3,), "float64", WINDOWS_A_CHUNK),
-        "base_wxyz": ((4,), "float64", WINDOWS_A_CHUNK),
-        "angles_rad": ((), "float32", ANGLES_A_CHUNK),
-        "errors_rad": ((), "float32", ANGLES_A_CHUNK),
+        "time_s": ((), "float64", WINDOWS_PER_CHUNK),
+        "phase": ((), "uint8", WINDOWS_PER_CHUNK),
+        "first": ((), "int64", WINDOWS_PER_CHUNK),
+        "ends": ((), "int64", WINDOWS_PER_CHUNK),
+        "base_position": ((3,), "float64", WINDOWS_PER_CHUNK),
+        "base_wxyz": ((4,), "float64", WINDOWS_PER_CHUNK),
+        "angles_rad": ((), "float32", ANGLES_PER_CHUNK),
+        "errors_rad": ((), "float32", ANGLES_PER_CHUNK),
     }
 
 
 def chain_attributes(chain: Chain) -> dict[str, Any]:
-    """What a timeline or plan says of its chain, as plain JSON values."""
+    """Return the description of a chain in a timeline or plan, as plain JSON values."""
     return {
         "name": chain.name,
         "module": chain.module.name,
@@ -100,7 +103,7 @@ def chain_attributes(chain: Chain) -> dict[str, Any]:
 
 
 def chain_from_attributes(attributes: dict[str, Any]) -> Chain:
-    """The chain described by ``chain_attributes``."""
+    """Build the chain described by ``chain_attributes``."""
     return Chain(
         name=str(attributes["name"]),
         module=module_named(attributes["module"]),
@@ -112,7 +115,7 @@ def chain_from_attributes(attributes: dict[str, Any]) -> Chain:
 
 
 class TimelineWriter:
-    """Appends frames to a timeline. One writer at a time; a context manager."""
+    """Writer that appends frames to a timeline. One at a time; a context manager."""
 
     def __init__(
         self,
@@ -149,7 +152,7 @@ class TimelineWriter:
         Args:
             path: Directory of the timeline.
             chain: Chain whose frames it holds.
-            windowed: Whether it takes ``Windows``; else it takes ``Frames``.
+            windowed: True if it takes ``Windows``; else it takes ``Frames``.
             timeline_id: Identity of the timeline if it is a copy; a new one if None.
         """
         # First of all: a reader of frames whose files are being deleted sees that by its absence.
@@ -198,7 +201,7 @@ class TimelineWriter:
 
     @classmethod
     def reopen(cls, path: str | FilePath, *, frames: int | None = None) -> TimelineWriter:
-        """Goes on with a timeline after its first ``frames`` frames (all of them when None)."""
+        """Continue a timeline after its first ``frames`` frames (all of them when None)."""
         timeline = Timeline.open(path)
         kept = len(timeline) if frames is None else frames
         if not 0 <= kept <= len(timeline):
@@ -226,10 +229,10 @@ class TimelineWriter:
         return self._frames + sum(len(w) for w in self._waiting)
 
     def append(self, frames: Motion) -> None:
-        """Adds frames; they reach the disk within ``FLUSH_EVERY_S_AT_MOST`` of further calls.
+        """Add frames; they reach the disk within ``MAX_FLUSH_PERIOD_S`` of further calls.
 
         Raises:
-            TimelineError: When they are not of the kind or of the chain that it is for.
+            TimelineError: They are of another kind or of another chain.
         """
         if self._status != "growing":
             raise TimelineError(
@@ -257,9 +260,9 @@ class TimelineWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Writes what waits and makes it visible to readers."""
+        """Write waiting frames and make them visible to readers."""
         begun = time.monotonic()
-        self._next_flush = begun + FLUSH_EVERY_S
+        self._next_flush = begun + MIN_FLUSH_PERIOD_S
         if not self._waiting:
             return
         motion = joined(self._waiting)
@@ -281,8 +284,8 @@ class TimelineWriter:
         self._frames = stop
         self._mark("growing")
         now = time.monotonic()
-        pause = min((now - begun) / FLUSH_SHARE, FLUSH_EVERY_S_AT_MOST)
-        self._next_flush = now + max(pause, FLUSH_EVERY_S)
+        pause = min((now - begun) / FLUSH_TIME_SHARE, MAX_FLUSH_PERIOD_S)
+        self._next_flush = now + max(pause, MIN_FLUSH_PERIOD_S)
 
     def _write_angles(self, motion: Windows, begins: int) -> None:
         """Write the angles of windows, and their errors from the first recorded one on.
@@ -310,7 +313,7 @@ class TimelineWriter:
             self._attributes[ERRORS_FROM] = first
 
     def close(self, status: Status = "complete") -> None:
-        """Writes what waits and closes the timeline for good."""
+        """Write waiting frames and close the timeline for good."""
         self.flush()
         self._mark(status)
 
@@ -330,7 +333,7 @@ _WINDOW_ROWS: Final = ("time_s", "phase", "first", "base_position", "base_wxyz")
 
 
 class Timeline:
-    """Reads a timeline, at its tail too while it grows."""
+    """Reader of a timeline, also of its tail while it grows."""
 
     def __init__(self, path: str, attributes: dict[str, Any]) -> None:
         self.path = path
@@ -350,30 +353,30 @@ class Timeline:
 
     @classmethod
     def open(cls, path: str | FilePath) -> Timeline:
-        """Opens a timeline.
+        """Open a timeline.
 
         Raises:
-            TimelineError: If there is none, or another one is taking its place.
-            DamagedError: If it is damaged.
+            TimelineError: There is none, or another one is replacing it.
+            DamagedError: It is damaged.
         """
         attributes = _attributes(str(path))
         with _reading(str(path), attributes["id"]):
             return cls(str(path), attributes)
 
     def __len__(self) -> int:
-        """Frames seen at the last ``refresh``."""
+        """Return the number of frames at the last ``refresh``."""
         return self._frames
 
     @property
     def status(self) -> Status:
-        """``growing``, ``complete`` or ``failed``, as of the last ``refresh``."""
+        """Status at the last ``refresh``: ``growing``, ``complete`` or ``failed``."""
         return self._status
 
     def refresh(self) -> bool:
-        """Looks for new frames; True when anything has changed.
+        """Check for new frames; return True if anything has changed.
 
         Raises:
-            TimelineError: When another one has taken its place, or is about to.
+            TimelineError: Another one has replaced it, or is about to.
         """
         before = (self._frames, self._status)
         attributes = _attributes(self.path)
@@ -385,7 +388,7 @@ class Timeline:
 
     @property
     def replaced(self) -> bool:
-        """Whether another one has taken its place, or is about to."""
+        """True if another timeline has replaced it, or is about to."""
         return _is_replaced(self.path, self.id)
 
     @property
@@ -394,14 +397,14 @@ class Timeline:
         return self._sealed
 
     def motion(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Motion:
-        """As ``frames``, in the layout that the timeline has."""
+        """Return frames, see ``frames``, in the layout of the timeline."""
         return (self.windows if self.windowed else self.frames)(start, stop, stride)
 
     def frames(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Frames:
-        """Frames ``start`` to ``stop`` (all there are when None), every ``stride``-th one.
+        """Read frames ``start`` to ``stop`` (to the end if None), every ``stride``-th one.
 
         Raises:
-            TimelineError: When the range is not within the timeline.
+            TimelineError: The range is not within the timeline.
         """
         if self.windowed:
             return self.windows(start, stop, stride).dense(self.chain)
@@ -414,10 +417,10 @@ class Timeline:
         return Frames(**found)
 
     def windows(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Windows:
-        """As ``frames``, with only the angles of each frame's window.
+        """Read frames, see ``frames``, with only the angles of each frame's window.
 
         Raises:
-            TimelineError: When the range is not within the timeline.
+            TimelineError: The range is not within the timeline.
         """
         if not self.windowed:
             return Windows.of(self.chain, self.frames(start, stop, stride))
@@ -454,21 +457,21 @@ class Timeline:
 
     @property
     def tells_errors(self) -> bool:
-        """Whether joint errors of any frame may be recorded; those of windows are not read."""
+        """True if joint errors of any frame may be recorded; those of windows are not read."""
         if not self.windowed or self._sealed:
             return not self.windowed or self._errors_from is not None
         array = cast("Any", self._arrays.get("errors_rad"))
         return array is not None and array.nchunks_initialized > 0
 
     def window_errors(self, start: int = 0, stop: int | None = None) -> Array:
-        """(f,) the largest joint error of each window, NaN where none is recorded.
+        """Return the (f,) largest joint error of each window, NaN if none is recorded.
 
-        Where none is at all, nothing is read.
+        Without any recorded error, no chunk is read.
 
         Raises:
-            TimelineError: When the range is not within the timeline.
+            TimelineError: The range is not within the timeline.
         """
-        end, rows = self._end(start, stop, 1), WINDOWS_A_CHUNK
+        end, rows = self._end(start, stop, 1), WINDOWS_PER_CHUNK
         if not self.tells_errors:
             return np.full(end - start, np.nan)
         parts = [
@@ -477,7 +480,7 @@ class Timeline:
         return np.concatenate([np.zeros(0), *parts])
 
     def clock(self) -> tuple[Array, NDArray[np.uint8]]:
-        """(F,) times and (F,) phases of all frames, without reading the rest of them."""
+        """Return (F,) times and (F,) phases of all frames, without reading the rest."""
         with _reading(self.path, self.id):
             time_s, phase = (self._arrays[name][: self._frames] for name in ("time_s", "phase"))
         return cast("Array", time_s), cast("NDArray[np.uint8]", phase)
@@ -524,7 +527,7 @@ class Timeline:
 
 
 def _strided(array: zarr.Array[Any], start: int, end: int, stride: int) -> NDArray[Any]:
-    """``array[start:end:stride]``; of a chunk at a time where there is a stride, if it has any."""
+    """Return ``array[start:end:stride]``, read chunk by chunk if there is a stride."""
     if stride == 1:
         return cast("NDArray[Any]", array[start:end])
     wanted = np.arange(start, end, stride)

@@ -1,7 +1,7 @@
 """Windows: snapshots of a long chain of which one stretch is neither folded nor straight.
 
-Below its window a chain is folded, above it straight: a snapshot holds the angles in between. That
-is what makes the memory of a long fold grow with what moves and not with all that there is.
+Below its window a chain is folded, above it straight: a snapshot holds the angles in between. So
+the memory of a long fold grows with the number of moving hinges, and not with that of all hinges.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ class Windows:
         time_s: (F,) time, rising.
         phase: (F,) uint8 index into ``PHASES``.
         first: (F,) hinge at which the window begins; all before it are folded.
-        offsets: (F + 1,) where each window begins in ``angles_rad``; all hinges after it are 0.
-        angles_rad: (V,) float32.
+        offsets: (F + 1,) start of each window in ``angles_rad``; all hinges after it are 0.
+        angles_rad: (V,) float32 hinge angles.
         base_position: (F, 3) centre of module 0 in pitches.
-        base_wxyz: (F, 4) its orientation.
-        errors_rad: (V,) float32 joint errors, those of the other hinges being 0; None where no
-            error is recorded.
+        base_wxyz: (F, 4) orientation of module 0.
+        errors_rad: (V,) float32 joint errors, those of the other hinges being 0; None if no error
+            is recorded.
     """
 
     time_s: Array
@@ -54,7 +54,7 @@ class Windows:
         return len(self.time_s)
 
     def __getitem__(self, index: slice | NDArray[np.integer[Any]]) -> Windows:
-        """Some of the snapshots."""
+        """Return some of the snapshots."""
         numbers = np.arange(len(self))[index]
         errors = self.errors_rad
         return Windows(
@@ -71,18 +71,18 @@ class Windows:
     def _of_frames(
         self, values: NDArray[np.float32], numbers: NDArray[np.integer[Any]]
     ) -> NDArray[np.float32]:
-        """What of (V,) values belongs to some of the snapshots."""
+        """Return those of (V,) values that belong to the given snapshots."""
         parts = [values[self.offsets[k] : self.offsets[k + 1]] for k in numbers]
         return np.concatenate([np.zeros(0, np.float32), *parts])
 
     @property
     def last(self) -> Ints:
-        """(F,) the hinge behind each window: it and all that follow are straight."""
+        """(F,) hinge behind each window: it and all that follow are straight."""
         return self.first + np.diff(self.offsets)
 
     @classmethod
     def joined(cls, parts: Sequence[Windows]) -> Windows:
-        """One after the other."""
+        """Concatenate windows."""
         lengths = np.concatenate([np.diff(part.offsets) for part in parts])
         plain = ("time_s", "phase", "first", "angles_rad", "base_position", "base_wxyz")
         known = any(part.errors_rad is not None for part in parts)
@@ -94,14 +94,14 @@ class Windows:
 
     @property
     def errors(self) -> NDArray[np.float32]:
-        """(V,) joint errors of the windows, NaN where none is recorded."""
+        """(V,) joint errors of the windows, NaN if none is recorded."""
         if self.errors_rad is None:
             return np.full(len(self.angles_rad), np.nan, dtype=np.float32)
         return self.errors_rad
 
     @property
     def recorded(self) -> NDArray[np.bool_]:
-        """(F,) whether joint errors are; of an empty window, unless it is an explosion's."""
+        """(F,) True if joint errors are recorded; an empty window counts, except in explosions."""
         found = np.zeros(len(self), dtype=bool)
         if self.errors_rad is not None:
             known = np.isfinite(self.errors_rad)
@@ -112,7 +112,7 @@ class Windows:
 
     @property
     def largest_errors(self) -> Array:
-        """(F,) the largest joint error of each snapshot, NaN where none is recorded."""
+        """(F,) largest joint error of each snapshot, NaN if none is recorded."""
         found = np.where(self.recorded, 0.0, np.nan)
         some = np.flatnonzero(np.diff(self.offsets))
         if self.errors_rad is not None and len(some):
@@ -121,7 +121,7 @@ class Windows:
 
     @classmethod
     def of(cls, chain: Chain, frames: Frames) -> Windows:
-        """Frames of all angles, with the shortest windows that hold the same to single precision.
+        """Convert frames of all angles to the shortest windows, in single precision.
 
         Angles count as folded or straight when they are so in single precision.
         """
@@ -146,7 +146,7 @@ class Windows:
         )
 
     def angles(self, chain: Chain, start: int = 0, stop: int | None = None) -> Array:
-        """(f, J) all angles of the snapshots ``start`` to ``stop``."""
+        """Return all (f, J) angles of the snapshots ``start`` to ``stop``, rad."""
         numbers = range(len(self))[start:stop]
         found = np.zeros((len(numbers), len(chain.folded_rad)))
         for row, k in zip(found, numbers, strict=True):
@@ -156,9 +156,9 @@ class Windows:
         return found
 
     def joint_errors(self, chain: Chain, start: int = 0, stop: int | None = None) -> Array:
-        """(f, J) joint errors of the snapshots ``start`` to ``stop``, NaN where none is recorded.
+        """Return (f, J) joint errors of the snapshots ``start`` to ``stop``, NaN if not recorded.
 
-        Where those of a window are, the other hinges are exactly as they should be.
+        If those of a window are recorded, the errors of the other hinges are 0.
         """
         some = self[start:stop]
         found = np.full((len(some), len(chain.folded_rad)), np.nan)
@@ -169,21 +169,21 @@ class Windows:
         return found
 
     def passes_as(self, other: Windows) -> bool:
-        """Whether both pass exactly the same angles, whenever and wherever that is."""
+        """Return True if both pass exactly the same angles, at any times and poses."""
         return all(
             np.array_equal(getattr(self, name), getattr(other, name))
             for name in ("first", "offsets", "angles_rad")
         )
 
     def steps(self, chain: Chain, *, fraction: float = 0.0) -> tuple[Array, Ints]:
-        """What the hinges do from each snapshot to the next.
+        """Return the largest step, and the number of moving hinges, from snapshot to snapshot.
 
         Args:
             chain: The chain.
-            fraction: A hinge moves when its step is more than this share of the largest one.
+            fraction: Minimum step of a moving hinge as a fraction of the largest one.
 
         Returns:
-            (F − 1,) the largest step in radians and (F − 1,) how many hinges move.
+            (F − 1,) largest steps, rad, and (F − 1,) numbers of moving hinges.
         """
         from planner.kernels.windows import window_steps  # a compiler: only for who computes
 
@@ -201,7 +201,7 @@ class Windows:
         return largest, moving
 
     def dense(self, chain: Chain, start: int = 0, stop: int | None = None) -> Frames:
-        """The snapshots ``start`` to ``stop`` with all their angles and errors."""
+        """Return the snapshots ``start`` to ``stop`` with all their angles and errors."""
         part = slice(start, stop)
         angles = self.angles(chain, start, stop)
         poses = forward_kinematics(

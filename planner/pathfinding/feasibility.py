@@ -11,7 +11,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.path import FEWEST_CELLS
+from planner.chain.path import MIN_CELLS
 from planner.pathfinding import Cell
 from planner.pathfinding.blocks import halved
 from planner.pathfinding.exact import exact_path
@@ -236,7 +236,7 @@ def _largest_part(cells: Ints) -> Cells | None:
     """Return the largest part, None if it is too small for a chain."""
     _, labels = parts(cells)
     kept = cells[labels == np.argmax(np.bincount(labels))]
-    return _set(kept) if len(kept) >= FEWEST_CELLS else None
+    return _set(kept) if len(kept) >= MIN_CELLS else None
 
 
 def _bridged(cells: Ints) -> Cells | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.chain.honeycomb import RING, ring_of
+from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_of
 from planner.errors import InputError
 from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair
 from planner.pathfinding.filled import Filled
@@ -23,12 +23,12 @@ class Tetrahedra:
     def cells_for(self, options: PathOptions) -> int:
         """Return the number of cells for the voxelisation of a solid."""
         modules = DEFAULT_MODULES if options.modules is None else options.modules
-        return max(1, round(modules / RING))
+        return max(1, round(modules / TETRAHEDRA_PER_RING))
 
     def modules_of(self, shape: Shape, options: PathOptions) -> int:
         """Return the number of modules of given cells."""
         del options
-        return RING * len(shape)
+        return TETRAHEDRA_PER_RING * len(shape)
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
@@ -37,7 +37,7 @@ class Tetrahedra:
         del time_limit_s
         notes: tuple[str, ...] = ()
         if not of_solid:
-            notes = (f"Each cell became a ring of {RING} tetrahedra.",)
+            notes = (f"Each cell became a ring of {TETRAHEDRA_PER_RING} tetrahedra.",)
         state = _feasibility(shape)
         if state.repairs and options.repair:
             notes = (*notes, f"Repaired: {state.repairs[0].detail}")
@@ -72,7 +72,7 @@ class Tetrahedra:
             not_started=not_started,
             scale=2.0,
             shift=1.0,
-            modules_per_cell=RING,
+            modules_per_cell=TETRAHEDRA_PER_RING,
         )
 
     def check(self, shape: Shape, options: PathOptions) -> None:

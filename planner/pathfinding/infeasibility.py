@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.path import FEWEST_CELLS
+from planner.chain.path import MIN_CELLS
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import colours, neighbours, parts
 
@@ -48,12 +48,12 @@ def obstacles(cells: Ints) -> tuple[Problem, ...]:
 
 def _obstacles(cells: Ints) -> Iterator[Problem]:
     n = len(cells)
-    if n < FEWEST_CELLS:
+    if n < MIN_CELLS:
         yield Problem(
             code="too-few",
-            detail=f"got {n} cell{'s' * (n != 1)}, expected at least {FEWEST_CELLS}.",
+            detail=f"got {n} cell{'s' * (n != 1)}, expected at least {MIN_CELLS}.",
             cells=tuples(cells),
-            amount=FEWEST_CELLS - n,
+            amount=MIN_CELLS - n,
         )
         return
     count, labels = parts(cells)

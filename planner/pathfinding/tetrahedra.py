@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.honeycomb import RING, ring_pairs
+from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_pairs
 from planner.chain.trail import Trail
 from planner.errors import InputError
 from planner.pathfinding import Cell
@@ -96,7 +96,7 @@ def _cuts(nodes: Ints, pairs: Ints, free: NDArray[np.bool_], first: int | None, 
     """Return (k,) modules before which the circuit may be cut; free ones if there are any."""
     allowed = np.ones(len(nodes) - 1, dtype=bool)
     if first is not None:
-        own = pairs[RING * first : RING * (first + 1)].sum(axis=1)
+        own = pairs[TETRAHEDRA_PER_RING * first : TETRAHEDRA_PER_RING * (first + 1)].sum(axis=1)
         sums = nodes[:-1] + nodes[1:]
         allowed = (sums[:, None, :] == own[None]).all(axis=2).any(axis=1)
     if (allowed & free).any():

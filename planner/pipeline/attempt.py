@@ -32,7 +32,8 @@ class Trial:
         other_end: True if the path is taken from its other end.
         gentle: True for half the force.
         smooths: Index of the attempt whose verified plan is smoothed in place of
-            an explosion; the strategy then is one of ``planner.robot.WAYS``. None for an explosion.
+            an explosion; the strategy then is one of ``planner.robot.SMOOTHING_WAYS``. None for an
+            explosion.
     """
 
     candidate: int

@@ -19,7 +19,7 @@ from planner.pathfinding.duration import MAX_IMPROVING_S
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import LARGEST_SEED
-from planner.robot import SMOOTHED, SOFTENED, WAYS
+from planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
 SEEDS: Final = 3
 """Seeds with which one plan is smoothed."""
@@ -143,4 +143,4 @@ def expected_seconds_of(trial: Trial, modules: int) -> float:
     together = 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.1
     if trial.strategy == "blocks":  # two dozen at most: their cost grows with the chain alone
         return min(together, 2.0 + 0.06 * modules)
-    return together + 2.0 + 0.03 * modules if trial.strategy in WAYS else together
+    return together + 2.0 + 0.03 * modules if trial.strategy in SMOOTHING_WAYS else together

@@ -29,7 +29,7 @@ from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.unfolding import Unfolding
 from planner.progress import Cancelled, Report, never, silent
-from planner.robot import WAYS
+from planner.robot import SMOOTHING_WAYS
 
 _EXPLOSION: Final = PHASES.index("explosion")
 
@@ -176,7 +176,7 @@ class Search:
 
 def is_smoothing(record: Record | None) -> bool:
     """Return True for the record of a smoothed motion, in place of an explosion."""
-    return record is not None and record.strategy in WAYS
+    return record is not None and record.strategy in SMOOTHING_WAYS
 
 
 def share_bent(chain: Chain, last: Frames) -> float:

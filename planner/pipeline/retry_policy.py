@@ -18,7 +18,7 @@ from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import LARGEST_SEED, Request
-from planner.robot import MOST_ANGLES, WAYS
+from planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
 MAX_SEEDS: Final = 3
 """Maximum number of seeds of one fold. Larger values find more plans and fail later. Chosen."""
@@ -71,7 +71,7 @@ class RetryPolicy:
     def of(cls, request: Request, candidates: Candidates) -> RetryPolicy:
         """Return the policy of a fold."""
         if request.smooth:
-            return cls(strategies=(WAYS,), seed=request.seed, seeds=1)
+            return cls(strategies=(SMOOTHING_WAYS,), seed=request.seed, seeds=1)
         parameters, chains = request.parameters(), candidates.chains
         ours = isinstance(parameters.explosion, ExplosionParameters)
         improvements = None
@@ -85,7 +85,7 @@ class RetryPolicy:
                 modules=len(chains[0]),
                 most_frames=0
                 if request.refold
-                else MOST_ANGLES // (SMOOTHING_FRAMES_FACTOR * max(hinges, 1)),
+                else MAX_SMOOTHED_ANGLES // (SMOOTHING_FRAMES_FACTOR * max(hinges, 1)),
             )
         return cls(
             strategies=tuple(

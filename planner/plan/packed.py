@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from planner.certificate.metrics import Curves, Figures, write
 from planner.errors import InputError
 from planner.files import write_json, write_whole, zarr_group
-from planner.motion.angle_steps import STEP_RAD, byte_planes, whole_numbers, whole_steps
+from planner.motion.angle_steps import PLAN_STEP_RAD, byte_planes, whole_numbers, whole_steps
 from planner.motion.frames import Frames
 from planner.motion.record import save_npz
 from planner.motion.timeline import TimelineWriter, chain_from_attributes
@@ -136,10 +136,10 @@ class _Packer:
         steps = _steps(key, array)
         if reference is None or name == "reference_rad":
             order = ANGLE_ORDERS["reference_rad" if "start" in key else name]
-            self._code(key, steps, STEP_RAD, order, array.dtype)
+            self._code(key, steps, PLAN_STEP_RAD, order, array.dtype)
             return
         errors = steps - _steps(key, reference)
-        self._code(key, errors, STEP_RAD, 1, array.dtype)
+        self._code(key, errors, PLAN_STEP_RAD, 1, array.dtype)
         self.coded[key]["from"] = "playback.npz/reference_rad"
 
     def add_figures(self, figures: Figures) -> None:

@@ -22,8 +22,8 @@ from planner.errors import UNREADABLE, InputError, named
 from planner.explosion.diagnosis import stuck_of
 from planner.files import write_whole
 from planner.motion.angle_steps import (
-    MOST_PLAIN,
-    PLANES,
+    MAX_PLAIN_ANGLES,
+    PLANES_NAME,
     Planes,
     frame_angles,
     frame_planes,
@@ -39,7 +39,7 @@ from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.motion.windows import Windows
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
-from planner.playback.unfolding import ENDS_WITHIN_RAD, Unfolding
+from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
 
 Array = NDArray[np.float64]
 FORMAT: Final = "foldback-plan/3"
@@ -197,8 +197,8 @@ class Plan:
             and np.isfinite(angles).all()
             and np.isfinite(times).all()
             and (np.diff(times) >= 0.0).all()
-            and np.abs(angles[0]).max() <= ENDS_WITHIN_RAD
-            and np.abs(angles[-1] - self.chain.folded_rad).max() <= ENDS_WITHIN_RAD
+            and np.abs(angles[0]).max() <= MAX_ANGLE_DIFFERENCE_RAD
+            and np.abs(angles[-1] - self.chain.folded_rad).max() <= MAX_ANGLE_DIFFERENCE_RAD
         ):
             raise InputError(
                 "refold-not-folded",
@@ -291,7 +291,7 @@ class Plan:
             "max_error_rad": self.max_error_rad,
         }
         angles = next(name for name in names if name.endswith("angles_rad"))
-        if columns[angles].size <= MOST_PLAIN:
+        if columns[angles].size <= MAX_PLAIN_ANGLES:
             return columns, None
         if isinstance(motion, Windows):
             planes = window_planes(
@@ -333,7 +333,7 @@ class Plan:
             "plan": np.array(json.dumps(self.rest())),
             "joint_names": np.array(self.chain.joint_names),
             **columns,
-            **({} if planes is None else {PLANES: planes}),
+            **({} if planes is None else {PLANES_NAME: planes}),
         }
 
     def as_stored(self) -> Plan:
@@ -445,15 +445,16 @@ def _unpacked(values: dict[str, Any], kind: str, chain: Chain) -> dict[str, Any]
     """A plan's values, those of angles that are in planes as plain numbers."""
     told = values.get("angles") or {}
     name = next(name for name in _columns_of(kind) if name.endswith("angles_rad"))
-    forms = [name in values, "data" in told, PLANES in values]
+    forms = [name in values, "data" in told, PLANES_NAME in values]
     if sum(forms) != 1:
         raise ValueError(
-            f"got its angles {sum(forms)} times, expected {name}, {PLANES} or angles.data alone"
+            f"got its angles {sum(forms)} times, expected {name}, {PLANES_NAME} or angles.data "
+            "alone"
         )
     if "data" in told:
         planes = np.frombuffer(zlib.decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
-    elif PLANES in values:
-        planes = values[PLANES]
+    elif PLANES_NAME in values:
+        planes = values[PLANES_NAME]
     else:
         return values
     if kind == "frames":

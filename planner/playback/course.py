@@ -1,4 +1,4 @@
-"""Course: what a playback follows, and what chain it is that follows."""
+"""Course: the reference of a playback in its time, and the simulated chain that follows it."""
 
 from __future__ import annotations
 
@@ -34,25 +34,33 @@ from planner.playback.setpoints import (
     TimedSetpoints,
     timed_torques,
 )
-from planner.playback.time_law import TimeLaw, hinge_bounded_law, torque_bounded_law
+from planner.playback.time_law import (
+    MIN_PLAYBACK_STEPS,
+    TimeLaw,
+    hinge_bounded_law,
+    torque_bounded_law,
+)
 from planner.playback.unfolding import Unfolding
 from planner.simulation.model import Material
 from planner.simulation.robot import Robot, RobotBody
 from planner.simulation.tree import RateMotors, Servos, Tree
 
 Array = NDArray[np.float64]
-FEWEST_STEPS: Final = 100
-"""Steps of a playback, at least."""
-SPEED_STEPS: Final = 2
-"""Factor of the steps of a playback that is paced by its hinges: its ends go faster then."""
-MOST_FINER: Final = 4
-"""Factor of frames and steps up to which a plan is refined before it is played back."""
-LOST_RAD: Final = 0.5
-"""Joint error of a robot from which on it is lost: motors at their limit don't bring it back."""
-LAW_SAMPLES_A_RAD: Final = 180
-"""Samples of the time law for each radian of the reference's length …"""
-MOST_LAW_TORQUES: Final = 2**23
-"""… or fewer, so that hinges times samples are no more: a quarter of a gigabyte."""
+SPEED_PACED_STEPS_SCALE: Final = 2
+"""Factor of the steps of a playback that is paced by its hinges: its ends go faster then.
+Chosen."""
+MAX_REFINEMENT: Final = 4
+"""Maximum factor of frames and steps by which a plan is refined before it is played back, until its
+frames keep clear when joined by lines. Larger values cost time and memory. Chosen."""
+TRACKING_LOST_RAD: Final = 0.5
+"""Joint error, rad, beyond which a robot counts as lost: motors at their limit do not bring it
+back. Chosen."""
+LAW_SAMPLES_PER_RAD: Final = 180
+"""Samples of the time law per radian of the reference's length. Larger values follow torque peaks
+more closely. Chosen."""
+MAX_LAW_TORQUES: Final = 2**23
+"""Maximum number of torques of the time law, hinges times samples (memory: a quarter of a
+gigabyte). Chosen."""
 
 
 def _motors(p: PlaybackParameters) -> Servos | RateMotors | None:
@@ -71,13 +79,13 @@ def _controller(p: PlaybackParameters, motors: Servos | RateMotors | None) -> Co
 
 
 def _whole(record: Record) -> Frames:
-    """The frames of a record that is not of windows, which alone is simulated."""
+    """Return the frames of a record of all angles; only such a record is simulated here."""
     assert isinstance(record.frames, Frames)
     return record.frames
 
 
 class Course:
-    """What is followed, once for all robots."""
+    """Reference and time laws of a playback, computed once for all robots."""
 
     def __init__(
         self,
@@ -96,11 +104,11 @@ class Course:
         self.start_s = start_s
         self.unfolding = unfolding
         self.peak_torque = 0.0
-        """Largest torque that a robot without faults needs; 0 where none is worked out."""
+        """Largest torque that a robot without model errors needs; 0 if it is not computed."""
         self.parts = self._all_parts(record, unfolding)
         folds_robots = parameters.controller == "robot"
         self.robots = parameters.robot.runs if folds_robots else 1
-        self.lost_rad = LOST_RAD if folds_robots else np.inf
+        self.lost_rad = TRACKING_LOST_RAD if folds_robots else np.inf
         self._body: RobotBody | None = None
         if folds_robots:
             self._body = RobotBody(chain, geom_size=module_size, step_s=self.step_s)
@@ -115,11 +123,11 @@ class Course:
 
     @property
     def step_s(self) -> float:
-        """Time of a step: what is recorded in more frames is simulated in as many more."""
+        """Time step, s: a refined plan is simulated in as many more steps as it has frames."""
         return self.parameters.step_s / self.finer
 
     def plant(self, seed: list[int]) -> tuple[Plant, Callable[[Target], None]]:
-        """A chain to simulate, and what drives it towards a target in the coming step."""
+        """Return a chain to simulate, and a function that drives it towards a target."""
         p, step_s = self.parameters, self.step_s
         if self._body is not None:
             robot = Robot(self._body, p.robot, peak_torque=self.peak_torque, seed=seed)
@@ -133,7 +141,7 @@ class Course:
     def _all_parts(
         self, record: Record | None, unfolding: Unfolding | None
     ) -> list[tuple[Phase, Callable[[], Setpoints]]]:
-        """What is followed, in its order; each is made anew for each run."""
+        """Return the phases of the playback in order; their setpoints are made anew for a run."""
         p = self.parameters
         if p.controller == "direct":
             folded = self.chain.folded_rad
@@ -168,7 +176,7 @@ class Course:
     def _timed(
         self, phase: Phase, reference: Reference, law: TimeLaw
     ) -> tuple[Phase, Callable[[], Setpoints]]:
-        """A part that follows a curve in its time, with its torques where robots want them."""
+        """Return a phase that follows a curve in its time, with torques if robots follow it."""
         torques = None
         if self.parameters.controller == "robot":
             torques = timed_torques(reference, law, self.chain.module)
@@ -182,7 +190,7 @@ class Course:
         )
 
     def _reference(self, chain: Chain, snapshots: Array) -> Reference:
-        """A smooth curve through configurations from straight on."""
+        """Return a smooth curve through configurations from straight on."""
         p = self.parameters
         return clear_reference(
             chain,
@@ -193,13 +201,13 @@ class Course:
         )
 
     def _clear_laws(self, references: list[Reference]) -> list[TimeLaw]:
-        """How fast to run along the curves: in more steps where straight lines between them touch.
+        """Return the time laws along the curves, refined while lines between frames touch.
 
         A plan joins its frames by straight lines. So it is swept before it is played back.
         """
         while True:
             laws = [self._law(reference) for reference in references]
-            if self.finer >= MOST_FINER or all(
+            if self.finer >= MAX_REFINEMENT or all(
                 sweep(self.chain, one.spline(law.u), size=self.module_size, share=0.0).clearance
                 > 0.0
                 for one, law in zip(references, laws, strict=True)
@@ -209,17 +217,20 @@ class Course:
 
     def _law(self, reference: Reference) -> TimeLaw:
         p = self.parameters
-        steps = max(FEWEST_STEPS, int(self.finer * p.steps_per_rad * reference.length_rad))
+        steps = max(MIN_PLAYBACK_STEPS, int(self.finer * p.steps_per_rad * reference.length_rad))
         samples = max(
             100,
             min(
-                int(LAW_SAMPLES_A_RAD * reference.length_rad),
-                MOST_LAW_TORQUES // len(self.chain.folded_rad),
+                int(LAW_SAMPLES_PER_RAD * reference.length_rad),
+                MAX_LAW_TORQUES // len(self.chain.folded_rad),
             ),
         )
         if p.paced_by == "speed":
             return hinge_bounded_law(
-                reference, steps=SPEED_STEPS * steps, step_s=self.step_s, samples=samples
+                reference,
+                steps=SPEED_PACED_STEPS_SCALE * steps,
+                step_s=self.step_s,
+                samples=samples,
             )
         return torque_bounded_law(
             reference, self.chain.module, steps=steps, step_s=self.step_s, samples=samples

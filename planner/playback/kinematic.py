@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.chain.module import UNSMOOTHED_FROM_MODULES
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import PHASES, Frames, Phase
 from planner.motion.windows import Windows
@@ -19,9 +20,8 @@ from planner.playback.time_law import LAW_STEPS, hinge_bounded_times, smooth_law
 from planner.playback.unfolding import Unfolding
 
 Array = NDArray[np.float64]
-CHUNK: Final = 256
-RECORDED_FROM: Final = 1500
-"""Modules from which on a record is played back frame by frame: a spline would take gigabytes."""
+KINEMATIC_CHUNK_FRAMES: Final = 256
+"""Maximum number of frames that are computed at once (memory). Chosen."""
 
 
 def kinematic_frames(
@@ -34,18 +34,18 @@ def kinematic_frames(
     frame_rad: float,
     unfolding: Unfolding | None,
 ) -> Iterator[Frames]:
-    """The frames of a kinematic playback, some at a time; the centre of mass stays at rest.
+    """Yield the frames of a kinematic playback, in chunks; the centre of mass stays at rest.
 
     Args:
         chain: The chain.
-        recorded: The snapshots of the explosion to play in reverse.
-        parameters: Of the reference and its speed.
+        recorded: Snapshots of the explosion to play in reverse.
+        parameters: Parameters of the reference and its speed.
         module_size: Size of the modules as a fraction of the pitch.
-        start_s: Time of the first frame.
-        frame_rad: Turn of a hinge between two frames, about.
-        unfolding: How the chain becomes straight first; None when it is.
+        start_s: Time of the first frame, s.
+        frame_rad: Approximate turn of a hinge between two frames, rad.
+        unfolding: Motion by which the chain becomes straight first; None if it is straight.
     """
-    if len(chain) > RECORDED_FROM and unfolding is None:
+    if len(chain) > UNSMOOTHED_FROM_MODULES and unfolding is None:
         yield _as_recorded(recorded, parameters, start_s)
         return
     reference = clear_reference(
@@ -83,15 +83,15 @@ def kinematic_frames(
         times = start_s + unfolding.time_s[-1] - unfolding.time_s[::-1]
         yield at_rest("unfolding", times[:-1], snapped(unfolding.folding_rad[::-1][:-1]))
         start_s = float(times[-1])
-    for start in range(0, len(places), CHUNK):
-        part = slice(start, start + CHUNK)
+    for start in range(0, len(places), KINEMATIC_CHUNK_FRAMES):
+        part = slice(start, start + KINEMATIC_CHUNK_FRAMES)
         yield at_rest(
             "playback", start_s + playing_s[part], snapped(reference.spline(places[part]))
         )
 
 
 def _as_recorded(recorded: Frames, parameters: PlaybackParameters, start_s: float) -> Frames:
-    """The record itself in reverse: between two of its frames the hinges run evenly."""
+    """Return the record in reverse: between two of its frames the hinges run evenly."""
     angles = snapped(recorded.joint_angles_rad[::-1])
     steps_rad = np.abs(np.diff(angles, axis=0)).max(axis=1)
     seconds = parameters.step_s * parameters.steps_per_rad * float(steps_rad.sum())
@@ -107,16 +107,16 @@ def _as_recorded(recorded: Frames, parameters: PlaybackParameters, start_s: floa
 def windowed_frames(
     chain: Chain, record: Windows, parameters: PlaybackParameters, *, start_s: float
 ) -> Windows:
-    """The frames of a kinematic playback of windows: those of the record, in reverse.
+    """Return the frames of a kinematic playback of windows: those of the record, in reverse.
 
     Between two frames the hinges run evenly, all motion at the speed that a smooth reference would
     have on the same hinges; the folded end of the chain is held still.
 
     Args:
         chain: The chain.
-        record: What was recorded, from folded on.
-        parameters: Of the speed.
-        start_s: Time of the first frame.
+        record: Snapshots of the explosion, from folded on.
+        parameters: Parameters of the speed.
+        start_s: Time of the first frame, s.
     """
     reversed_record = record[::-1]
     largest, _ = reversed_record.steps(chain)
@@ -136,6 +136,6 @@ def windowed_frames(
 
 
 def root_folded(chain: Chain) -> tuple[Array, Array]:
-    """(3,) and (4,) the root's pose when folded."""
+    """Return the (3,) position and (4,) orientation of the root when folded."""
     folded = chain.folded_poses
     return folded.positions[chain.root], folded.wxyzs[chain.root]

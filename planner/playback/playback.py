@@ -27,15 +27,13 @@ from planner.playback.course import Course
 from planner.playback.kinematic import kinematic_frames, windowed_frames
 from planner.playback.run import PlaybackStatus, Run
 from planner.playback.unfolding import Unfolding
-from planner.playback.window_course import WindowCourse
+from planner.playback.window_course import FRAME_RAD, WindowCourse
 from planner.playback.window_run import WindowRun
 from planner.progress import Cancelled, Progress, Report, never, silent
 
 Array = NDArray[np.float64]
-FRAME_RAD: Final = 0.04
-"""Turn of a hinge between two frames of a kinematic playback, about."""
-SUNK_AT_ONCE: Final = 256
-"""Frames that a sink gets at once when several robots have folded."""
+SINK_CHUNK_FRAMES: Final = 256
+"""Number of frames that a sink receives at once after several robots have folded. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,28 +41,28 @@ class Playback:
     """The outcome of a playback: simulated, or the reference itself.
 
     Attributes:
-        status: ``folded`` when the chain got there, else what came of it.
-        reason: In plain words; empty when folded.
+        status: ``folded`` if the chain reached its shape, else the kind of failure.
+        reason: Reason in plain English; empty when folded.
         frames: Simulated configurations with their joint errors: from straight on or, of a
             refold, from where it begins on, over straight.
-        reference_rad: (F, J) what the hinges should have been at those frames; of windows (V,), as
-            their angles; None when the frames are that themselves.
-        steps: Simulation steps.
-        seconds: Wall time.
-        rms_position_error: Of the modules' centres at the end, in pitches, after alignment; None
-            when it was not simulated.
-        max_angle_error_rad: Largest joint error over all steps; None when it was not simulated.
-        peak_torque: Largest hinge torque looked at, in units of module mass · pitch² / s².
+        reference_rad: (F, J) planned hinge angles at those frames, rad; of windows (V,), as
+            their angles; None if the frames are the plan itself.
+        steps: Number of simulation steps.
+        seconds: Wall time, s.
+        rms_position_error: RMS error of the modules' centres at the end, pitches, after
+            alignment; None if it was not simulated.
+        max_angle_error_rad: Largest joint error over all steps; None if it was not simulated.
+        peak_torque: Largest computed hinge torque, in units of module mass · pitch² / s².
         rms_torque: Root mean square over time of the largest hinge torque.
         kind: ``dynamic`` when it was simulated; ``kinematic`` when the reference itself was taken,
             for chains too long for the single tree. Joint errors are then NaN, torques those of
             inverse dynamics at frames spread over the motion.
-        torque_frames: How many frames those are; None where torques are those of every step, or
-            where an earlier version did not tell.
-        robots: How many robots with faults folded it, of which this is the one that is off most;
-            None for an ideal one, and where nothing was simulated.
+        torque_frames: Number of those frames; None if torques are those of every step, or an
+            earlier version did not store it.
+        robots: Number of robots with model errors that folded it, of which this is the one with
+            the largest error; None for an ideal one, and if nothing was simulated.
         others_rad: (robots − 1, F, J) hinge angles of the others at the same frames, of windows
-            (robots − 1, V); None where there are none.
+            (robots − 1, V); None if there are none.
     """
 
     status: PlaybackStatus
@@ -84,12 +82,12 @@ class Playback:
 
     @property
     def simulated(self) -> bool:
-        """Whether a simulation made its frames."""
+        """True if a simulation made its frames."""
         return self.kind == "dynamic"
 
     @property
     def reference(self) -> Array | Windows:
-        """What the plan is: (F, J) hinge angles, or windows."""
+        """Motion of the plan: (F, J) hinge angles, or windows."""
         if isinstance(self.frames, Windows):
             if self.reference_rad is None:
                 return self.frames
@@ -99,11 +97,11 @@ class Playback:
         return np.asarray(self.reference_rad, dtype=np.float64)
 
     def summary(self) -> dict[str, Any]:
-        """The figures without the frames."""
+        """Return the figures without the frames."""
         return {name: getattr(self, name) for name in _SCALARS}
 
     def save(self, path: FilePath) -> None:
-        """Writes an ``.npz`` that is either whole or not there."""
+        """Write an ``.npz`` that is either complete or absent."""
         frames, reference = motion_arrays(self.frames), self.reference_rad
         if reference is None:
             packed = {}
@@ -125,7 +123,7 @@ class Playback:
 
     @classmethod
     def load(cls, path: FilePath) -> Playback:
-        """Reads what ``save`` wrote."""
+        """Read a file that ``save`` wrote."""
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
             reference = arrays.get("window_reference_rad")
@@ -141,7 +139,7 @@ class Playback:
 
 
 def _stored(value: Any) -> NDArray[Any]:
-    """A figure as an array; one that there is none of as NaN."""
+    """Return a figure as an array, NaN for None."""
     return np.array(np.nan if value is None else value)
 
 
@@ -178,24 +176,24 @@ def play_back(
     unfolding: Unfolding | None = None,
     seed: int = 0,
 ) -> Playback:
-    """Folds the straight chain in simulation: no gravity, the chain floats.
+    """Fold the straight chain in simulation: no gravity, the chain floats.
 
     A refold is one simulation: the chain begins folded otherwise, unfolds, and goes on from there.
-    Of several robots each folds it once; the playback is that of the one that is off most, and the
-    sink gets its frames when all have folded.
+    Each of several robots folds it once; the playback is that of the one with the largest error,
+    and the sink receives its frames when all have folded.
 
     Args:
         chain: The chain.
         record: The explosion to play in reverse; the ``direct`` controller needs none.
         parameters: Controller and reference.
         module_size: Size of the colliding modules as a fraction of the pitch.
-        sink: Gets the frames as they are made.
-        progress: Told how far it is, a few times a second.
-        cancelled: Asked now and then whether to stop.
-        start_s: Time of the first frame.
-        finer: How many times as many frames to keep.
-        unfolding: How the chain becomes straight first; None when it is.
-        seed: Decides which robots there are.
+        sink: Receives the frames as they are made.
+        progress: Receives the progress, a few times a second.
+        cancelled: Returns True to stop; called every few steps.
+        start_s: Time of the first frame, s.
+        finer: Factor of the number of frames to keep.
+        unfolding: Motion by which the chain becomes straight first; None if it is straight.
+        seed: Seed of the robots' model errors.
 
     Raises:
         InputError: An unknown controller, or a controller that needs a record without one.
@@ -222,8 +220,8 @@ def play_back(
     others = [one.frames.joint_angles_rad for one in runs if one is not run]
     frames = run.frames
     if course.robots > 1 and sink is not None:
-        for start in range(0, len(frames), SUNK_AT_ONCE):
-            sink(frames[start : start + SUNK_AT_ONCE])
+        for start in range(0, len(frames), SINK_CHUNK_FRAMES):
+            sink(frames[start : start + SINK_CHUNK_FRAMES])
     return Playback(
         status=run.status,
         reason=run.reason,
@@ -247,7 +245,7 @@ def _runs(
     progress: Report,
     cancelled: Cancelled,
 ) -> list[Run]:
-    """All robots of a course that have folded, or have failed to."""
+    """Simulate all robots of a course and return their runs."""
 
     def one(number: int, told: Report, stopped: Cancelled) -> Run:
         run = Run(course, [seed, number])
@@ -266,15 +264,15 @@ def _beside(
     progress: Report,
     cancelled: Cancelled,
 ) -> list[R]:
-    """What becomes of each robot; they fold beside each other.
+    """Fold with several robots in parallel and return their results.
 
-    What comes of one does not depend on the others. Most of a step is MuJoCo's, which lets other
+    The result of one does not depend on the others. Most of a step is MuJoCo's, which lets other
     threads run meanwhile.
 
     Args:
-        robots: How many.
-        fold: Folds one, with its number, whom to tell and whom to ask.
-        progress, cancelled: Those of all together.
+        robots: Number of robots.
+        fold: Folds with one robot, given its number and its own ``progress`` and ``cancelled``.
+        progress, cancelled: Callbacks for all together.
     """
     lock, stop = Lock(), Event()
     last: dict[int, Progress] = {}
@@ -309,12 +307,12 @@ def _beside(
 
 
 def simulates(chain: Chain, recorded: Motion, parameters: PlaybackParameters) -> bool:
-    """Whether the playback of a record is simulated; else it is kinematic.
+    """Return True if the playback of a record is simulated; else it is kinematic.
 
     Args:
         chain: The chain.
-        recorded: The explosion to play in reverse, or what came of it.
-        parameters: Of the playback. Of windows only robots are simulated.
+        recorded: The explosion to play in reverse, or its playback.
+        parameters: Parameters of the playback. With windows only robots are simulated.
     """
     able = isinstance(recorded, Frames) or parameters.controller == "robot"
     return able and len(chain) <= parameters.dynamic_up_to
@@ -328,7 +326,7 @@ def _simulated_windows(
     start_s: float,
     seed: int,
 ) -> Playback:
-    """A playback of windows by robots; the sink gets it at its end."""
+    """Play windows back by robots; the sink receives the frames at the end."""
     begun = time.perf_counter()
 
     def one(number: int, told: Report, stopped: Cancelled) -> WindowRun:
@@ -342,8 +340,8 @@ def _simulated_windows(
     frames = run.frames
     frames = replace(frames, time_s=start_s + frames.time_s)
     if sink is not None:
-        for start in range(0, len(frames), SUNK_AT_ONCE):
-            sink(frames[start : start + SUNK_AT_ONCE])
+        for start in range(0, len(frames), SINK_CHUNK_FRAMES):
+            sink(frames[start : start + SINK_CHUNK_FRAMES])
     others = [one.frames.angles_rad for one in runs if one is not run]
     return Playback(
         status=run.status,
@@ -372,7 +370,7 @@ def _followed(
     finer: int,
     unfolding: Unfolding | None,
 ) -> Playback:
-    """A kinematic playback."""
+    """Play a record back kinematically."""
     begun = time.perf_counter()
     kept: list[Frames] = []
     for frames in kinematic_frames(
@@ -398,7 +396,7 @@ def _reversed_windows(
     sink: Callable[[Motion], None] | None,
     start_s: float,
 ) -> Playback:
-    """A kinematic playback of windows."""
+    """Play windows back kinematically."""
     begun = time.perf_counter()
     windows = windowed_frames(chain, record, parameters, start_s=start_s)
     if sink is not None:

@@ -13,26 +13,34 @@ from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 
 Array = NDArray[np.float64]
-DEGREE: Final = 3
-CHUNK: Final = 64
-MOST_HALVINGS: Final = 5
-"""Times that control points are doubled where the curve comes too close: they are then nearer to
-each other than the snapshots of a record, and the curve is the record itself."""
-AROUND: Final = DEGREE
-"""Pieces on either side of a close one that are halved with it: a control point reaches so far."""
-ROOM: Final = 0.01
-"""Clearance in pitches to keep, or a quarter of the gap between two cells where that is less."""
-STOP_ROOM_RAD: Final = 1e-3
-"""Angle that a reference keeps from the end of a joint's range, for errors of its playback."""
-SAMPLE_RAD: Final = 0.04
-"""Turn of a hinge between two places that are checked for overlaps, on the way to the next too."""
-WHIP: Final = 8.0
-"""Length of a reference that counts as much as its hinges' turn."""
+SPLINE_DEGREE: Final = 3
+"""Degree of the B-spline: cubic, so that accelerations are continuous. Chosen."""
+REFERENCE_CHUNK_FRAMES: Final = 64
+"""Maximum number of frames that are computed at once (memory). Chosen."""
+MAX_PIECE_HALVINGS: Final = 5
+"""Maximum number of times that control points are doubled where the curve comes too close: they are
+then nearer to each other than the snapshots of a record, and the curve is the record itself.
+Chosen."""
+HALVED_NEIGHBOURS: Final = SPLINE_DEGREE
+"""Number of pieces on either side of a close one that are halved with it: the support of a control
+point."""
+REFERENCE_CLEARANCE_PITCH: Final = 0.01
+"""Minimum clearance of a reference, pitches, or a quarter of the gap between two cells if that is
+less: room for joint errors. Chosen."""
+JOINT_LIMIT_MARGIN_RAD: Final = 1e-3
+"""Angle that a reference keeps from the end of a joint's range, rad, for errors of its playback.
+Larger values cut the reference more. Chosen."""
+OVERLAP_CHECK_RAD: Final = 0.04
+"""Turn of a hinge between two samples that are checked for overlaps, rad; the motion between them
+is checked, too. Smaller values take more time. Chosen."""
+ARC_LENGTH_PER_TURN: Final = 8.0
+"""Arc length of a reference, rad, that counts as 1 rad of hinge turn in the spacing of samples.
+Smaller values sample a whipping chain more densely. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reference:
-    """A clamped cubic B-spline q(u), u from 0 (straight) to 1 (folded).
+    """Clamped cubic B-spline q(u), u from 0 (straight) to 1 (folded).
 
     Attributes:
         spline, first, second: q, dq/du, d²q/du².
@@ -48,31 +56,31 @@ class Reference:
     def through(
         cls, chain: Chain, angles: Array, *, spacing_rad: float, distance_weight: float
     ) -> Reference:
-        """The reference of a record, its control points evenly spaced.
+        """Build the reference of a record with evenly spaced control points.
 
         Args:
             chain: The chain.
             angles: (F, J) configurations in the order of the playback.
-            spacing_rad: Distance of the control points along the record.
-            distance_weight: Radians that one pitch of displacement counts as.
+            spacing_rad: Distance of the control points along the record, rad.
+            distance_weight: Arc length of one pitch of displacement, rad/pitch.
         """
         lengths = record_lengths(chain, angles, distance_weight)
         return cls.of_pieces(chain, angles, lengths, _even(float(lengths[-1]), spacing_rad))
 
     @classmethod
     def of_pieces(cls, chain: Chain, angles: Array, lengths: Array, breaks: Array) -> Reference:
-        """The reference whose polynomial pieces meet at given places.
+        """Build the reference whose polynomial pieces meet at given parameters.
 
         Args:
             chain: The chain.
             angles: (F, J) configurations in the order of the playback.
-            lengths: (F,) length of the record up to each.
-            breaks: (P + 1,) where pieces begin and end, rising from 0 to 1.
+            lengths: (F,) arc length of the record up to each, rad.
+            breaks: (P + 1,) ends of the pieces, rising from 0 to 1.
         """
         total = float(lengths[-1])
-        knots = np.concatenate([np.zeros(DEGREE), breaks, np.ones(DEGREE)])
+        knots = np.concatenate([np.zeros(SPLINE_DEGREE), breaks, np.ones(SPLINE_DEGREE)])
         # At the means of their knots, so that u runs evenly along the record at its ends too.
-        where = total * sliding_window_view(knots[1:-1], DEGREE).mean(axis=1)
+        where = total * sliding_window_view(knots[1:-1], SPLINE_DEGREE).mean(axis=1)
         right = np.clip(np.searchsorted(lengths, where), 1, len(lengths) - 1)
         span = lengths[right] - lengths[right - 1]
         part = np.where(span > 0, (where - lengths[right - 1]) / np.where(span > 0, span, 1), 1.0)
@@ -80,24 +88,27 @@ class Reference:
         controls[0], controls[-1] = angles[0], angles[-1]
         # The stops of a simulated joint give a little. A B-spline stays within its control points,
         # and what follows it within its joint errors.
-        limit = chain.module.angle_limit_rad - STOP_ROOM_RAD
+        limit = chain.module.angle_limit_rad - JOINT_LIMIT_MARGIN_RAD
         np.clip(controls, -limit, limit, out=controls)
         from scipy.interpolate import BSpline  # late: who reads a plan draws no curve
 
-        spline = BSpline(knots, controls, DEGREE)
+        spline = BSpline(knots, controls, SPLINE_DEGREE)
         first = spline.derivative()
         return cls(spline=spline, first=first, second=first.derivative(), length_rad=total)
 
     def places(self, turn_rad: float) -> Array:
-        """(S + 1,) places from 0 to 1, one after each turn of the fastest hinge by so much.
+        """Return (S + 1,) parameters from 0 to 1, ``turn_rad`` of the fastest hinge apart.
 
         A nearly straight chain whips: its ends go far while its hinges hardly turn. There the
-        length decides, ``WHIP`` times the turn.
+        arc length decides, ``ARC_LENGTH_PER_TURN`` times the turn.
         """
         even = np.linspace(0.0, 1.0, max(2, int(np.ceil(self.length_rad / turn_rad))) + 1)
         steps = self.steps_rad(even)
         gone = np.concatenate(
-            [[0.0], np.cumsum(np.maximum(steps, np.diff(even) * self.length_rad / WHIP))]
+            [
+                [0.0],
+                np.cumsum(np.maximum(steps, np.diff(even) * self.length_rad / ARC_LENGTH_PER_TURN)),
+            ]
         )
         count = max(2, int(np.ceil(gone[-1] / turn_rad)))
         places = np.interp(np.linspace(0.0, gone[-1], count + 1), gone, even)
@@ -105,11 +116,13 @@ class Reference:
         return places
 
     def steps_rad(self, places: Array) -> Array:
-        """(S,) the largest turn of a hinge between each two neighbours of S + 1 places."""
+        """Return the (S,) largest turn of a hinge between neighbours of S + 1 parameters, rad."""
         return np.concatenate(
             [
-                np.abs(np.diff(self.spline(places[k : k + CHUNK + 1]), axis=0)).max(axis=1)
-                for k in range(0, len(places) - 1, CHUNK)
+                np.abs(
+                    np.diff(self.spline(places[k : k + REFERENCE_CHUNK_FRAMES + 1]), axis=0)
+                ).max(axis=1)
+                for k in range(0, len(places) - 1, REFERENCE_CHUNK_FRAMES)
             ]
         )
 
@@ -117,25 +130,25 @@ class Reference:
 def clear_reference(
     chain: Chain, angles: Array, *, spacing_rad: float, distance_weight: float, size: float
 ) -> Reference:
-    """The reference of a record, with control points as dense as it takes to touch nothing.
+    """Return the reference of a record, with control points dense enough to keep clear.
 
-    A spline cuts corners between its control points. Where that brings modules too close, and there
-    alone, pieces are halved, some times at most; the certificate has the last word.
+    A spline cuts corners between its control points. Pieces that bring modules too close, and only
+    those, are halved, ``MAX_PIECE_HALVINGS`` times at most; the certificate has the last word.
 
     Args:
         chain: The chain.
         angles: (F, J) configurations in the order of the playback.
-        spacing_rad: Distance of the control points along the record, at first.
-        distance_weight: Radians that one pitch of displacement counts as.
+        spacing_rad: Distance of the control points along the record at first, rad.
+        distance_weight: Arc length of one pitch of displacement, rad/pitch.
         size: Module size as a fraction of the pitch.
     """
     # Some room is left for the playback's joint errors: a quarter of the gap between two cells.
-    room = min(ROOM, 0.25 * (1.0 - size))
+    room = min(REFERENCE_CLEARANCE_PITCH, 0.25 * (1.0 - size))
     lengths = record_lengths(chain, angles, distance_weight)
     breaks = _even(float(lengths[-1]), spacing_rad)
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MAX_PIECE_HALVINGS):
         reference = Reference.of_pieces(chain, angles, lengths, breaks)
-        places = reference.places(SAMPLE_RAD)
+        places = reference.places(OVERLAP_CHECK_RAD)
         close = _too_close(chain, reference.spline(places), size, room)
         if not close.any():
             return reference
@@ -144,13 +157,13 @@ def clear_reference(
 
 
 def _even(total_rad: float, spacing_rad: float) -> Array:
-    """Breaks of pieces for so many control points at that distance, about."""
-    count = max(DEGREE + 1, int(np.ceil(total_rad / spacing_rad)) + 1)
-    return np.linspace(0.0, 1.0, count - DEGREE + 1)
+    """Return even breaks of pieces for control points about ``spacing_rad`` apart."""
+    count = max(SPLINE_DEGREE + 1, int(np.ceil(total_rad / spacing_rad)) + 1)
+    return np.linspace(0.0, 1.0, count - SPLINE_DEGREE + 1)
 
 
 def _too_close(chain: Chain, samples: Array, size: float, room: float) -> NDArray[np.bool_]:
-    """(S,) whether modules come nearer than ``room`` at a sample, or on the way to a next one."""
+    """Return (S,) True if modules are nearer than ``room`` at a sample, or beside it."""
     swept = sweep(chain, samples, size=size, share=0.0)
     close = swept.per_frame <= room
     if swept.clearance <= room:
@@ -159,24 +172,24 @@ def _too_close(chain: Chain, samples: Array, size: float, room: float) -> NDArra
 
 
 def _halved(breaks: Array, places: Array) -> Array:
-    """Breaks with a new one in the middle of each piece at or beside these places."""
+    """Return breaks with a new one in the middle of each piece at or beside ``places``."""
     pieces = len(breaks) - 1
     at = np.clip(np.searchsorted(breaks, places, "right") - 1, 0, pieces - 1)
-    near = np.unique((at[:, None] + np.arange(-AROUND, AROUND + 1)).ravel())
+    near = np.unique((at[:, None] + np.arange(-HALVED_NEIGHBOURS, HALVED_NEIGHBOURS + 1)).ravel())
     near = near[(near >= 0) & (near < pieces)]
     return np.sort(np.concatenate([breaks, 0.5 * (breaks[near] + breaks[near + 1])]))
 
 
 def record_lengths(chain: Chain, angles: Array, distance_weight: float) -> Array:
-    """(F,) length of a record up to each configuration, in radians.
+    """Return the (F,) arc length of a record up to each configuration, rad.
 
     A step counts as its largest hinge motion, or as its largest displacement of a module (centre of
     mass fixed) times the weight, whichever is more: a nearly straight chain whips.
     """
     steps = np.zeros(len(angles))
     origin, upright = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    for start in range(0, len(angles) - 1, CHUNK):
-        part = angles[start : start + CHUNK + 1]
+    for start in range(0, len(angles) - 1, REFERENCE_CHUNK_FRAMES):
+        part = angles[start : start + REFERENCE_CHUNK_FRAMES + 1]
         centres = chain.poses(part, origin, upright).positions
         centres = centres - centres.mean(axis=1, keepdims=True)
         moved = np.sqrt((np.diff(centres, axis=0) ** 2).sum(axis=2).max(axis=1))

@@ -15,27 +15,29 @@ from planner.errors import SimulationError
 from planner.motion.frames import Frames, Phase
 from planner.playback.course import Course
 from planner.playback.setpoints import Setpoints, Target
-from planner.progress import Cancelled, Progress, Report
+from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 
 Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
-STEP_RAD: Final = 0.01
-"""Turn of a hinge, or of its target, since the last frame, from which on a frame is recorded: in
-nearly every step in which the chain moves, since the plan is swept at those before."""
-FRAME_DISTANCE: Final = 0.2
-"""Way of a module among the others since then, in pitches, from which on one is recorded, too."""
-FRAME_STEPS: Final = 12
-"""Steps between two frames, at most."""
-ARRIVED_WITHIN: Final = 0.1
-"""RMS position error in pitches up to which a playback has not missed its target."""
-REPORT_EVERY_S: Final = 0.1
-CHECK_EVERY: Final = 25
-"""Steps between two looks whether somebody wants it to stop."""
+FRAME_TURN_RAD: Final = 0.01
+"""Turn of a hinge, or of its target, since the last frame, rad, at which a frame is recorded:
+nearly every step in which the chain moves, as the certificate proves the motion between frames.
+Larger values record fewer frames. Chosen."""
+FRAME_MOVE_PITCH: Final = 0.2
+"""Distance of a module relative to the others since the last frame, pitches, at which a frame is
+recorded, too. Chosen."""
+MAX_FRAME_STEPS: Final = 12
+"""Maximum number of steps between two frames. Chosen."""
+GOAL_TOLERANCE_PITCH: Final = 0.1
+"""Maximum RMS position error of a playback that reaches its goal, pitches. Larger values accept
+worse ends. Chosen."""
+CANCEL_CHECK_STEPS: Final = 25
+"""Steps between two calls of ``cancelled``, and checks for a due report. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
-    """What a frame was kept of."""
+    """State of the last kept frame."""
 
     step: int
     target: Target
@@ -44,11 +46,11 @@ class _Kept:
 
 
 class Run:
-    """One robot, or the ideal chain, that folds.
+    """Simulation of one robot, or of the ideal chain, that folds.
 
     Args:
-        course: What it follows.
-        seed: Which robot it is.
+        course: Reference and time laws.
+        seed: Seed of the robot's model errors.
     """
 
     def __init__(self, course: Course, seed: list[int]) -> None:
@@ -68,23 +70,23 @@ class Run:
             "robot",
             "computed-torque",
         )
-        """Whether what integration adds to the momentum is taken away: large steps add some."""
+        """True if momentum that integration adds is removed: large steps add some."""
         self._last: _Kept | None = None
         self.status: PlaybackStatus = "cancelled"
         self.reason = ""
 
     @property
     def frames(self) -> Frames:
-        """Those that were kept."""
+        """Recorded frames."""
         return Frames.joined(self.kept)
 
     def simulate(
         self, sink: Callable[[Frames], None] | None, progress: Report, cancelled: Cancelled
     ) -> None:
-        """Folds; ``status`` and ``reason`` say what came of it."""
+        """Fold; set ``status`` and ``reason`` to the result."""
         self.status, self.reason = self._simulated(sink, progress, cancelled)
         error = self.final_error()
-        if self.status == "folded" and error > ARRIVED_WITHIN:
+        if self.status == "folded" and error > GOAL_TOLERANCE_PITCH:
             self.status = "missed"
             self.reason = (
                 f"the chain ended {error:.2g} pitches (RMS) from its target; "
@@ -132,11 +134,11 @@ class Run:
                 self.peak_torque = max(self.peak_torque, torque)
                 self.square_torque += torque * torque
                 self.steps += 1
-                if self.steps % CHECK_EVERY == 0:
+                if self.steps % CANCEL_CHECK_STEPS == 0:
                     if cancelled():
                         return "cancelled", "the playback was cancelled."
                     now = time.perf_counter()
-                    if now - reported >= REPORT_EVERY_S:
+                    if now - reported >= PROGRESS_PERIOD_S:
                         rate = (self.steps - reported_steps) / (now - reported)
                         progress(
                             Progress(
@@ -159,12 +161,12 @@ class Run:
         )
 
     def _is_due(self, angles: Array, target: Target) -> bool:
-        """Whether a frame is to be kept: the target has gone far enough, or the chain has.
+        """Return True if a frame is due: the target has moved far enough, or the chain has.
 
-        Of several robots the target alone decides: they are kept at the same steps.
+        With several robots the target alone decides: all keep frames at the same steps.
         """
-        last, turn, way = self._last, STEP_RAD / self.finer, FRAME_DISTANCE / self.finer
-        if last is None or self.steps - last.step >= FRAME_STEPS:
+        last, turn, way = self._last, FRAME_TURN_RAD / self.finer, FRAME_MOVE_PITCH / self.finer
+        if last is None or self.steps - last.step >= MAX_FRAME_STEPS:
             return True
         if np.abs(target.angles - last.target.angles).max() >= turn:
             return True
@@ -177,7 +179,7 @@ class Run:
         )
 
     def _lost(self, angles: Array, target: Target) -> str:
-        """Which hinge a robot has lost."""
+        """Describe which hinge a robot has lost."""
         worst = int(np.abs(target.angles - angles).argmax())
         return (
             f"a robot lost its target: {self.chain.joint_names[worst]} is off by "
@@ -207,7 +209,7 @@ class Run:
             sink(frame)
 
     def final_error(self) -> float:
-        """RMS distance of the modules from the folded shape in pitches, after alignment."""
+        """Return the RMS distance of the modules from the folded shape, pitches, aligned."""
         # A simulation that broke off leaves no numbers; its last sound frame counts.
         angles = self.plant.angles
         if not np.isfinite(angles).all():
@@ -217,5 +219,5 @@ class Run:
         return float(np.sqrt((distances**2).mean()))
 
     def bent_wrong(self) -> int:
-        """Hinges more than 0.1 rad from where they should end."""
+        """Return the number of hinges more than 0.1 rad from their folded angle."""
         return int((np.abs(self.plant.angles - self.chain.folded_rad) > 0.1).sum())

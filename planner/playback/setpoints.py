@@ -1,4 +1,4 @@
-"""Guides: what a playback aims at, step by step."""
+"""Setpoints: the targets of a playback, step by step."""
 
 from __future__ import annotations
 
@@ -15,26 +15,28 @@ from planner.playback.reference import Reference
 from planner.playback.time_law import TimeLaw, smooth_law
 
 Array = NDArray[np.float64]
-CHUNK: Final = 256
+SETPOINT_CHUNK_STEPS: Final = 256
+"""Maximum number of steps whose targets are computed at once (memory). Chosen."""
 SETTLE_STEPS: Final = 15
-"""Steps that the last target is held for at the end."""
-AT_REST_RATE: Final = 1e-4
-"""Hinge speed in rad/s below which the chain is at rest."""
-STILL_STEPS: Final = 500
-"""Steps at rest after which the playback ends."""
-STUCK_STEPS: Final = 3000
-"""Steps beyond its own that a snapshot stays the target before the playback counts as stuck."""
+"""Number of steps for which the last target is held at the end. Chosen."""
+AT_REST_RATE_RAD_S: Final = 1e-4
+"""Maximum hinge speed of a chain at rest, rad/s. Chosen."""
+REST_STEPS: Final = 500
+"""Number of steps at rest after which the playback ends. Chosen."""
+STALL_STEPS: Final = 3000
+"""Number of steps beyond ``least_steps`` for which a snapshot stays the target before the playback
+counts as stalled. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Target:
-    """Where the hinges should be in this step, how fast, and how that changes.
+    """Target of the hinges in one step.
 
     Attributes:
-        angles, rates, accelerations: (J,).
-        fraction: How far the playback is, 0 to 1.
-        gone_rad: Length of the reference up to there, see ``record_lengths``; 0 without one.
-        torques: (J,) that a robot without faults needs for it; None where nobody asks for them.
+        angles, rates, accelerations: (J,) angles, rad, and their derivatives, rad/s and rad/s².
+        fraction: Progress of the playback, 0 to 1.
+        gone_rad: Arc length of the reference up to there, rad, see ``record_lengths``; 0 without.
+        torques: (J,) torques that a robot without model errors needs; None if not computed.
     """
 
     angles: Array
@@ -46,47 +48,47 @@ class Target:
 
 
 class Setpoints(Protocol):
-    """Gives the target of each step; None ends the playback."""
+    """Source of the target of each step; None ends the playback."""
 
     def target(self, angles: Array, rates: Array) -> Target | None:
-        """The target for a chain with these (J,) angles and rates, called once a step."""
+        """Return the target for a chain with these (J,) angles and rates, once a step."""
         ...
 
 
 class TimedSetpoints:
-    """Runs along a reference by a time law, either way, then holds its end for a moment.
+    """Targets along a reference by a time law, either way; its end is held for a moment.
 
     Args:
         reference: The curve.
-        law: S steps along it.
-        torques: (S + 1, J) to pass on, from ``timed_torques``; None for none.
+        law: Time law of S steps along it.
+        torques: (S + 1, J) torques of the targets, from ``timed_torques``; None for none.
     """
 
     def __init__(self, reference: Reference, law: TimeLaw, torques: Array | None = None) -> None:
         self._targets = _timed_targets(reference, law, torques)
 
     def target(self, angles: Array, rates: Array) -> Target | None:
-        """See ``Setpoints``."""
+        """Return the target, see ``Setpoints``."""
         del angles, rates
         return next(self._targets, None)
 
 
 def timed_torques(reference: Reference, law: TimeLaw, module: Module) -> Array:
-    """(S + 1, J) torques at the steps of a law, of a chain that floats freely, without faults."""
+    """Return (S + 1, J) torques at the steps of a law, of a floating chain without model errors."""
     return np.concatenate(
         [floating_torques(module, *motion) for motion in _timed_motion(reference, law)]
     )
 
 
 def _timed_motion(reference: Reference, law: TimeLaw) -> Iterator[tuple[Array, Array, Array]]:
-    """Angles, rates and accelerations that a chain can follow to the last digit, some at a time.
+    """Yield angles, rates and accelerations that a chain can follow to the last digit, in chunks.
 
-    Semi-implicit Euler goes from q to q + h (q̇ + h q̈). So q̇ is the way of the last step, and q̈
-    what makes the next one another: finite differences of the angles, not derivatives.
+    Semi-implicit Euler goes from q to q + h (q̇ + h q̈). So q̇ is the last step divided by h, and q̈
+    the change of q̇ divided by h: finite differences of the angles, not derivatives.
     """
     step_s, steps = law.step_s, len(law)
-    for start in range(0, steps + 1, CHUNK):
-        stop = min(start + CHUNK, steps + 1)
+    for start in range(0, steps + 1, SETPOINT_CHUNK_STEPS):
+        stop = min(start + SETPOINT_CHUNK_STEPS, steps + 1)
         # The law rests before its first step and after its last one.
         u = np.clip(law.u[np.clip(np.arange(start - 1, stop + 1), 0, steps)], 0.0, 1.0)
         angles = reference.spline(u)
@@ -117,32 +119,32 @@ class Snapshots(Protocol):
     """Hinge angles, (J,) each, in the order in which they are the target."""
 
     def __len__(self) -> int:
-        """How many."""
+        """Return the number of snapshots."""
         ...
 
     def __getitem__(self, index: int, /) -> Array:
-        """One of them."""
+        """Return the (J,) angles of one snapshot."""
         ...
 
 
 class Backwards:
-    """A motion from its end to its beginning, with a snapshot for each step of its time.
+    """Reversed motion, with a snapshot for each step of its time.
 
     Args:
-        time_s: (F,) times, from 0 on.
-        angles_rad: (F, J) angles at these, joined by straight lines.
-        step_s: Time of a step.
+        time_s: (F,) times, from 0 on, s.
+        angles_rad: (F, J) angles at these, joined by straight lines, rad.
+        step_s: Time step, s.
     """
 
     def __init__(self, time_s: Array, angles_rad: Array, step_s: float) -> None:
         self._time_s, self._angles, self._step_s = time_s, angles_rad, step_s
 
     def __len__(self) -> int:
-        """Snapshots; the last one is the beginning itself."""
+        """Return the number of snapshots; the last one is the beginning itself."""
         return int(np.ceil(self._time_s[-1] / self._step_s)) + 1
 
     def __getitem__(self, index: int, /) -> Array:
-        """The (J,) angles ``index`` steps before the end."""
+        """Return the (J,) angles ``index`` steps before the end."""
         time_s = max(0.0, float(self._time_s[-1]) - index * self._step_s)
         k = int(np.searchsorted(self._time_s, time_s, "right")) - 1
         if k + 1 == len(self._angles):
@@ -152,13 +154,13 @@ class Backwards:
 
 
 class SnapshotSetpoints:
-    """The paper's rule: each snapshot is the target until the chain is near enough to it.
+    """Targets by the paper's rule: each snapshot is the target until the chain is near it.
 
     Args:
-        snapshots: What to follow.
-        threshold_rad2: A snapshot is left when the largest squared error against it is below this.
-        least_steps: … and after so many steps at least. With 0 the threshold alone decides, and
-            snapshots that the chain is near to already are passed over.
+        snapshots: Snapshots to follow.
+        threshold_rad2: Largest squared error, rad², below which the next snapshot is the target.
+        least_steps: Minimum number of steps for each snapshot. With 0 the threshold alone decides,
+            and snapshots that the chain is near to already are skipped.
     """
 
     def __init__(self, snapshots: Snapshots, *, threshold_rad2: float, least_steps: int) -> None:
@@ -170,20 +172,20 @@ class SnapshotSetpoints:
         self._ending = _Ending()
 
     def target(self, angles: Array, rates: Array) -> Target | None:
-        """See ``Setpoints``."""
+        """Return the target, see ``Setpoints``."""
         last = len(self._snapshots) - 1
         while self._next < last and self._steps >= self._least() and self._near(angles):
             self._next += 1
             self._steps = 0
         if self._next == last and self._ending.over(rates):
             return None
-        if self._steps >= self._least_steps + STUCK_STEPS:
+        if self._steps >= self._least_steps + STALL_STEPS:
             return None  # what is tangled stays so
         self._steps += 1
         return _still(self._snapshots[self._next], self._next / max(1, last))
 
     def _least(self) -> int:
-        """Steps for this snapshot; the first one begins the motion, and is never passed over."""
+        """Return the minimum steps of this snapshot; the first one is never skipped."""
         return max(self._least_steps, int(self._next == 0))
 
     def _near(self, angles: Array) -> bool:
@@ -191,7 +193,7 @@ class SnapshotSetpoints:
 
 
 class DirectSetpoints:
-    """From straight to folded in a line, all hinges at once, then waits for rest: the baseline."""
+    """Targets from straight to folded in a line, all hinges at once, until rest: the baseline."""
 
     def __init__(self, folded: Array, steps: int, step_s: float) -> None:
         self._folded = folded
@@ -200,7 +202,7 @@ class DirectSetpoints:
         self._ending = _Ending()
 
     def target(self, angles: Array, rates: Array) -> Target | None:
-        """See ``Setpoints``."""
+        """Return the target, see ``Setpoints``."""
         k = self._step
         if k >= len(self._law):
             return None if self._ending.over(rates) else _still(self._folded, 1.0)
@@ -215,14 +217,14 @@ class DirectSetpoints:
 
 
 class _Ending:
-    """Notices that a chain has come to rest for good."""
+    """Detector of a chain at rest."""
 
     def __init__(self) -> None:
         self._still = 0
 
     def over(self, rates: Array) -> bool:
-        self._still = self._still + 1 if np.abs(rates).max() < AT_REST_RATE else 0
-        return self._still >= STILL_STEPS
+        self._still = self._still + 1 if np.abs(rates).max() < AT_REST_RATE_RAD_S else 0
+        return self._still >= REST_STEPS
 
 
 def _still(angles: Array, fraction: float) -> Target:

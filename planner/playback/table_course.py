@@ -1,4 +1,4 @@
-"""Table course: what a chain that is folded on a table follows, and how fast.
+"""Table course: reference and speed of a chain that is folded on a table.
 
 The record of an explosion in reverse, drawn as a smooth curve. The speed along it is the largest
 that keeps the torques of speeding up and slowing down within a share of the motors' limit, which
@@ -16,17 +16,22 @@ from planner.chain.chain import Chain
 from planner.motion.windows import Windows
 from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.table_curve import TableCurve
-from planner.playback.time_law import bounded_profile, duration, law_from_profile
+from planner.playback.time_law import (
+    MIN_PLAYBACK_STEPS,
+    bounded_profile,
+    duration,
+    law_from_profile,
+)
 from planner.simulation.table_body import TableBody
 
 Array = NDArray[np.float64]
-FEWEST_STEPS: Final = 100
-"""Steps of a course, at least."""
-SAMPLES_A_RAD: Final = 300
-"""Samples of the time law for each radian of the curve's length …"""
-MOST_SAMPLES: Final = 2**16
-"""… or fewer."""
-FEWEST_SAMPLES: Final = 128
+TABLE_SAMPLES_PER_RAD: Final = 300
+"""Samples of the time law per radian of the curve's length. Larger values follow torque peaks more
+closely. Chosen."""
+MAX_TABLE_SAMPLES: Final = 2**16
+"""Maximum number of samples of the time law of one curve (memory). Chosen."""
+MIN_TABLE_SAMPLES: Final = 128
+"""Minimum number of samples of the time law of one curve. Chosen."""
 
 
 class TableCourse:
@@ -34,10 +39,10 @@ class TableCourse:
 
     Args:
         chain: The chain.
-        record: Of its explosion on the table, from folded on.
-        parameters: Of the playback.
-        body: For the torques that speeding up takes; it is moved about.
-        torque_limit: Of the motors, in w·p.
+        record: Windows of its explosion on the table, from folded on.
+        parameters: Parameters of the playback.
+        body: Body that computes torques of inertia; its pose changes.
+        torque_limit: Torque limit of the motors, w·p.
     """
 
     def __init__(
@@ -53,24 +58,24 @@ class TableCourse:
         self.curve = TableCurve(chain, record[::-1], parameters.spacing_rad)
         self._all = slice(0, len(chain.folded_rad))
         share, profile = self._profile(body, parameters.inertial_share * torque_limit)
-        steps = max(FEWEST_STEPS, int(np.ceil(duration(share, profile) / parameters.step)))
+        steps = max(MIN_PLAYBACK_STEPS, int(np.ceil(duration(share, profile) / parameters.step)))
         law = law_from_profile(share, profile, steps, parameters.step)
         self._u = self.curve.end * law.u
         gone = np.floor(law.u * self.curve.length_rad / parameters.frame_rad)
         self.is_kept = np.concatenate([[True], np.diff(gone) > 0.0])
-        """(S + 1,) whether a frame is kept at a step."""
+        """(S + 1,) True if a frame is kept at a step."""
         self.is_kept[-1] = True
 
     def __len__(self) -> int:
-        """Number of steps S."""
+        """Return the number of steps S."""
         return len(self._u) - 1
 
     def angles(self, start: int, stop: int) -> Array:
-        """(stop − start, J) the hinge angles of some of the S + 1 places."""
+        """Return the (stop − start, J) hinge angles of some of the S + 1 samples, rad."""
         return self.curve.at(self._u[start:stop], self._all)
 
     def torques(self, body: TableBody, start: int, stop: int) -> Array:
-        """(stop − start, J) torques that speed the chain up in some of the S steps."""
+        """Return the (stop − start, J) torques of inertia in some of the S steps."""
         steps = np.clip(np.arange(start - 1, stop + 1), 0, len(self))
         angles = self.curve.at(self._u[steps], self._all)
         rates = np.diff(angles, axis=0) / self.parameters.step
@@ -83,8 +88,12 @@ class TableCourse:
         )
 
     def _profile(self, body: TableBody, budget: float) -> tuple[Array, Array]:
-        """(U,) places from 0 to 1 and (U,) the square of the speed there."""
-        count = int(np.clip(SAMPLES_A_RAD * self.curve.length_rad, FEWEST_SAMPLES, MOST_SAMPLES))
+        """Return (U,) parameters from 0 to 1 and the (U,) square of the speed there."""
+        count = int(
+            np.clip(
+                TABLE_SAMPLES_PER_RAD * self.curve.length_rad, MIN_TABLE_SAMPLES, MAX_TABLE_SAMPLES
+            )
+        )
         share = np.linspace(0.0, 1.0, count)
         end = self.curve.end
         angles, first, second = (

@@ -22,27 +22,30 @@ from planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, low
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-LIFTED_TO: Final = 0.5
-"""Share of that to which those are lifted that lie deeper."""
-OFF: Final = 0.005
-"""Pitches by which modules that stand in the record may be off their height there."""
-ROUNDS: Final = 8
-"""Times that control points are moved, at most."""
-SHORT: Final = 0.03
-"""Pitches: modules that a turn of the window's hinges moves by less for each radian stay."""
-MOST_RAD: Final = 0.01
-"""Turn of a hinge in a round, at most."""
-CHUNK: Final = 256
-"""Places that are looked at together."""
+LIFTED_DEPTH_SHARE: Final = 0.5
+"""Depth, as a fraction of ``SUNK``, to which modules that lie deeper in the table are lifted.
+Chosen."""
+MAX_HEIGHT_ERROR_PITCH: Final = 0.005
+"""Maximum height error of modules that stand in the record, pitches. Smaller values correct more
+control points. Chosen."""
+CURVE_CORRECTIONS: Final = 8
+"""Maximum number of corrections of the control points. Larger values take more time. Chosen."""
+MIN_LEVER_PITCH: Final = 0.03
+"""Regularisation of the least-squares correction, pitch/rad: modules that the window's hinges move
+less than this per radian stay. Chosen."""
+MAX_CORRECTION_RAD: Final = 0.01
+"""Maximum turn of a hinge in one correction, rad. Chosen."""
+CURVE_CHUNK_POINTS: Final = 256
+"""Maximum number of control points that are computed at once (memory). Chosen."""
 
 
 class TableCurve(WindowCurve):
-    """A uniform cubic B-spline through windows, kept on the table.
+    """Uniform cubic B-spline through windows, kept on the table.
 
     Args:
         chain: The chain; folded, it stands on the table with its lowest modules, z up.
-        windows: Snapshots in the order of the playback, the first module where it is when folded.
-        spacing_rad: Turn of the fastest hinge from one control point to the next.
+        windows: Snapshots in the order of the playback, the first module at its folded pose.
+        spacing_rad: Turn of the fastest hinge from one control point to the next, rad.
     """
 
     def __init__(self, chain: Chain, windows: Windows, spacing_rad: float) -> None:
@@ -54,46 +57,50 @@ class TableCurve(WindowCurve):
         self._before = np.repeat(np.arange(chain.joint_count) + chain.module.rigid_links, hinges)
         self._recorded = self._recorded_heights()
         wrong = np.arange(2, len(self._points) - 2)
-        for _ in range(ROUNDS):
+        for _ in range(CURVE_CORRECTIONS):
             wrong = self._put_back(wrong)
 
     def _point(self, k: int, hinges: slice) -> Array:
         return self._points[k, hinges]
 
     def _recorded_heights(self) -> Array:
-        """(P, n) how high modules are in the record at the control points; NaN: not standing."""
+        """Return (P, n) heights of modules of the record at control points; NaN: not standing."""
         found = np.full((len(self._points), len(self.chain)), np.nan)
-        for start in range(0, len(found), CHUNK):
-            after = self._after[start : start + CHUNK]
-            part = self._part[start : start + CHUNK, None]
+        for start in range(0, len(found), CURVE_CHUNK_POINTS):
+            after = self._after[start : start + CURVE_CHUNK_POINTS]
+            part = self._part[start : start + CURVE_CHUNK_POINTS, None]
             before, there = (
                 self._heights(np.stack([self._angles(int(k), self._every) for k in frames]))
                 for frames in (after - 1, after)
             )
             between = np.maximum(
-                before + part * (there - before), -LIFTED_TO * MAX_TABLE_PENETRATION_PITCH
+                before + part * (there - before), -LIFTED_DEPTH_SHARE * MAX_TABLE_PENETRATION_PITCH
             )
-            found[start : start + CHUNK] = np.where(between <= FLOOR_GAP, between, np.nan)
+            found[start : start + CURVE_CHUNK_POINTS] = np.where(
+                between <= FLOOR_GAP, between, np.nan
+            )
         return found
 
     def _heights(self, angles: Array) -> Array:
-        """(F, n) how high the lowest corner of each module is."""
+        """Return the (F, n) height of the lowest corner of each module, pitches."""
         poses = self._poses(angles)
         return lowest_corners(self.chain.module, poses.positions, poses.rotations)
 
     def _put_back(self, points: Ints) -> Ints:
-        """Moves control points where the curve is off; which may be off now."""
+        """Move control points with height errors; return those that may have errors now."""
         turns: dict[int, Array] = {}
-        for start in range(0, len(points), CHUNK):
-            part = points[start : start + CHUNK]
+        for start in range(0, len(points), CURVE_CHUNK_POINTS):
+            part = points[start : start + CURVE_CHUNK_POINTS]
             angles = self.at(part.astype(np.float64) - 1.0, self._every)
             poses = self._poses(angles)
             heights = lowest_corners(self.chain.module, poses.positions, poses.rotations)
             off = self._recorded[part] - heights
             deep = heights < -MAX_TABLE_PENETRATION_PITCH
-            wrong = deep | (np.abs(off) > OFF)
+            wrong = deep | (np.abs(off) > MAX_HEIGHT_ERROR_PITCH)
             wanted = np.where(
-                deep & np.isnan(off), -LIFTED_TO * MAX_TABLE_PENETRATION_PITCH - heights, off
+                deep & np.isnan(off),
+                -LIFTED_DEPTH_SHARE * MAX_TABLE_PENETRATION_PITCH - heights,
+                off,
             )
             for i in np.flatnonzero(wrong.any(axis=1)):
                 here = Poses(positions=poses.positions[i], rotations=poses.rotations[i])
@@ -104,7 +111,7 @@ class TableCurve(WindowCurve):
         return around[(around >= 2) & (around < len(self._points) - 2)]
 
     def _poses(self, angles: Array) -> Poses:
-        """Of (F, J) angles, above a table at z = 0."""
+        """Return the poses of (F, J) angles, above a table at z = 0."""
         chain = self.chain
         return forward_kinematics(
             chain.module,
@@ -115,13 +122,13 @@ class TableCurve(WindowCurve):
         )
 
     def _turn(self, point: int, angles: Array, poses: Poses, wanted: Array) -> Array:
-        """(J,) the least turn of a window's hinges that moves modules up or down.
+        """Return the (J,) least turn of a window's hinges that moves modules up or down.
 
         Args:
             point: The control point.
-            angles: (J,) there.
-            poses: Of the modules there.
-            wanted: (n,) by how much each is to go up; NaN where that does not matter.
+            angles: (J,) angles there, rad.
+            poses: Poses of the modules there.
+            wanted: (n,) wanted rise of each module, pitches; NaN for any.
         """
         which = np.flatnonzero(~np.isnan(wanted))
         corners = poses.rotations[which] @ self.chain.module.vertices.T
@@ -141,6 +148,6 @@ class TableCurve(WindowCurve):
         levers = np.zeros((len(which), len(angles)))
         levers[np.repeat(np.arange(len(which)), np.diff(starts)), rows] = -values
         levers[:, : self.first[point]] = levers[:, self.last[point] :] = 0.0
-        square = levers @ levers.T + SHORT**2 * np.eye(len(which))
+        square = levers @ levers.T + MIN_LEVER_PITCH**2 * np.eye(len(which))
         turn = levers.T @ np.linalg.solve(square, wanted[which])
-        return np.asarray(np.clip(turn, -MOST_RAD, MOST_RAD))
+        return np.asarray(np.clip(turn, -MAX_CORRECTION_RAD, MAX_CORRECTION_RAD))

@@ -2,8 +2,8 @@
 
 The straight chain lies on the table, its first module clamped there or free, and follows the
 record of its explosion back. Gravity, the table and the modules' contacts are MuJoCo's; motors
-never exceed their limit. Where what touches bears less than the statics reckon with, because
-modules are smaller than a pitch, the chain gives way until it touches.
+never exceed their limit. Modules are smaller than a pitch: contacts that the statics assume may be
+open, and the chain then yields until they close.
 """
 
 from __future__ import annotations
@@ -24,47 +24,47 @@ from planner.motion.angle_steps import snapped
 from planner.motion.frames import Frames
 from planner.motion.windows import Windows
 from planner.parameters.playback import TablePlaybackParameters
-from planner.playback.course import LOST_RAD
+from planner.playback.course import TRACKING_LOST_RAD
 from planner.playback.playback import Playback
-from planner.playback.run import ARRIVED_WITHIN, CHECK_EVERY, REPORT_EVERY_S, PlaybackStatus
+from planner.playback.run import CANCEL_CHECK_STEPS, GOAL_TOLERANCE_PITCH, PlaybackStatus
 from planner.playback.table_course import TableCourse
-from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report, never, silent
 from planner.simulation.table_body import TableBody
 
 Array = NDArray[np.float64]
-CHUNK: Final = 512
-"""Steps whose targets are worked out at once."""
-AT_LIMIT: Final = 0.999
-"""Share of the limit from which on a motor is at it."""
+TABLE_CHUNK_STEPS: Final = 512
+"""Maximum number of steps whose targets are computed at once (memory). Chosen."""
+AT_LIMIT_SHARE: Final = 0.999
+"""Minimum torque, as a fraction of the limit, of a motor that counts as at its limit. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TablePlayback:
-    """What came of a playback on a table. Lengths in pitches, torques in w·p.
+    """Result of a playback on a table. Lengths in pitches, torques in w·p.
 
     Attributes:
-        status: ``folded``, or what went wrong.
-        reason: In words; empty where nothing did.
-        frames: F frames with their joint errors; times are seconds at the chain's pitch. The root
-            is where the simulation has it.
-        reference_rad: (F, J) what the hinges should have been at those frames.
-        torques: (F, J) of the motors, the largest either way since the frame before.
-        position_errors: (F,) RMS over the modules of their distance from where they should be: from
-            a clamped first module on; of a chain that lies free, which drifts, after the best shift
-            and turn in the plane of the table, frame by frame. Heights are never shifted.
-        final_error: The last of them.
+        status: ``folded``, or the kind of failure.
+        reason: Reason in plain English; empty if folded.
+        frames: F frames with their joint errors; times are seconds at the chain's pitch. The pose
+            of the root is that of the simulation.
+        reference_rad: (F, J) planned hinge angles at those frames, rad.
+        torques: (F, J) largest magnitude of the motor torques since the frame before.
+        position_errors: (F,) RMS over the modules of their position error: relative to a clamped
+            first module; for a chain that lies free, which drifts, after the best shift and turn in
+            the plane of the table, frame by frame. Heights are never shifted.
+        final_error: Last of ``position_errors``.
         aligned_error: RMS distance from the folded shape at the end, after alignment.
-        rms_error: RMS over all of them.
+        rms_error: RMS over all ``position_errors``.
         largest_error_rad: Largest joint error of all steps.
-        torque_limit: Of the motors.
-        largest_torque: Of all motors and steps.
-        share_at_limit: Share of the steps in which some motor is at its limit.
-        hinge_share_at_limit: Share of all motors and steps at the limit.
+        torque_limit: Torque limit of the motors.
+        largest_torque: Largest torque of all motors and steps.
+        share_at_limit: Fraction of the steps in which some motor is at its limit.
+        hinge_share_at_limit: Fraction of all motors and steps at the limit.
         friction: μ between modules and table.
-        clamped: Whether the first module was clamped to the table.
-        steps: Of the simulation.
-        duration: In √(pitch / gravity).
-        seconds: Wall time.
+        clamped: True if the first module was clamped to the table.
+        steps: Number of steps of the simulation.
+        duration: Simulated duration, in √(pitch / gravity).
+        seconds: Wall time, s.
     """
 
     status: PlaybackStatus
@@ -88,7 +88,7 @@ class TablePlayback:
     seconds: float
 
     def as_playback(self, pitch_m: float) -> Playback:
-        """The same as any other playback; its times are seconds at a pitch."""
+        """Convert to a general playback; its times are seconds at a pitch, m."""
         unit = GRAVITY_M_S2 / pitch_m  # 1 w·p in module masses · pitch² / s²
         largest = self.torques.max(axis=1, initial=0.0)
         return Playback(
@@ -106,7 +106,7 @@ class TablePlayback:
 
 
 def time_unit_s(chain: Chain) -> float:
-    """√(pitch / gravity), in seconds."""
+    """Return √(pitch / gravity), s."""
     return math.sqrt(chain.pitch_m / GRAVITY_M_S2)
 
 
@@ -122,21 +122,21 @@ def play_on_table(
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> TablePlayback:
-    """Folds a straight chain on a table.
+    """Fold a straight chain on a table.
 
     Args:
         chain: The chain; folded, it stands on the table with its lowest modules, z up.
-        record: Of its explosion on the table, folded to straight.
-        torque_limit_wp: Largest torque of every motor.
+        record: Windows of its explosion on the table, folded to straight.
+        torque_limit_wp: Largest torque of every motor, w·p.
         friction: μ between modules and table.
-        clamped: Whether the first module is clamped to the table; else the chain lies free.
-        parameters: Of the simulation; the usual ones when None.
-        start_s: Time of the first frame.
-        progress: Told how far it is, a few times a second.
-        cancelled: Asked now and then whether to stop.
+        clamped: True if the first module is clamped to the table; else the chain lies free.
+        parameters: Parameters of the simulation; the usual ones when None.
+        start_s: Time of the first frame, s.
+        progress: Receives the progress, a few times a second.
+        cancelled: Returns True to stop; called every few steps.
 
     Raises:
-        InputError: ``bad-table`` for numbers that cannot be, ``no-record`` without two frames.
+        InputError: ``bad-table`` for numbers out of range, ``no-record`` without two frames.
     """
     if not (torque_limit_wp > 0.0 and math.isfinite(torque_limit_wp)):
         raise InputError(
@@ -155,7 +155,7 @@ def play_on_table(
 
 
 class _Run:
-    """One run, and what is noted of it."""
+    """State and figures of one run."""
 
     def __init__(
         self,
@@ -190,7 +190,7 @@ class _Run:
         self._poses: list[tuple[Array, Array]] = []
 
     def simulate(self, progress: Report, cancelled: Cancelled) -> None:
-        """Folds; ``status`` and ``reason`` say what came of it."""
+        """Fold; set ``status`` and ``reason`` to the result."""
         try:
             self.status, self.reason = self._simulated(progress, cancelled)
         except SimulationError as broken:
@@ -200,21 +200,21 @@ class _Run:
         course, body = self.course, self.body
         reported = time.perf_counter()
         body.place(course.angles(0, 1)[0])
-        for start in range(0, len(course), CHUNK):
-            stop = min(start + CHUNK, len(course))
+        for start in range(0, len(course), TABLE_CHUNK_STEPS):
+            stop = min(start + TABLE_CHUNK_STEPS, len(course))
             targets, expected = course.angles(start, stop + 1), course.torques(body, start, stop)
             for here, there, torques in zip(targets, targets[1:], expected, strict=False):
                 if course.is_kept[self.steps]:
                     self._keep(here)
                 self._step(here, there, torques)
-                if self.largest_error > LOST_RAD:
+                if self.largest_error > TRACKING_LOST_RAD:
                     self._keep(there)
                     return "missed", self._lost(there)
-                if self.steps % CHECK_EVERY:
+                if self.steps % CANCEL_CHECK_STEPS:
                     continue
                 if cancelled():
                     return "cancelled", "the playback was cancelled."
-                if (now := time.perf_counter()) - reported >= REPORT_EVERY_S:
+                if (now := time.perf_counter()) - reported >= PROGRESS_PERIOD_S:
                     reported = now
                     progress(
                         Progress(
@@ -237,7 +237,7 @@ class _Run:
         body.step((there - here) / p.step, here - body.angles, expected)
         torques = np.abs(body.torques)
         np.maximum(self._most, torques, out=self._most)
-        at_limit = int((torques > AT_LIMIT * self.limit).sum())
+        at_limit = int((torques > AT_LIMIT_SHARE * self.limit).sum())
         self.hinges_at_limit += at_limit
         self.steps_at_limit += at_limit > 0
         self.largest_torque = max(self.largest_torque, float(torques.max()))
@@ -253,7 +253,7 @@ class _Run:
         self._most[:] = 0.0
 
     def _lost(self, target: Array) -> str:
-        """Which hinge has given way."""
+        """Describe which hinge has yielded."""
         off = np.abs(target - self.body.angles)
         worst = int(off.argmax())
         return (
@@ -263,7 +263,7 @@ class _Run:
         )
 
     def result(self, start_s: float) -> TablePlayback:
-        """What came of it."""
+        """Return the result of the run."""
         chain = self.chain
         angles, targets = np.array(self._angles), np.array(self._targets)
         positions = np.array([centres for centres, _ in self._poses])
@@ -283,7 +283,7 @@ class _Run:
         errors = np.sqrt(((positions - wanted) ** 2).sum(axis=2).mean(axis=1))
         aligned = aligned_distances(positions[-1], chain.folded_poses.positions)
         status, reason = self.status, self.reason
-        if status == "folded" and errors[-1] > ARRIVED_WITHIN:
+        if status == "folded" and errors[-1] > GOAL_TOLERANCE_PITCH:
             status = "missed"
             reason = f"the chain ended {errors[-1]:.2g} pitches (RMS) from its target."
         return TablePlayback(

@@ -1,4 +1,4 @@
-"""Time law: how fast a playback runs along its reference."""
+"""Time law: the timing of a playback along its reference."""
 
 from __future__ import annotations
 
@@ -15,27 +15,32 @@ from planner.kernels.retiming import torque_passes
 from planner.playback.reference import Reference
 
 Array = NDArray[np.float64]
-RAMP: Final = 0.08
-"""Share of the time in which the smooth law gets up to speed, and down again."""
-FASTEST: Final = 2.0
-"""Factor of its mean speed that the bounded law may run at."""
-FASTEST_ALONG: Final = 4.0
-"""Factor of its mean speed along the curve that a law for hinges may run at, where they rest."""
+MIN_PLAYBACK_STEPS: Final = 100
+"""Minimum number of steps of a playback. Chosen."""
+RAMP_SHARE: Final = 0.08
+"""Duration of the acceleration, and of the deceleration, of the smooth law as a fraction of its
+total. Smaller values need larger torques. Chosen."""
+MAX_SPEED_RATIO: Final = 2.0
+"""Maximum speed of the torque-bounded law as a multiple of its mean speed. Chosen."""
+MAX_CURVE_SPEED_RATIO: Final = 4.0
+"""Maximum speed along the curve of the hinge-bounded law as a multiple of its mean, where hinges
+rest. Chosen."""
 LAW_STEPS: Final = 4096
-"""Samples of the smooth time law along a kinematic playback."""
-CHUNK: Final = 512
-"""Places at which torques are worked out at once."""
-SMOOTHING: Final = 8.0
-"""Width in samples of the filter that smooths the bounded law."""
+"""Number of samples of the smooth time law along a kinematic playback. Chosen."""
+TORQUE_CHUNK_SAMPLES: Final = 512
+"""Maximum number of samples whose torques are computed at once (memory). Chosen."""
+SMOOTHING_SAMPLES: Final = 8.0
+"""Standard deviation of the Gaussian filter that smooths the bounded law, samples. Larger values
+smooth more, and need more time. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TimeLaw:
-    """u, du/dt and d²u/dt² at every step, from 0 to 1, at rest at both ends.
+    """Samples of u, du/dt and d²u/dt² at every step, from 0 to 1, at rest at both ends.
 
     Attributes:
-        u, rate, acceleration: (S + 1,).
-        step_s: Time between two of them.
+        u, rate, acceleration: (S + 1,) u, du/dt, 1/s, and d²u/dt², 1/s².
+        step_s: Time between two samples, s.
     """
 
     u: Array
@@ -44,11 +49,11 @@ class TimeLaw:
     step_s: float
 
     def __len__(self) -> int:
-        """Number of steps S."""
+        """Return the number of steps S."""
         return len(self.u) - 1
 
     def backwards(self) -> TimeLaw:
-        """The law from 1 to 0 that asks for the same torques: ü stays as it is, u̇ changes sign."""
+        """Return the law from 1 to 0 with the same torques: ü is kept, u̇ changes sign."""
         return TimeLaw(
             u=self.u[::-1],
             rate=-self.rate[::-1],
@@ -60,7 +65,7 @@ class TimeLaw:
 def torque_bounded_law(
     reference: Reference, module: Module, *, steps: int, step_s: float, samples: int
 ) -> TimeLaw:
-    """The law that bounds the largest hinge torque of a freely floating chain.
+    """Return the law that bounds the largest hinge torque of a freely floating chain.
 
     Along the curve the torques are τ = a(u) ü + b(u) u̇². With z = u̇² and z' = 2ü, the largest z
     that keeps every |τ| ≤ 1 at the curve's ends and in between is found by a forward and a backward
@@ -70,19 +75,22 @@ def torque_bounded_law(
     Args:
         reference: The curve.
         module: The kind of module that the chain is made of.
-        steps: S.
-        step_s: Time of a step.
-        samples: Places at which a and b are evaluated.
+        steps: Number of steps S.
+        step_s: Time step, s.
+        samples: Number of samples of a and b.
     """
     u = np.linspace(0.0, 1.0, samples)
-    terms = [_torque_terms(reference, module, u[k : k + CHUNK]) for k in range(0, samples, CHUNK)]
+    terms = [
+        _torque_terms(reference, module, u[k : k + TORQUE_CHUNK_SAMPLES])
+        for k in range(0, samples, TORQUE_CHUNK_SAMPLES)
+    ]
     a, b = (np.concatenate(parts) for parts in zip(*terms, strict=True))
     z = torque_bounded_profile(u, a, b)
     return law_from_profile(u, z, steps, step_s)
 
 
 def _torque_terms(reference: Reference, module: Module, u: Array) -> tuple[Array, Array]:
-    """(U, J) a and (U, J) b of the torques a ü + b u̇² at some places of a reference."""
+    """Return (U, J) a and (U, J) b of the torques a ü + b u̇² at (U,) parameters."""
     where, first, second = reference.spline(u), reference.first(u), reference.second(u)
     return (
         floating_torques(module, where, np.zeros_like(first), first),
@@ -91,10 +99,10 @@ def _torque_terms(reference: Reference, module: Module, u: Array) -> tuple[Array
 
 
 def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
-    """The z = u̇² of that law, its torques about 1.
+    """Return z = u̇² of that law, its torques about 1.
 
     Args:
-        u: (U,) even places.
+        u: (U,) even parameters.
         a, b: (U, J) terms of the torques there.
 
     Returns:
@@ -105,7 +113,7 @@ def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
     for _ in range(8):
         z = torque_passes(a, b, ceiling, u[1] - u[0])
         mean = 1.0 / duration(u, z)
-        limit = (FASTEST * mean) ** 2
+        limit = (MAX_SPEED_RATIO * mean) ** 2
         if z.max() <= 1.02 * limit:
             break
         ceiling = np.minimum(ceiling, limit)
@@ -113,14 +121,14 @@ def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
 
 
 def bounded_profile(u: Array, a: Array, b: Array, ceiling: Array) -> Array:
-    """(U,) the z = u̇² that keeps torques a ü + b u̇² up to 1 and is never above a (U,) ceiling."""
+    """Return the (U,) z = u̇² that keeps |a ü + b u̇²| ≤ 1 and never exceeds a (U,) ceiling."""
     most = np.minimum(ceiling, 1.0 / np.maximum(np.abs(b).max(axis=1), 1e-12))
     return _smoothed(torque_passes(a, b, most, u[1] - u[0]))
 
 
 def _smoothed(z: Array) -> Array:
-    """A smooth profile that stays in the valleys of z and keeps its linear rise at both ends."""
-    width = int(2 * SMOOTHING) + 1
+    """Return a smooth profile that stays in the valleys of z and keeps its linear ends."""
+    width = int(2 * SMOOTHING_SAMPLES) + 1
     low = -_largest_around(-z, width)
     rise = np.arange(len(z)) < width
     low = np.where(rise | rise[::-1], z, low)
@@ -131,33 +139,33 @@ def _smoothed(z: Array) -> Array:
 
 
 def _largest_around(values: Array, width: int) -> Array:
-    """The largest of so many values around each, an odd number; the ends go on as they are."""
+    """Return the largest of ``width`` values around each, an odd number; the ends are repeated."""
     padded = np.pad(values, width // 2, mode="edge")
     return sliding_window_view(padded, width).max(axis=1)
 
 
 def _blurred(values: Array) -> Array:
-    """Values weighted by a Gaussian of ``SMOOTHING`` samples around each; the ends go on."""
-    reach = int(4.0 * SMOOTHING)
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / SMOOTHING) ** 2)
+    """Return values filtered by a Gaussian; the ends are repeated."""
+    reach = int(4.0 * SMOOTHING_SAMPLES)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / SMOOTHING_SAMPLES) ** 2)
     padded = np.pad(values, reach, mode="edge")
     return sliding_window_view(padded, len(weights)) @ (weights / weights.sum())
 
 
 def duration(u: Array, z: Array) -> float:
-    """The time from one end to the other."""
+    """Return the time from one end to the other, in the unit of time of z."""
     root = np.sqrt(z)
     return float(np.sum(2.0 * np.diff(u) / np.maximum(root[1:] + root[:-1], 1e-12)))
 
 
 def law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
-    """The law of a profile, in so many steps.
+    """Return the law of a profile, in a given number of steps.
 
     Args:
-        u: (U,) places from 0 to 1.
+        u: (U,) parameters from 0 to 1.
         z: (U,) u̇² there, in another unit of time.
-        steps: S.
-        step_s: Time of a step.
+        steps: Number of steps S.
+        step_s: Time step, s.
     """
     root = np.sqrt(z)
     times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(u) / (root[1:] + root[:-1]))])
@@ -165,7 +173,7 @@ def law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
 
 
 def _law_from_times(u: Array, times: Array, steps: int, step_s: float) -> TimeLaw:
-    """The law through places at increasing times, in another unit, at every step."""
+    """Return the law through parameters at increasing times, in another unit of time."""
     from scipy.interpolate import CubicSpline  # as above
 
     total = steps * step_s
@@ -180,13 +188,13 @@ def _law_from_times(u: Array, times: Array, steps: int, step_s: float) -> TimeLa
 
 
 def hinge_bounded_law(reference: Reference, *, steps: int, step_s: float, samples: int) -> TimeLaw:
-    """The law at which the fastest hinge turns about evenly: the least time for joints' speeds.
+    """Return the law at which the fastest hinge turns about evenly: least time by joint speeds.
 
     Args:
         reference: The curve.
-        steps: S.
-        step_s: Time of a step.
-        samples: Places at which the hinges' turns are looked at.
+        steps: Number of steps S.
+        step_s: Time step, s.
+        samples: Number of samples of the hinges' turns.
     """
     u = np.linspace(0.0, 1.0, samples)
     steps_rad = np.abs(np.diff(reference.spline(u), axis=0)).max(axis=1)
@@ -194,23 +202,23 @@ def hinge_bounded_law(reference: Reference, *, steps: int, step_s: float, sample
 
 
 def hinge_bounded_times(steps_rad: Array, seconds: float) -> Array:
-    """Times of frames at which the fastest hinge turns about evenly, slower at both ends.
+    """Return times of frames at which the fastest hinge turns about evenly, slower at both ends.
 
     A motion whose ends go far while its hinges hardly turn needs little time for that. Where the
     fastest hinge alternates, the pace is that of the fastest around.
 
     Args:
-        steps_rad: (F − 1,) largest turn of a hinge from each frame to the next.
-        seconds: From the first frame to the last.
+        steps_rad: (F − 1,) largest turn of a hinge from each frame to the next, rad.
+        seconds: Time from the first frame to the last, s.
 
     Returns:
-        (F,) seconds from 0 on.
+        (F,) times from 0 on, s.
     """
     if not len(steps_rad):
         return np.zeros(1)
-    width = int(2 * SMOOTHING) + 1
+    width = int(2 * SMOOTHING_SAMPLES) + 1
     even = np.maximum(_blurred(_largest_around(steps_rad, width)), steps_rad)
-    even = np.maximum(even, even.mean() / FASTEST_ALONG)
+    even = np.maximum(even, even.mean() / MAX_CURVE_SPEED_RATIO)
     lengths = np.concatenate([[0.0], np.cumsum(even)])
     law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
     shares = np.interp(
@@ -220,17 +228,17 @@ def hinge_bounded_times(steps_rad: Array, seconds: float) -> Array:
 
 
 def smooth_law(*, steps: int, step_s: float) -> TimeLaw:
-    """Even speed with quintic ramps over ``RAMP`` of the time at both ends."""
+    """Return the law of even speed with quintic ramps over ``RAMP_SHARE`` of the time."""
     x = np.linspace(0.0, 1.0, steps + 1)
-    top = 1.0 / (1.0 - RAMP)
-    y = np.clip(np.minimum(x, 1.0 - x) / RAMP, 0.0, 1.0)
+    top = 1.0 / (1.0 - RAMP_SHARE)
+    y = np.clip(np.minimum(x, 1.0 - x) / RAMP_SHARE, 0.0, 1.0)
     rate = top * y**3 * (10.0 - 15.0 * y + 6.0 * y**2)
-    slope = top / RAMP * 30.0 * (y * (1.0 - y)) ** 2 * np.where(x < 0.5, 1.0, -1.0)
-    risen = top * RAMP * y**4 * (2.5 - 3.0 * y + y**2)
+    slope = top / RAMP_SHARE * 30.0 * (y * (1.0 - y)) ** 2 * np.where(x < 0.5, 1.0, -1.0)
+    risen = top * RAMP_SHARE * y**4 * (2.5 - 3.0 * y + y**2)
     u = np.where(
-        x < RAMP,
+        x < RAMP_SHARE,
         risen,
-        np.where(x > 1.0 - RAMP, 1.0 - risen, top * (x - 0.5 * RAMP)),
+        np.where(x > 1.0 - RAMP_SHARE, 1.0 - risen, top * (x - 0.5 * RAMP_SHARE)),
     )
     total = steps * step_s
     return TimeLaw(u=u, rate=rate / total, acceleration=slope / total**2, step_s=step_s)

@@ -1,4 +1,4 @@
-"""Unfolding: the way back from a folded configuration to straight, with which a refold begins."""
+"""Unfolding: the motion from a folded configuration to straight, with which a refold begins."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ from planner.chain.chain import Chain
 from planner.errors import InputError
 
 Array = NDArray[np.float64]
-ENDS_WITHIN_RAD: Final = 1e-6
-"""Angle that a plan's last frame may differ by from the chain's folded angles."""
+MAX_ANGLE_DIFFERENCE_RAD: Final = 1e-6
+"""Maximum difference of two angles that count as equal, rad: a plan's last frame and the folded
+chain, a first frame and the straight one, the end of a joint's range. Rounding. Chosen."""
 START_CHAIN: Final = "start.json"
-"""In a refold's directory: the chain as it is folded at the beginning."""
+"""File name, in a refold's directory, of the chain as it is folded at the beginning."""
 START_PLAN: Final = "start.npz"
-"""In a refold's directory: the plan that folds that chain."""
+"""File name, in a refold's directory, of the plan that folds that chain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Unfolding:
-    """A plan's folding, which is to be run backwards.
+    """Folding motion of a plan, to be run backwards.
 
     Attributes:
         chain: The chain, folded as it is at the beginning.
-        time_s: (F,) simulated time of the folding, from 0 on.
-        folding_rad: (F, J) hinge angles of the folding, from straight to folded.
+        time_s: (F,) simulated time of the folding, from 0 on, s.
+        folding_rad: (F, J) hinge angles of the folding, from straight to folded, rad.
     """
 
     chain: Chain
@@ -36,12 +37,12 @@ class Unfolding:
 
 
 def check_fits(begins: Chain, module: str, modules: int) -> None:
-    """Refuses to refold a chain into one of other modules, or of another number of them.
+    """Refuse to refold a chain into one of other modules, or of another number of them.
 
     Args:
         begins: The chain as it is folded at the beginning.
         module: The kind of module that the other shape is made of.
-        modules: How many of them.
+        modules: Number of its modules.
 
     Raises:
         InputError: ``refold-differs``.

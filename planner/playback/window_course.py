@@ -1,4 +1,4 @@
-"""Window course: what the playback of a peeled chain follows, stretch by stretch.
+"""Window course: the reference of the playback of a peeled chain, stretch by stretch.
 
 The record of a peeling, in reverse, drawn as a uniform cubic B-spline through its windows, at a
 speed that the fastest hinge keeps about evenly. Its steps are cut into stretches: of each one joint
@@ -20,32 +20,38 @@ from planner.clearance.sweep import sweep
 from planner.motion.frames import PHASES
 from planner.motion.windows import Windows
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.reference import ROOM, STOP_ROOM_RAD
+from planner.playback.reference import JOINT_LIMIT_MARGIN_RAD, REFERENCE_CLEARANCE_PITCH
 from planner.playback.setpoints import SETTLE_STEPS
-from planner.playback.time_law import TimeLaw, law_from_profile, torque_bounded_profile
+from planner.playback.time_law import (
+    MIN_PLAYBACK_STEPS,
+    TimeLaw,
+    law_from_profile,
+    torque_bounded_profile,
+)
 from planner.simulation.window_body import Lumps, WindowBody
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-FEWEST_STEPS: Final = 100
-"""Steps of a playback, at least."""
-SAMPLES_A_RAD: Final = 25
-"""Samples of the time law for each radian of the curve's length …"""
-MOST_SAMPLES: Final = 2**15
-"""… or fewer."""
+WINDOW_SAMPLES_PER_RAD: Final = 25
+"""Samples of the time law per radian of the curve's length. Larger values follow torque peaks more
+closely. Chosen."""
+MAX_WINDOW_SAMPLES: Final = 2**15
+"""Maximum number of samples of the time law of one curve (memory). Chosen."""
 FRAME_RAD: Final = 0.04
-"""Turn of the fastest hinge between two frames that are kept."""
-JOINTS_AT_ONCE: Final = 16
-"""Models have a multiple of so many joints: few of them are made."""
-FEWEST_TOGETHER: Final = 48
-"""Steps that a stretch has, at least."""
-SPARE_JOINTS: Final = 8
-"""Joints that a stretch has above those that move at its beginning, at least."""
-MOST_FINER: Final = 8
-"""Factor of control points, frames and steps up to which the curve is drawn closer to the record
-where it comes too close to something."""
-REACH: Final = 4
-"""Control points that a place of the curve depends on."""
+"""Turn of the fastest hinge between two frames of a windowed or kinematic playback, rad. Larger
+values keep fewer frames. Chosen."""
+MODEL_JOINTS_MULTIPLE: Final = 16
+"""Multiple to which the number of joints of a model is rounded up, so that few are made. Chosen."""
+MIN_STRETCH_STEPS: Final = 48
+"""Minimum number of steps of a stretch. Larger values need larger models. Chosen."""
+MIN_SPARE_JOINTS: Final = 8
+"""Minimum number of joints of a stretch beyond those that move at its beginning. Larger values make
+stretches longer and models larger. Chosen."""
+MAX_WINDOW_REFINEMENT: Final = 8
+"""Maximum factor of control points, frames and steps by which the curve is drawn closer to the
+record if modules come too close. Larger values cost time and memory. Chosen."""
+SUPPORT_POINTS: Final = 4
+"""Number of control points that a point of the curve depends on: 4, as the spline is cubic."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,9 +59,9 @@ class Stretch:
     """Steps in which the same joints may move.
 
     Attributes:
-        first: The first joint's number among all of the chain.
-        joints: How many.
-        start, stop: Steps.
+        first: Index of the first joint in the chain.
+        joints: Number of joints.
+        start, stop: First step, and the step after the last one.
     """
 
     first: int
@@ -64,18 +70,18 @@ class Stretch:
     stop: int
 
     def hinges(self, chain: Chain) -> slice:
-        """Where its hinges are among the chain's."""
+        """Return the slice of its hinges in the chain."""
         k = chain.module.hinges_per_joint
         return slice(k * self.first, k * (self.first + self.joints))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Targets:
-    """What the hinges of a stretch are to do.
+    """Targets of the hinges of a stretch.
 
     Attributes:
-        angles: (S + 1, H) at its steps and at its end.
-        rates: (S + 1, H) of the step that leads to each, in rad/s.
+        angles: (S + 1, H) angles at its steps and at its end, rad.
+        rates: (S + 1, H) mean rates of the step that leads to each, rad/s.
     """
 
     angles: Array
@@ -83,12 +89,12 @@ class Targets:
 
 
 class WindowCurve:
-    """A uniform cubic B-spline through windows.
+    """Uniform cubic B-spline through windows.
 
     Args:
         chain: The chain.
         windows: Snapshots in the order of the playback.
-        spacing_rad: Turn of the fastest hinge from one control point to the next.
+        spacing_rad: Turn of the fastest hinge from one control point to the next, rad.
     """
 
     def __init__(self, chain: Chain, windows: Windows, spacing_rad: float) -> None:
@@ -96,7 +102,7 @@ class WindowCurve:
         lengths = np.concatenate([[0.0], np.cumsum(largest)])
         self.chain = chain
         self.length_rad = float(lengths[-1])
-        count = max(REACH, int(np.ceil(self.length_rad / spacing_rad)) + 1)
+        count = max(SUPPORT_POINTS, int(np.ceil(self.length_rad / spacing_rad)) + 1)
         where = np.linspace(0.0, self.length_rad, count)
         after = np.clip(np.searchsorted(lengths, where), 1, max(1, len(windows) - 1))
         span = lengths[after] - lengths[after - 1]
@@ -108,30 +114,30 @@ class WindowCurve:
         before = self._after - 1
         self.first = np.minimum(windows.first[before], windows.first[self._after])
         self.last = np.maximum(windows.last[before], windows.last[self._after])
-        self._limit = chain.module.angle_limit_rad - STOP_ROOM_RAD
+        self._limit = chain.module.angle_limit_rad - JOINT_LIMIT_MARGIN_RAD
 
     @property
     def end(self) -> float:
-        """The curve runs from 0 to here, about evenly by the turn of its fastest hinge."""
-        return float(len(self._after) - REACH + 1)
+        """Last parameter of the curve, which runs about evenly by the turn of its fastest hinge."""
+        return float(len(self._after) - SUPPORT_POINTS + 1)
 
     def piece(self, u: Array) -> Ints:
-        """(U,) the first of the control points that places depend on."""
-        return np.clip(u.astype(np.int64), 0, len(self._after) - REACH)
+        """Return the (U,) first control point that each parameter depends on."""
+        return np.clip(u.astype(np.int64), 0, len(self._after) - SUPPORT_POINTS)
 
     def at(self, u: Array, hinges: slice, derivative: int = 0) -> Array:
-        """(U, H) the angles of some hinges at (U,) places, or how those change with u.
+        """Return the (U, H) angles of some hinges at (U,) parameters, or their derivatives by u.
 
         Args:
-            u: Places from 0 to ``end``.
-            hinges: Of those it holds all that move there.
-            derivative: 0, 1 or 2.
+            u: Parameters from 0 to ``end``.
+            hinges: Hinges, among them all that move there.
+            derivative: Order of the derivative: 0, 1 or 2.
         """
         piece = self.piece(u)
-        low, high = int(piece.min()), int(piece.max()) + REACH
+        low, high = int(piece.min()), int(piece.max()) + SUPPORT_POINTS
         points = np.stack([self._point(k, hinges) for k in range(low, high)])
         weights = _weights(u - piece, derivative)
-        parts = (weights[i][:, None] * points[piece - low + i] for i in range(REACH))
+        parts = (weights[i][:, None] * points[piece - low + i] for i in range(SUPPORT_POINTS))
         return np.asarray(sum(parts))
 
     def _point(self, k: int, hinges: slice) -> Array:
@@ -141,7 +147,7 @@ class WindowCurve:
         return np.clip(found, -self._limit, self._limit)
 
     def _angles(self, frame: int, hinges: slice) -> Array:
-        """(H,) of one window, folded before it and straight behind."""
+        """Return the (H,) angles of one window, folded before it and straight behind, rad."""
         windows, start, stop = self._windows, hinges.start, hinges.stop
         first, last = int(windows.first[frame]), int(windows.last[frame])
         found = np.zeros(stop - start)
@@ -155,7 +161,7 @@ class WindowCurve:
 
 
 def _weights(t: Array, derivative: int) -> tuple[Array, Array, Array, Array]:
-    """What the four control points of a uniform cubic B-spline count in a piece, t from 0 to 1."""
+    """Return the weights of four control points of a uniform cubic B-spline, t from 0 to 1."""
     if derivative == 0:
         last = t**3 / 6.0
         third = (-3.0 * t**3 + 3.0 * t**2 + 3.0 * t + 1.0) / 6.0
@@ -168,14 +174,14 @@ def _weights(t: Array, derivative: int) -> tuple[Array, Array, Array, Array]:
 
 
 class WindowCourse:
-    """What is followed, once for all robots.
+    """Reference and time law of a playback of windows, computed once for all robots.
 
     Args:
         chain: The chain.
-        record: What was recorded, from folded on.
-        parameters: Of the playback.
+        record: Windows of the explosion, from folded on.
+        parameters: Parameters of the playback.
         module_size: Size of the modules as a fraction of the pitch.
-        finer: How many times as many steps and frames there are.
+        finer: Factor of the number of steps and frames.
     """
 
     def __init__(
@@ -193,38 +199,41 @@ class WindowCourse:
         self._backwards = record[::-1]
         self._bodies: dict[int, WindowBody] = {}
         # Some room is left for the robots' joint errors.
-        room = min(ROOM, 0.25 * (1.0 - module_size))
+        room = min(REFERENCE_CLEARANCE_PITCH, 0.25 * (1.0 - module_size))
         while True:
             self._draw(finer)
             found = sweep(chain, self.reference, size=module_size, share=0.0)
-            if found.clearance > room or finer >= MOST_FINER:
+            if found.clearance > room or finer >= MAX_WINDOW_REFINEMENT:
                 break
             finer *= 2
         self._torques = self._all_torques()
         self.peak_torque = max(float(np.abs(one).max()) for one in self._torques)
-        """Largest torque that a robot without faults needs."""
+        """Largest torque that a robot without model errors needs."""
 
     def _draw(self, finer: int) -> None:
-        """Draws the curve, with so many times as many control points, steps and frames."""
+        """Draw the curve, with ``finer`` times as many control points, steps and frames."""
         p, backwards = self.parameters, self._backwards
         self._bodies.clear()
         self.step_s = p.step_s / finer
         self.curve = WindowCurve(self.chain, backwards, p.spacing_rad / finer)
         length = self.curve.length_rad
-        steps = max(FEWEST_STEPS, int(finer * p.steps_per_rad * length))
+        steps = max(MIN_PLAYBACK_STEPS, int(finer * p.steps_per_rad * length))
         law = self._law(steps)
         self._u = self.curve.end * law.u
         gone = np.floor(law.u * length * finer / FRAME_RAD)
         self.is_kept = np.concatenate([[True], np.diff(gone) > 0.0])
-        """(S + 1,) whether a frame is kept before a step."""
+        """(S + 1,) True if a frame is kept before a step."""
         self.is_kept[-1] = True
         self.stretches = tuple(_stretches(self.chain, self.curve, self._u))
         self.reference = self._reference()
-        """What the kept frames should be; the pose of module 0 is that at the beginning."""
+        """Planned motion at the kept frames; the pose of module 0 is that at the beginning."""
 
     def _law(self, steps: int) -> TimeLaw:
-        """How fast to run along the curve, so that the largest torque is about the least."""
-        count = max(FEWEST_STEPS, min(MOST_SAMPLES, int(SAMPLES_A_RAD * self.curve.length_rad)))
+        """Return the time law along the curve with about the smallest largest torque."""
+        count = max(
+            MIN_PLAYBACK_STEPS,
+            min(MAX_WINDOW_SAMPLES, int(WINDOW_SAMPLES_PER_RAD * self.curve.length_rad)),
+        )
         u = np.linspace(0.0, self.curve.end, count)
         stretches = tuple(_stretches(self.chain, self.curve, u))
         widest = max(stretch.joints for stretch in stretches) * self.chain.module.hinges_per_joint
@@ -266,11 +275,11 @@ class WindowCourse:
         )
 
     def __len__(self) -> int:
-        """Number of steps."""
+        """Return the number of steps."""
         return len(self._u) - 1
 
     def body(self, joints: int) -> WindowBody:
-        """A body of so many joints, which must not be changed."""
+        """Return the shared body of ``joints`` joints, which must not be changed."""
         if joints not in self._bodies:
             self._bodies[joints] = WindowBody(
                 self.chain, joints, geom_size=self.module_size, step_s=self.step_s
@@ -278,10 +287,10 @@ class WindowCourse:
         return self._bodies[joints]
 
     def targets(self, number: int) -> Targets:
-        """What hinges are to do in a stretch, step by step.
+        """Return the targets of hinges in a stretch, step by step.
 
-        Semi-implicit Euler goes from q to q + h (q̇ + h q̈). So q̇ is the way of the last step, and
-        q̈ what makes the next one another: finite differences of the angles, not derivatives.
+        Semi-implicit Euler goes from q to q + h (q̇ + h q̈). So q̇ is the last step divided by h,
+        and q̈ the change of q̇ divided by h: finite differences of the angles, not derivatives.
         """
         stretch = self.stretches[number]
         # The law rests before its first step and after its last one.
@@ -291,11 +300,11 @@ class WindowCourse:
         return Targets(angles=angles[1:], rates=rates)
 
     def torques(self, number: int) -> NDArray[np.float32]:
-        """(S, H) that a robot without faults needs for the steps of a stretch."""
+        """Return (S, H) torques that a robot without model errors needs in a stretch."""
         return self._torques[number]
 
     def _all_torques(self) -> list[NDArray[np.float32]]:
-        """(S, H) of each stretch: torques that a robot without faults needs for its steps."""
+        """Return the (S, H) torques of each stretch for a robot without model errors."""
         lumps = Lumps(self.chain, np.ones(len(self.chain)))
         found: list[NDArray[np.float32]] = []
         for number, stretch in enumerate(self.stretches):
@@ -313,22 +322,22 @@ class WindowCourse:
 
 
 def _stretches(chain: Chain, curve: WindowCurve, u: Array) -> Iterator[Stretch]:
-    """The stretches of steps from each of (S + 1,) places to the next."""
+    """Yield the stretches of the S steps between (S + 1,) parameters."""
     steps = len(u) - 1
     k = chain.module.hinges_per_joint
     most = len(chain.folded_rad) // k
     piece = curve.piece(u)
-    low = sliding_window_view(curve.first, REACH).min(axis=1)[piece] // k
-    high = -(-sliding_window_view(curve.last, REACH).max(axis=1)[piece] // k)
+    low = sliding_window_view(curve.first, SUPPORT_POINTS).min(axis=1)[piece] // k
+    high = -(-sliding_window_view(curve.last, SUPPORT_POINTS).max(axis=1)[piece] // k)
     start = 0
     while start < steps:
         # The step before a stretch and the one behind it belong to its finite differences.
         begin = max(0, start - 1)
         lows = np.minimum.accumulate(low[begin:])
         highs = np.maximum.accumulate(high[begin:])
-        soon = min(start + FEWEST_TOGETHER, steps) - begin
-        needed = int(highs[soon] - lows[soon]) + SPARE_JOINTS
-        joints = min(most, JOINTS_AT_ONCE * -(-needed // JOINTS_AT_ONCE))
+        soon = min(start + MIN_STRETCH_STEPS, steps) - begin
+        needed = int(highs[soon] - lows[soon]) + MIN_SPARE_JOINTS
+        joints = min(most, MODEL_JOINTS_MULTIPLE * -(-needed // MODEL_JOINTS_MULTIPLE))
         fits = highs - lows <= joints
         last = begin + (len(fits) if fits.all() else int(fits.argmin())) - 1
         stop = steps if last == steps else max(start + 1, last - 1)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
 from planner.motion.windows import Windows
-from planner.playback.course import LOST_RAD
-from planner.playback.run import CHECK_EVERY, REPORT_EVERY_S, PlaybackStatus
+from planner.playback.course import TRACKING_LOST_RAD
+from planner.playback.run import CANCEL_CHECK_STEPS, PlaybackStatus
 from planner.playback.setpoints import SETTLE_STEPS
 from planner.playback.window_course import Stretch, WindowCourse
-from planner.progress import Cancelled, Progress, Report
+from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 from planner.simulation.window_robot import WindowRobot
 
 Array = NDArray[np.float64]
@@ -23,11 +23,11 @@ Floats = NDArray[np.float32]
 
 
 class WindowRun:
-    """One robot that folds a peeled chain.
+    """Simulation of one robot that folds a peeled chain.
 
     Args:
-        course: What it follows.
-        seed: Which robot it is.
+        course: Reference and time law.
+        seed: Seed of the robot's model errors.
     """
 
     def __init__(self, course: WindowCourse, seed: list[int]) -> None:
@@ -50,7 +50,7 @@ class WindowRun:
 
     @property
     def frames(self) -> Windows:
-        """Those that were kept; all angles outside of a window are exactly as they should be."""
+        """Recorded frames; joints outside the window have zero error by construction."""
         reference = self.course.reference[: len(self._angles)]
         angles = np.concatenate(self._angles)
         positions, wxyzs = zip(*self._poses, strict=True)
@@ -63,14 +63,14 @@ class WindowRun:
         )
 
     def final_error(self) -> float:
-        """RMS distance of the modules from the folded shape in pitches, after alignment."""
+        """Return the RMS distance of the modules from the folded shape, pitches, aligned."""
         chain, frames = self.course.chain, self.frames[-1:]
         poses = chain.poses(frames.angles(chain)[0], np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         distances = aligned_distances(poses.positions, chain.folded_poses.positions)
         return float(np.sqrt((distances**2).mean()))
 
     def simulate(self, progress: Report, cancelled: Cancelled) -> None:
-        """Folds; ``status`` and ``reason`` say what came of it."""
+        """Fold; set ``status`` and ``reason`` to the result."""
         try:
             self.status, self.reason = self._simulated(progress, cancelled)
         except SimulationError as broken:
@@ -86,15 +86,15 @@ class WindowRun:
                 self._note(targets.angles[k])
                 if course.is_kept[self.steps]:
                     self._keep()
-                if self.largest_error > LOST_RAD:
+                if self.largest_error > TRACKING_LOST_RAD:
                     return "missed", self._lost(stretch, targets.angles[k])
                 self._step(targets.angles[k + 1], targets.rates[k + 1], torques[k])
-                if self.steps % CHECK_EVERY:
+                if self.steps % CANCEL_CHECK_STEPS:
                     continue
                 if cancelled():
                     return "cancelled", "the playback was cancelled."
                 now = time.perf_counter()
-                if now - reported >= REPORT_EVERY_S:
+                if now - reported >= PROGRESS_PERIOD_S:
                     progress(
                         Progress(
                             stage="play_back",
@@ -122,7 +122,7 @@ class WindowRun:
         self.steps += 1
 
     def _note(self, targets: Array) -> None:
-        """Notes how far off the hinges are."""
+        """Record the largest joint error so far."""
         error = float(np.abs(targets - self._robot.angles).max())
         self.largest_error = max(self.largest_error, error)
 
@@ -131,7 +131,7 @@ class WindowRun:
         self._poses.append(self._robot.base_pose)
 
     def _lost(self, stretch: Stretch, targets: Array) -> str:
-        """Which hinge a robot has lost."""
+        """Describe which hinge a robot has lost."""
         off = np.abs(targets - self._robot.angles)
         worst = int(off.argmax())
         name = self.course.chain.joint_names[stretch.hinges(self.course.chain).start + worst]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module, module_named
-from planner.chain.path import DEFAULT_PITCH_M, LARGEST_COORDINATE
+from planner.chain.path import DEFAULT_PITCH_M, MAX_COORDINATE
 from planner.errors import InputError
 from planner.readers.json_text import number_field, refuse_unread_keys, text_field
 from planner.readers.limits import Source, quote, too_many
@@ -53,7 +53,7 @@ def _vector(document: dict[str, Any], key: str, length: int) -> NDArray[np.float
     if (found := document.get(key)) is None:
         return None
     values = cast("list[Any]", found) if isinstance(found, list) else []
-    numbers = [v for v in values if type(v) in (int, float) and abs(v) <= LARGEST_COORDINATE]
+    numbers = [v for v in values if type(v) in (int, float) and abs(v) <= MAX_COORDINATE]
     if len(values) != length or len(numbers) != length:
         raise InputError(
             "wrong-type", f"got {quote(found)}, expected {length} finite numbers.", where=key

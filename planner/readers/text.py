@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.chain.path import DEFAULT_PITCH_M, LARGEST_COORDINATE, Path
+from planner.chain.path import DEFAULT_PITCH_M, MAX_COORDINATE, Path
 from planner.errors import InputError
 from planner.readers.file_signatures import wrong_kind
 from planner.readers.limits import Source, quote
@@ -118,10 +118,10 @@ def coordinate(field: str, axis: str, line: int) -> float:
             "not-a-number", f"{found} for {axis}, expected a whole number.", where=where
         )
     value = float(word)
-    if abs(value) > LARGEST_COORDINATE:
+    if abs(value) > MAX_COORDINATE:
         raise InputError(
             "too-far",
-            f"got {quote(word)} for {axis}, expected at most {LARGEST_COORDINATE} in size; move "
+            f"got {quote(word)} for {axis}, expected at most {MAX_COORDINATE} in size; move "
             "the shape to the origin.",
             where=where,
         )

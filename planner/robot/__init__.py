@@ -1,6 +1,6 @@
 """Robots: smoother motions, time stamps within joint limits, trajectories, motors and servos.
 
-How a plan may be smoothed stands here, known without anything that smooths.
+The names of the ways to smooth a plan stand here, so that they are known without the smoothing.
 """
 
 from __future__ import annotations
@@ -8,10 +8,11 @@ from __future__ import annotations
 from typing import Final
 
 RECORDED_PLAN: Final = "recorded.npz"
-"""In a smoothed fold's directory: the plan that is smoothed."""
+"""File name, in a smoothed fold's directory, of the plan that is smoothed."""
 SMOOTHED, SOFTENED, RECORDED = "smoothed", "softened", "recorded"
-WAYS: Final = (SMOOTHED, SOFTENED, RECORDED)
+SMOOTHING_WAYS: Final = (SMOOTHED, SOFTENED, RECORDED)
 """Ways to smooth, each tried when the certificate refuses the one before: shortcuts and means,
 fewer of them, and new times alone."""
-MOST_ANGLES: Final = 2**23
-"""Frames times hinges of a plan that may be smoothed."""
+MAX_SMOOTHED_ANGLES: Final = 2**23
+"""Maximum number of angles, frames times hinges, of a plan that is smoothed (memory and time).
+Chosen."""

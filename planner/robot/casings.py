@@ -1,4 +1,4 @@
-"""Casings: what a module's cube is made of, and what the module weighs with servos in it."""
+"""Casings: the material of a module's cube, and the mass of the module with servos in it."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import Final
 
 from planner.errors import InputError
 
-DENSITIES: Final = (1.0, 30_000.0)
-"""Range of densities that may be asked for, in kg/m³."""
+DENSITY_RANGE_KG_M3: Final = (1.0, 30_000.0)
+"""Minimum and maximum density that is accepted, kg/m³. Chosen."""
 WALL_M: Final = 0.001
-"""Wall of what is left of a solid cube when servos are in it."""
+"""Thickness of the wall that remains of a solid cube around its servos, m. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Casing:
-    """A cube with a wall all around, and as much of the same inside as ``fill`` says.
+    """Cube with a wall all around, filled inside with the same material by ``fill``.
 
     Attributes:
-        name: How it is asked for.
-        density_kg_m3: Of the material.
-        fill: Share of the inside that is material: 1 for a solid cube, 0 for an empty box.
+        name: Name of the casing in requests.
+        density_kg_m3: Density of the material.
+        fill: Fraction of the inside that is material: 1 for a solid cube, 0 for an empty box.
         wall_m: Thickness of the wall.
         about: The material in words.
     """
@@ -32,7 +32,7 @@ class Casing:
     about: str
 
     def module_kg(self, pitch_m: float, servos_kg: float) -> float:
-        """Mass of a module: that of the cube, but at least that of the servos in its wall alone."""
+        """Return the mass of a module: that of the cube, at least that of its wall and servos."""
         inside = max(pitch_m - 2.0 * self.wall_m, 0.0) ** 3
         outside = pitch_m**3
         cube = self.density_kg_m3 * (outside - (1.0 - self.fill) * inside)
@@ -41,7 +41,7 @@ class Casing:
 
     @classmethod
     def weighing(cls, module_kg: float, pitch_m: float) -> Casing:
-        """One that makes a module of this pitch weigh so much, servos included.
+        """Return a casing with which a module of this pitch has a given mass, servos included.
 
         Raises:
             InputError: ``bad-sizing``.
@@ -57,7 +57,8 @@ class Casing:
         return cls(name="given", density_kg_m3=density, fill=1.0, wall_m=0.0, about="as given")
 
 
-_PLA: Final = 1240.0
+_PLA_KG_M3: Final = 1240.0
+"""Density of PLA, kg/m³, as makers of filament publish it."""
 CASINGS: Final = {
     casing.name: casing
     for casing in (
@@ -69,28 +70,28 @@ CASINGS: Final = {
             about="solid aluminium",
         ),
         Casing(name="steel", density_kg_m3=7850.0, fill=1.0, wall_m=WALL_M, about="solid steel"),
-        Casing(name="pla", density_kg_m3=_PLA, fill=1.0, wall_m=WALL_M, about="solid PLA"),
+        Casing(name="pla", density_kg_m3=_PLA_KG_M3, fill=1.0, wall_m=WALL_M, about="solid PLA"),
         Casing(
             name="pla-20",
-            density_kg_m3=_PLA,
+            density_kg_m3=_PLA_KG_M3,
             fill=0.2,
             wall_m=WALL_M,
             about="printed PLA, walls of 1 mm, filled by 20 %",
         ),
         Casing(
             name="pla-box",
-            density_kg_m3=_PLA,
+            density_kg_m3=_PLA_KG_M3,
             fill=0.0,
             wall_m=WALL_M,
             about="printed PLA, walls of 1 mm and the servos",
         ),
     )
 }
-"""What may be asked for by name."""
+"""Casings by name."""
 
 
 def casing_named(name: str) -> Casing:
-    """The one of this name, or one of so many kg/m³ all through.
+    """Return the casing of this name, or a solid one if the name is a density in kg/m³.
 
     Raises:
         InputError: ``unknown-material``.
@@ -102,11 +103,11 @@ def casing_named(name: str) -> Casing:
         density = float(name)
     except ValueError:
         density = -1.0
-    if not DENSITIES[0] <= density <= DENSITIES[1]:
+    if not DENSITY_RANGE_KG_M3[0] <= density <= DENSITY_RANGE_KG_M3[1]:
         raise InputError(
             "unknown-material",
-            f"got the material {name!r}, expected {', '.join(CASINGS)}, or {DENSITIES[0]:g} to "
-            f"{DENSITIES[1]:g} kg/m³.",
+            f"got the material {name!r}, expected {', '.join(CASINGS)}, or "
+            f"{DENSITY_RANGE_KG_M3[0]:g} to {DENSITY_RANGE_KG_M3[1]:g} kg/m³.",
             where="material",
         )
     about = f"solid, {density:g} kg/m³"

@@ -1,4 +1,4 @@
-"""Motors: the torques that a retimed plan asks of each hinge, and whether given motors would do."""
+"""Motors: the hinge torques of a retimed plan, and a comparison with given motors."""
 
 from __future__ import annotations
 
@@ -16,21 +16,23 @@ from planner.simulation.model import Material
 from planner.simulation.tree import Tree
 
 Array = NDArray[np.float64]
-MOST_STRETCHES: Final = 4
-"""Stretches between two frames at which torques are worked out."""
-LARGEST_WORK: Final = 1_000_000
-"""Stretches times modules; of a longer plan fewer stretches are worked out."""
+MAX_INTERVALS_PER_STEP: Final = 4
+"""Maximum number of intervals between two frames at whose ends torques are computed. Larger values
+find torque peaks more closely. Chosen."""
+MAX_TORQUE_MODULES: Final = 1_000_000
+"""Maximum number of intervals times modules (processor time); a longer plan has fewer intervals.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Build:
-    """What a robot's chain is built of.
+    """Masses, lengths and support of a robot's chain.
 
     Attributes:
         module_mass_kg: Mass of a module with its motors, spread evenly over its hull.
         pitch_m: Distance of neighbouring modules.
         gravity_m_s2: Gravity, in each hinge's worst direction; 0 for none.
-        held: Whether the root module is held still. Otherwise the chain floats, without gravity.
+        held: True if the root module is held still. Otherwise the chain floats, without gravity.
     """
 
     module_mass_kg: float
@@ -39,7 +41,7 @@ class Build:
     held: bool = True
 
     def check(self) -> None:
-        """Refuses what cannot be built.
+        """Check all values.
 
         Raises:
             InputError: ``bad-build``.
@@ -66,16 +68,16 @@ class Build:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MotorTable:
-    """The torques of every hinge over a trajectory.
+    """Torques of every hinge over a trajectory.
 
     Attributes:
-        build: What they were computed for.
+        build: Masses, lengths and support of the chain.
         joint_names: (J,) names of the hinges.
         peak_torque_nm: (J,) largest torque.
-        peak_time_s: (J,) when that is.
-        peak_frame: (J,) where that is in the plan, as a frame number.
-        rms_torque_nm: (J,) root mean square over time, which is what warms a motor.
-        motor_torque_nm: What every motor can give, or None when nobody said.
+        peak_time_s: (J,) time of the largest torque.
+        peak_frame: (J,) frame number of the largest torque in the plan.
+        rms_torque_nm: (J,) root mean square over time, which determines the motor's heat.
+        motor_torque_nm: Torque of every motor; None if not given.
     """
 
     build: Build
@@ -93,14 +95,14 @@ class MotorTable:
 
     @property
     def would_do(self) -> bool | None:
-        """Whether the motors are strong enough for every hinge; None when nobody said theirs."""
+        """True if the motors are strong enough for every hinge; None without a motor torque."""
         if self.motor_torque_nm is None:
             return None
         return bool(self.peak_torque_nm.max() <= self.motor_torque_nm)
 
     @property
     def verdict(self) -> str:
-        """The answer in one sentence."""
+        """Comparison in one sentence."""
         k = self.neediest
         need = (
             f"{self.joint_names[k]} needs {self.peak_torque_nm[k]:.3g} N·m "
@@ -117,7 +119,7 @@ class MotorTable:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values; ``margin`` is the motor's torque over the peak, None for no load."""
+        """Return plain JSON values; ``margin`` is motor torque over peak, None without load."""
         return {
             "verdict": self.verdict,
             "would_do": self.would_do,
@@ -130,7 +132,7 @@ class MotorTable:
         }
 
     def as_csv(self) -> str:
-        """A line for each hinge, after one with the names of the columns."""
+        """Return CSV text: a line with the names of the columns, then one for each hinge."""
         rows = [self._row(k) for k in range(len(self.joint_names))]
         lines = [",".join(rows[0])]
         for row in rows:
@@ -153,17 +155,17 @@ class MotorTable:
 def motor_table(
     chain: Chain, trajectory: Trajectory, build: Build, *, motor_torque_nm: float | None = None
 ) -> MotorTable:
-    """The torques of a motion, by inverse dynamics of the chain as one tree.
+    """Compute the torques of a motion, by inverse dynamics of the chain as one tree.
 
     A held chain's torque is that of the motion alone plus that of gravity in the direction which
-    is worst for the hinge at that moment: what is enough is enough however the robot is held.
+    is worst for the hinge at that moment: such motors are enough however the robot is held.
     Friction, motor inertia and contacts are left out.
 
     Args:
         chain: The chain.
-        trajectory: Of this chain.
-        build: Masses and lengths.
-        motor_torque_nm: What every motor can give.
+        trajectory: Trajectory of this chain.
+        build: Masses, lengths and support.
+        motor_torque_nm: Torque of every motor; None if not given.
 
     Raises:
         InputError: ``bad-build``.
@@ -203,16 +205,19 @@ def motor_table(
 
 
 def _stretches(trajectory: Trajectory, modules: int) -> tuple[Array, Array]:
-    """Where they begin and end: cells of the trajectory, evenly many left out between two."""
+    """Return starts and ends, s, of the intervals: every n-th cell of the trajectory."""
     knots = trajectory.knot_times_s
-    wanted = min(MOST_STRETCHES * len(trajectory.path.lengths), max(64, LARGEST_WORK // modules))
+    wanted = min(
+        MAX_INTERVALS_PER_STEP * len(trajectory.path.lengths),
+        max(64, MAX_TORQUE_MODULES // modules),
+    )
     stride = max(1, round((len(knots) - 1) / wanted))
     chosen = np.unique(np.append(np.arange(0, len(knots), stride), len(knots) - 1))
     return knots[chosen[:-1]], knots[chosen[1:]]
 
 
 def _torque(tree: Tree, build: Build, angles: Array, rates: Array, accelerations: Array) -> Array:
-    """(J,) size of the hinge torques in N·m."""
+    """Return the (J,) magnitudes of the hinge torques, N·m."""
     unit = build.module_mass_kg * build.pitch_m**2
     if not build.held:
         tree.evaluate(angles, rates)
@@ -225,5 +230,5 @@ def _torque(tree: Tree, build: Build, angles: Array, rates: Array, accelerations
 
 
 def _short(value: float) -> float:
-    """A number as nobody can measure it better."""
+    """Return a number rounded to six significant digits."""
     return float(f"{value:.6g}")

@@ -1,4 +1,4 @@
-"""Quality: how a plan's motion goes, apart from whether it is verified."""
+"""Quality: figures of a plan's motion, apart from its verification."""
 
 from __future__ import annotations
 
@@ -14,24 +14,25 @@ from planner.playback.reference import record_lengths
 from planner.robot.smoothing import DISTANCE_WEIGHT
 
 Array = NDArray[np.float64]
-CHUNK: Final = 64
+TAIL_CHUNK_FRAMES: Final = 64
+"""Maximum number of frames whose poses are computed at once (memory). Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quality:
-    """How a plan's motion goes. Speeds and torques are those of a fold that takes a given time.
+    """Figures of a plan's motion. Speeds and torques are those of a fold that takes a given time.
 
     Attributes:
-        frames: How many.
+        frames: Number of frames.
         fold_time_s: Time that it takes at the certificate's bound of joint speed.
-        length_rad: Length of the motion, see ``planner.playback.reference.record_lengths``.
-        hinges_moving_mean, hinges_moving_most: Hinges that move at the same time.
-        peak_speed_rad_s: Fastest that a hinge turns.
+        length_rad: Arc length of the motion, see ``planner.playback.reference.record_lengths``.
+        hinges_moving_mean, hinges_moving_most: Number of hinges that move at the same time.
+        peak_speed_rad_s: Largest speed of a hinge.
         peak_torque_nm: Largest torque of a hinge, floating, without gravity.
-        tail_way: The way of that end of the chain which goes farther, in pitches; the centre of
+        tail_way: Path length of that end of the chain which goes farther, pitches; the centre of
             mass and the root's orientation are held still.
-        tail_speed: Fastest that an end goes, in pitches a second.
-        clearance: Least clearance at the certificate's module size, in pitches.
+        tail_speed: Largest speed of an end, pitches/s.
+        clearance: Least clearance at the certificate's module size, pitches.
     """
 
     frames: int
@@ -47,7 +48,7 @@ class Quality:
 
     @classmethod
     def of(cls, plan: Plan, seconds: float) -> Quality:
-        """The quality of a plan with a playback, when it takes so many seconds."""
+        """Compute the quality of a plan with a playback, if it takes ``seconds``."""
         told = plan.certificate
         assert told.fold_time_s is not None
         assert told.peak_torque_nm is not None
@@ -72,16 +73,18 @@ class Quality:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         return asdict(self)
 
 
 def _tail_ways(chain: Chain, angles: Array) -> Array:
-    """(F − 1, 2) how far both ends go from frame to frame."""
+    """Return the (F − 1, 2) distances of both ends from frame to frame, pitches."""
     ways: list[Array] = []
     origin, upright = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    for start in range(0, len(angles) - 1, CHUNK):
-        centres = chain.poses(angles[start : start + CHUNK + 1], origin, upright).positions
+    for start in range(0, len(angles) - 1, TAIL_CHUNK_FRAMES):
+        centres = chain.poses(
+            angles[start : start + TAIL_CHUNK_FRAMES + 1], origin, upright
+        ).positions
         ends = centres[:, [0, -1]] - centres.mean(axis=1, keepdims=True)
         ways.append(np.linalg.norm(np.diff(ends, axis=0), axis=2))
     return np.concatenate(ways)

@@ -1,9 +1,9 @@
 """Retiming: the time stamps at which a robot with given joints passes along a plan.
 
-The path is the plan's own, straight from frame to frame, with its corners cut, for at a corner no
-finite acceleration would do: on either side of a frame, up to the middle of the shorter of its two
-steps, a parabola takes the place of the two straight lines. It is farthest from them at the frame;
-``Trajectory.deviation_rad`` says how far.
+The path is the plan's own, straight from frame to frame, with its corners cut, for a corner needs
+an infinite acceleration: on either side of a frame, up to the middle of the shorter of its two
+steps, a parabola replaces the two straight lines. It is farthest from them at the frame;
+``Trajectory.deviation_rad`` is that distance.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ from planner.robot.trajectory import CutPath, Trajectory
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-STILL_RAD: Final = 1e-6
-"""Turn of the fastest hinge up to which two frames count as one."""
-BOUNDS: Final = (1e-6, 1e6)
-"""Range of limits that may be asked for, in rad/s and rad/s²."""
+MAX_STILL_TURN_RAD: Final = 1e-6
+"""Maximum turn of the fastest hinge between two frames that count as one, rad. Chosen."""
+BOUND_RANGE: Final = (1e-6, 1e6)
+"""Minimum and maximum bound of speed and acceleration that is accepted, rad/s and rad/s².
+Chosen."""
 
 
 def retime(plan: Plan, max_speed_rad_s: float, max_acceleration_rad_s2: float) -> Trajectory:
-    """The fastest way along a plan within bounds on every hinge's speed and acceleration.
+    """Return the fastest trajectory along a plan within bounds of hinge speed and acceleration.
 
     Args:
         plan: A plan with frames.
@@ -35,8 +36,8 @@ def retime(plan: Plan, max_speed_rad_s: float, max_acceleration_rad_s2: float) -
         max_acceleration_rad_s2: Bound of every hinge's |acceleration|.
 
     Raises:
-        InputError: ``bad-bound`` for a bound that is no positive number, ``no-motion`` for a plan
-            in which nothing moves.
+        InputError: ``bad-bound`` for a bound out of range, ``no-motion`` for a plan in which no
+            hinge moves.
     """
     return retimed(
         plan.joint_angles_rad, plan.chain.joint_names, max_speed_rad_s, max_acceleration_rad_s2
@@ -49,16 +50,16 @@ def retimed(
     max_speed_rad_s: float,
     max_acceleration_rad_s2: float,
 ) -> Trajectory:
-    """The same for (F, J) frames of angles; see ``retime``."""
+    """Return the fastest trajectory along (F, J) angles, see ``retime``."""
     for name, unit, value in (
         ("speed", "rad/s", max_speed_rad_s),
         ("acceleration", "rad/s²", max_acceleration_rad_s2),
     ):
-        if not BOUNDS[0] <= value <= BOUNDS[1]:
+        if not BOUND_RANGE[0] <= value <= BOUND_RANGE[1]:
             raise InputError(
                 "bad-bound",
-                f"got a maximum {name} of {value:g} {unit}, expected {BOUNDS[0]:g} to "
-                f"{BOUNDS[1]:g}.",
+                f"got a maximum {name} of {value:g} {unit}, expected {BOUND_RANGE[0]:g} to "
+                f"{BOUND_RANGE[1]:g}.",
                 where=f"max_{name}",
             )
     kept = _moving(frames)
@@ -92,7 +93,7 @@ def retimed(
         time_s=passed,
         max_speed_rad_s=float(max_speed_rad_s),
         max_acceleration_rad_s2=float(max_acceleration_rad_s2),
-        deviation_rad=path.deviation() + (len(kept) < len(frames)) * STILL_RAD,
+        deviation_rad=path.deviation() + (len(kept) < len(frames)) * MAX_STILL_TURN_RAD,
         path=path,
         knot_times_s=times,
         knot_rates=rates,
@@ -101,9 +102,9 @@ def retimed(
 
 
 def _moving(frames: Array) -> Indices:
-    """(K,) numbers of the first frame, and of those that differ from the one kept before."""
+    """Return (K,) numbers of the first frame, and of those that differ from the one before."""
     kept: list[int] = []
     for k in range(len(frames)):
-        if not kept or np.abs(frames[k] - frames[kept[-1]]).max() > STILL_RAD:
+        if not kept or np.abs(frames[k] - frames[kept[-1]]).max() > MAX_STILL_TURN_RAD:
             kept.append(k)
     return np.array(kept, dtype=np.int64)

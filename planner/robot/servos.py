@@ -14,29 +14,29 @@ from typing import Any, Final
 from planner.errors import InputError
 
 KGF_CM_NM: Final = 0.0980665
-"""A kilogram-force at a centimetre, in N·m."""
-FOLD_DEG: Final = 180.0
-"""The range that a hinge needs which folds by 90° to either side."""
+"""Factor from kgf·cm to N·m, by the definition of the kilogram-force."""
+MIN_SERVO_RANGE_DEG: Final = 180.0
+"""Minimum range of a servo whose hinge folds by 90° to either side, degrees."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Servo:
-    """A servo, by what its maker publishes of it.
+    """Servo with the figures that its maker publishes.
 
     Attributes:
-        name: As its maker calls it.
-        maker: Who makes it.
+        name: Name of the product.
+        maker: Name of the maker.
         stall_nm: Torque of a shaft that is held still, at ``volts``.
-        no_load_rad_s: Speed of a shaft that nothing holds, at ``volts``.
-        volts: At which both were measured.
-        mass_kg: With its housing, without horns and screws.
-        size_m: Its three sides, shortest first; of most without mounting lugs.
-        range_deg: How far a shaft turns while it holds an angle, or None where nobody says.
-        rated_nm: What the maker allows for long, or None where nobody says.
-        axes: Shafts of the one housing that turn independently.
-        title: The document that the figures are from.
-        url: Where that is.
-        checked: What was compared with what.
+        no_load_rad_s: Speed of a shaft without load, at ``volts``.
+        volts: Voltage of both measurements.
+        mass_kg: Mass with housing, without horns and screws.
+        size_m: Three sides, shortest first; mostly without mounting lugs.
+        range_deg: Range of a shaft that holds an angle; None if not published.
+        rated_nm: Torque that the maker allows permanently; None if not published.
+        axes: Number of shafts of the housing that turn independently.
+        title: Title of the document with the figures.
+        url: Address of that document.
+        checked: Comparison by which the figures were checked.
     """
 
     name: str
@@ -55,29 +55,29 @@ class Servo:
 
     @property
     def turns_enough(self) -> bool | None:
-        """Whether its range lets a hinge fold to either side; None where nobody says the range."""
-        return None if self.range_deg is None else self.range_deg >= FOLD_DEG
+        """True if its range lets a hinge fold to either side; None if no range is published."""
+        return None if self.range_deg is None else self.range_deg >= MIN_SERVO_RANGE_DEG
 
     def speed_rad_s(self, load_nm: float) -> float:
-        """Its speed under a load: along the straight line from no load to stall."""
+        """Return its speed under a load, on the straight line from no load to stall."""
         return self.no_load_rad_s * max(1.0 - load_nm / self.stall_nm, 0.0)
 
     def shortest_time_s(self, turned_rad: float, load_nm: float) -> float:
-        """The least time in which it turns so far under that load; infinite when it stalls."""
+        """Return the least time for an angle under a load, s; infinite if it stalls."""
         speed = self.speed_rad_s(load_nm)
         return turned_rad / speed if speed > 0.0 else inf
 
 
 @cache
 def servos() -> tuple[Servo, ...]:
-    """All of them, by mass, the lightest first."""
+    """Return all known servos, the lightest first."""
     text = files("planner.robot").joinpath("servos.toml").read_text(encoding="utf-8")
     found = [_servo(entry) for entry in tomllib.loads(text)["servo"]]
     return tuple(sorted(found, key=lambda servo: (servo.mass_kg, servo.name)))
 
 
 def servo_named(name: str) -> Servo:
-    """The one of this name, in capitals or not.
+    """Return the servo of this name, regardless of case.
 
     Raises:
         InputError: ``unknown-servo``.
@@ -96,7 +96,7 @@ def servo_named(name: str) -> Servo:
 
 
 def _servo(entry: Mapping[str, Any]) -> Servo:
-    """A servo of its lines in the file, in SI units."""
+    """Build a servo from its entry in the file, in SI units."""
     torque = _torque(entry, "stall")
     assert torque is not None, entry["name"]
     if "speed_rpm" in entry:
@@ -122,7 +122,7 @@ def _servo(entry: Mapping[str, Any]) -> Servo:
 
 
 def _torque(entry: Mapping[str, Any], kind: str) -> float | None:
-    """A torque in N·m, in whichever unit it is published; None where it is not."""
+    """Return a published torque, N·m, whichever its unit; None if there is none."""
     if f"{kind}_nm" in entry:
         return float(entry[f"{kind}_nm"])
     published = entry.get(f"{kind}_kgf_cm")

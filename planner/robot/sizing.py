@@ -1,9 +1,9 @@
-"""Sizing: which servos would do for a torque that is told in weights of a module times the pitch.
+"""Sizing: servos that are suitable for a torque given in weights of a module times the pitch.
 
-The torque comes from whoever worked it out, for cubes of pitch 1 and weight 1 (w·p). How large a
-module is and what is in it says what that is in N·m. Assumed of each module: it drives both hinges
-of one joint, by two servos or one of two shafts; they lie side by side in its casing, at right
-angles to it; wires, joints and electronics have neither room nor mass of their own.
+The torque is computed elsewhere, for cubes of pitch 1 and weight 1 (w·p). The size and the contents
+of a module convert it to N·m. Assumptions on each module: it drives both hinges of one joint, by
+two servos or one of two shafts; they lie side by side in its casing, at right angles to it; wires,
+joints and electronics need neither room nor mass of their own.
 """
 
 from __future__ import annotations
@@ -21,26 +21,27 @@ from planner.errors import InputError
 from planner.robot.casings import Casing
 from planner.robot.servos import Servo, servos
 
-HINGES: Final = 2
-"""Hinges that a cube's servos drive: those of one universal joint."""
-SHARE: Final = 1.0 / 3.0
-"""Share of the stall torque that a servo gives for long. Feetech rates its servos at 0.30 to 0.33
-of it; ROBOTIS says of its AX and XL-320 that robots move stably up to 1/5."""
-PITCHES_M: Final = (1e-4, 10.0)
-"""Range of pitches that may be asked for."""
+HINGES_PER_MODULE: Final = 2
+"""Number of hinges that a cube's servos drive: those of one universal joint."""
+PERMANENT_TORQUE_SHARE: Final = 1.0 / 3.0
+"""Fraction of the stall torque that a servo supplies permanently. Feetech rates its servos at 0.30
+to 0.33 of it; ROBOTIS states that robots with AX and XL-320 move stably up to 1/5. Larger values
+choose weaker servos."""
+PITCH_RANGE_M: Final = (1e-4, 10.0)
+"""Minimum and maximum pitch that is accepted, m. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """How a servo does in modules of one size.
+    """Suitability of a servo for modules of one size.
 
     Attributes:
         servo: The servo.
         servos_kg: Mass of the servos in a module.
         module_kg: Mass of a module with them.
         need_nm: Torque that a hinge needs.
-        gives_nm: What the servo gives for long.
-        has_room: Whether a module has room for its servos.
+        gives_nm: Torque that the servo supplies permanently.
+        has_room: True if a module has room for its servos.
     """
 
     servo: Servo
@@ -52,12 +53,12 @@ class Fit:
 
     @property
     def margin(self) -> float:
-        """What it gives over what is needed; infinite where nothing is."""
+        """Ratio of supplied to needed torque; infinite if none is needed."""
         return self.gives_nm / self.need_nm if self.need_nm > 0.0 else inf
 
     @property
     def against(self) -> tuple[str, ...]:
-        """Why it would not do, each in a few words; none when it would."""
+        """Reasons why it is unsuitable, each in a few words; empty if it is suitable."""
         why: list[str] = []
         if not self.has_room:
             why.append("too large")
@@ -69,11 +70,11 @@ class Fit:
 
     @property
     def would_do(self) -> bool:
-        """Whether nothing is against it that is known of it."""
+        """True if there is no known reason against it."""
         return not self.against
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values; ``margin`` is None where no torque is needed."""
+        """Return plain JSON values; ``margin`` is None if no torque is needed."""
         margin = self.margin
         return {
             "servo": self.servo.name,
@@ -91,11 +92,11 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PitchRange:
-    """The pitches at which a servo has room and is strong enough.
+    """Range of pitches at which a servo has room and is strong enough.
 
     Attributes:
-        least_m: The least at which it has room.
-        most_m: The largest at which it is strong enough; infinite where it is at ten metres.
+        least_m: Smallest pitch at which it has room.
+        most_m: Largest pitch at which it is strong enough; infinite if that exceeds ten metres.
     """
 
     least_m: float
@@ -103,16 +104,16 @@ class PitchRange:
 
     @property
     def empty(self) -> bool:
-        """Whether it is too weak wherever it has room."""
+        """True if it is too weak wherever it has room."""
         return self.most_m < self.least_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LargestShape:
-    """What a servo gives in modules of one size, and which shapes need no more.
+    """Torque of a servo in modules of one size, and the shapes that need no more.
 
     Attributes:
-        torque_wp: The largest torque that it gives, in weights of a module times the pitch.
+        torque_wp: Largest torque that it supplies, in weights of a module times the pitch.
         within: Names of the shapes that need no more, those of least torque first.
         beyond: Names of the others, likewise.
     """
@@ -123,7 +124,7 @@ class LargestShape:
 
     @property
     def largest(self) -> str | None:
-        """The shape of most torque that it can fold, or None."""
+        """Shape of largest torque that it can fold, or None."""
         return self.within[-1] if self.within else None
 
 
@@ -132,19 +133,19 @@ def who_would_do(
     *,
     pitch_m: float,
     casing: Casing,
-    share: float = SHARE,
+    share: float = PERMANENT_TORQUE_SHARE,
     gravity_m_s2: float = GRAVITY_M_S2,
     among: Sequence[Servo] | None = None,
 ) -> tuple[Fit, ...]:
-    """All servos: those that would do first, of each kind the lightest first.
+    """Return all servos, suitable ones first, then by mass.
 
     Args:
         torque_wp: Largest torque of a hinge, in weights of a module times the pitch.
         pitch_m: Distance of neighbouring modules.
-        casing: What modules are made of.
-        share: Share of the stall torque that may be asked of a servo.
+        casing: Casing of the modules.
+        share: Fraction of the stall torque that a servo may supply.
         gravity_m_s2: Gravity.
-        among: The servos to choose from; None for all that are known.
+        among: Servos to choose from; None for all that are known.
 
     Raises:
         InputError: ``bad-sizing``.
@@ -169,13 +170,13 @@ def at_which_pitch(
     torque_wp: float,
     casing: Casing,
     *,
-    share: float = SHARE,
+    share: float = PERMANENT_TORQUE_SHARE,
     gravity_m_s2: float = GRAVITY_M_S2,
 ) -> PitchRange:
-    """The pitches at which a servo would do.
+    """Return the pitches at which a servo is suitable.
 
-    Its room bounds them from below. The torque that is needed grows with the pitch, with its
-    fourth power where modules weigh what their cubes weigh, and bounds them from above.
+    Its size bounds them from below. The torque that is needed grows with the pitch, with its
+    fourth power where modules weigh as much as their cubes, and bounds them from above.
 
     Raises:
         InputError: ``bad-sizing``.
@@ -188,7 +189,7 @@ def at_which_pitch(
     def lacks(pitch_m: float) -> float:
         return torque_wp * _unit_nm(servo, casing, pitch_m, gravity_m_s2) - gives
 
-    longest = PITCHES_M[1]
+    longest = PITCH_RANGE_M[1]
     most = inf if lacks(longest) <= 0.0 else cast(float, brentq(lacks, 0.0, longest, xtol=1e-12))
     return PitchRange(least_m=least_pitch_m(servo, casing), most_m=most)
 
@@ -199,18 +200,18 @@ def largest_shape(
     *,
     pitch_m: float,
     casing: Casing,
-    share: float = SHARE,
+    share: float = PERMANENT_TORQUE_SHARE,
     gravity_m_s2: float = GRAVITY_M_S2,
 ) -> LargestShape:
-    """The largest torque in w·p that a servo gives, and which shapes need no more.
+    """Return the largest torque, w·p, that a servo supplies, and the shapes that need no more.
 
     Args:
-        servo: The servo; whether it has room is not asked.
-        figures_wp: The torque in w·p that each shape needs, by the shapes' names.
+        servo: The servo; its size is not checked.
+        figures_wp: Torque that each shape needs, w·p, by name of the shape.
         pitch_m: Distance of neighbouring modules.
-        casing: What modules are made of.
-        share: Share of the stall torque that may be asked of the servo.
-        gravity_m_s2: Gravity; without any it gives whatever is asked.
+        casing: Casing of the modules.
+        share: Fraction of the stall torque that the servo may supply.
+        gravity_m_s2: Gravity; without any, every torque in w·p is possible.
 
     Raises:
         InputError: ``bad-sizing``.
@@ -228,30 +229,29 @@ def largest_shape(
 
 
 def least_pitch_m(servo: Servo, casing: Casing) -> float:
-    """The least pitch at which a module's servos have room in its casing.
+    """Return the smallest pitch, m, at which a module's servos have room in its casing.
 
-    Two equal boxes in a cube are always apart along one of its axes; they need the least when that
-    is the shortest side of both.
+    Two equal boxes in a cube are always apart along one of its axes; they need the least room if
+    that is the shortest side of both.
     """
     return max(_count(servo) * servo.size_m[0], servo.size_m[2]) + 2.0 * casing.wall_m
 
 
 def turned_rad(angles_rad: NDArray[np.float64]) -> float:
-    """How far the hinges turn that turn most, step by step.
+    """Return the sum over all steps of the largest turn of a hinge, rad.
 
     Args:
         angles_rad: (F, J) angles of the frames, one after the other.
 
     Returns:
-        The sum over the steps of the largest turn of any hinge: at a bounded speed no motion along
-        these frames takes less than this over that speed.
+        The sum: at a bounded speed no motion along these frames takes less than it over the speed.
     """
     return float(np.abs(np.diff(angles_rad, axis=0)).max(axis=1, initial=0.0).sum())
 
 
 def _count(servo: Servo) -> int:
-    """How many of them are in a module."""
-    return -(-HINGES // servo.axes)
+    """Return the number of servos in a module."""
+    return -(-HINGES_PER_MODULE // servo.axes)
 
 
 def _module_kg(servo: Servo, casing: Casing, pitch_m: float) -> float:
@@ -259,17 +259,17 @@ def _module_kg(servo: Servo, casing: Casing, pitch_m: float) -> float:
 
 
 def _unit_nm(servo: Servo, casing: Casing, pitch_m: float, gravity_m_s2: float) -> float:
-    """1 w·p in N·m."""
+    """Return 1 w·p in N·m."""
     return _module_kg(servo, casing, pitch_m) * gravity_m_s2 * pitch_m
 
 
 def _check(torque_wp: float, share: float, gravity: float, pitch_m: float = 1.0) -> None:
-    """Refuses numbers that no motor can be chosen by."""
+    """Check that all numbers are in their ranges."""
     for where, value, least, most in (
         ("torque", torque_wp, 0.0, 1e9),
         ("share", share, 1e-6, 1.0),
         ("gravity", gravity, 0.0, 1e3),
-        ("pitch", pitch_m, *PITCHES_M),
+        ("pitch", pitch_m, *PITCH_RANGE_M),
     ):
         if not least <= value <= most:
             raise InputError(

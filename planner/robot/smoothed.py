@@ -1,7 +1,7 @@
 """Smoothed: a plan that is made from a verified one, with a shorter and quieter motion.
 
-Its record is a smoothed motion in place of an explosion. What follows is the same as for any fold:
-it is played back along a smooth curve, and the certificate judges that.
+Its record is a smoothed motion in place of an explosion. The next stages are those of any fold: it
+is played back along a smooth curve, and the certificate judges that.
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ from planner.motion.record import Record
 from planner.plan.plan import Plan
 from planner.playback.reference import record_lengths
 from planner.progress import Cancelled, never
-from planner.robot import MOST_ANGLES, RECORDED, SMOOTHED
+from planner.robot import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
 from planner.robot.quality import Quality
-from planner.robot.smoothing import DISTANCE_WEIGHT, LOOKS, smooth, spacing_of
+from planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, spacing_of
 
 Array = NDArray[np.float64]
-FEW_LOOKS: Final = LOOKS // 4
+SOFTENED_EVALUATIONS: Final = MAX_EVALUATIONS // 4
+"""Number of configurations that a slight smoothing may check. Chosen."""
 
 
 def check_smoothable(plan: Plan) -> None:
-    """Refuses a plan that cannot be smoothed.
+    """Refuse a plan that cannot be smoothed.
 
     Raises:
         InputError: ``smooth-refold``, ``smooth-not-verified``, ``smooth-no-motion``,
@@ -59,15 +60,15 @@ def check_smoothable(plan: Plan) -> None:
             f"got a plan of {name} without torques, from an earlier version; fold it again.",
         )
     hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
-    if frames * hinges <= MOST_ANGLES:
+    if frames * hinges <= MAX_SMOOTHED_ANGLES:
         length = record_lengths(plan.chain, plan.joint_angles_rad, DISTANCE_WEIGHT)[-1]
         frames = max(frames, int(length / spacing_of(length)))
-    if frames * hinges > MOST_ANGLES:
+    if frames * hinges > MAX_SMOOTHED_ANGLES:
         raise InputError(
             "smooth-too-long",
             f"got a motion that takes {frames} frames of {hinges} hinges, expected at most "
-            f"{MOST_ANGLES} angles in all; use `foldback retime` to limit the speed of longer "
-            "motions.",
+            f"{MAX_SMOOTHED_ANGLES} angles in all; use `foldback retime` to limit the speed of "
+            "longer motions.",
         )
 
 
@@ -80,21 +81,21 @@ def smoothed_record(
     told: Callable[[float], None] | None = None,
     cancelled: Cancelled = never,
 ) -> Record:
-    """What takes the place of an explosion: a plan's motion smoothed, from folded to straight.
+    """Return a plan's motion smoothed, from folded to straight, in place of an explosion.
 
     Args:
         plan: A plan that may be smoothed.
         way: One of ``WAYS``.
         size: Module size that it is to be verified at, as a fraction of the pitch.
-        seed: What randomness starts from.
-        told: Is told which part of it is done, now and then.
-        cancelled: Asked now and then whether to stop; what there is by then is taken.
+        seed: Seed of all random numbers.
+        told: Receives the fraction that is done, after each part.
+        cancelled: Returns True to stop; the motion found so far is then taken.
     """
     begun = time.perf_counter()
     whole = plan.whole()
     angles = whole.joint_angles_rad
     if way != RECORDED:
-        looks = LOOKS if way == SMOOTHED else FEW_LOOKS
+        looks = MAX_EVALUATIONS if way == SMOOTHED else SOFTENED_EVALUATIONS
         angles = smooth(
             plan.chain, angles, size=size, seed=seed, looks=looks, told=told, cancelled=cancelled
         ).angles
@@ -117,11 +118,11 @@ def smoothed_record(
 
 
 def before_and_after(recorded: Plan, smoothed: Plan) -> dict[str, Any]:
-    """What smoothing has changed, both plans taking as long as the recorded one; plain values.
+    """Compare the plans before and after smoothing, both in the recorded one's time; plain values.
 
     Args:
         recorded: The plan that was smoothed.
-        smoothed: What came of it; without a playback there is nothing to compare.
+        smoothed: The resulting plan; without a playback its figures are None.
     """
     seconds = recorded.certificate.fold_time_s
     assert seconds is not None

@@ -1,18 +1,18 @@
 """Smoothing: a shorter and quieter motion between the same two configurations, as clear as before.
 
-Time and again a simpler motion is drawn up: straight lines between some frames, or a running mean
-of every hinge over many. It is followed as far as it is clear. Two modules lie to each other as the
-hinges between them have it, so where two come too close only those hinges go back to what they did,
-around those frames; all others keep what they gained. These are shortcuts of any part of the chain
-in any part of the motion (Geraerts, Overmars: Creating high-quality paths for motion planning,
-2007; Hauser, Ng-Thow-Hing: Fast smoothing of manipulator trajectories using optimal
-bounded-acceleration shortcuts, 2010), with collisions to choose the part instead of chance.
+Each pass draws a simpler motion: straight lines between some frames, or a running mean of every
+hinge over many. It is followed as far as it is clear. The relative pose of two modules depends on
+the hinges between them alone, so where two come too close only those hinges return to their former
+angles, around those frames; all others keep the new ones. These are shortcuts of any part of the
+chain in any part of the motion (Geraerts, Overmars: Creating high-quality paths for motion
+planning, 2007; Hauser, Ng-Thow-Hing: Fast smoothing of manipulator trajectories using optimal
+bounded-acceleration shortcuts, 2010), with the part chosen by collisions instead of at random.
 
-A shorter motion may take more torque: straight lines have kinks, and what a simulation recorded has
-none. So what a motion costs is its length and the time that it takes with bounded torque.
+A shorter motion may need more torque: straight lines have kinks, simulated motions have none. So
+the cost of a motion is its length plus the time that it takes with bounded torque.
 
-Every motion that is kept has been proved clear by ``planner.clearance.sweep``, all between its
-frames too.
+Every motion that is kept has been proved clear by ``planner.clearance.sweep``, also between its
+frames.
 """
 
 from __future__ import annotations
@@ -37,46 +37,62 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-LOOKS: Final = 20_000
-"""Configurations whose clearance one smoothing may check."""
+MAX_EVALUATIONS: Final = 20_000
+"""Maximum number of configurations whose clearance one smoothing checks. Larger values smooth more
+and take more time. Chosen."""
 TORQUE_WEIGHTS: Final = ((0.6, 0.15), (1.0, 0.6))
-"""(share of the looks, weight of torque in units of the length's weight): up to that share it
-weighs so much. Little at first, as what is tangled gets shorter by way of more torque."""
-TIGHT: Final = 0.98
-"""Module size, of a pitch, at which modules must not come nearer than in the record."""
-FRAMES: Final = 150
-"""Frames of a motion that is smoothed, about."""
-SPACING_RAD: Final = (0.015, 0.06)
-"""Smallest and largest length between two frames, in rad."""
-SLACK: Final = 0.001
-"""Clearance in pitches that frames, and places halfway between, have beyond what is asked for."""
-PIECES: Final = (1, 3, 6, 12, 24, 48)
-"""Parts of a motion that are simplified in turn."""
-FEWEST_FRAMES: Final = 4
-GENTLE_ROUNDS: Final = 1
-STERN_ROUNDS: Final = 6
-MOST_ROUNDS: Final = 14
-LEAST_SHARE: Final = 0.02
-WORTHWHILE: Final = 0.005
-"""Share of the effort that a pass must gain; after one that gains less there is one more."""
-MOST_REPAIRS: Final = 6
-ROUNDING: Final = 1e-9
-LEAST_BOUND: Final = 1e-9
-LEAST_EFFORT: Final = 1e-9
-LEAST_SPAN_RAD: Final = 1e-6
+"""Pairs of (fraction of the evaluations, weight of torque relative to that of length): up to that
+fraction torque has that weight. It is small at first, as a tangled motion gets shorter by way of
+more torque. Chosen."""
+TIGHT_SIZE: Final = 0.98
+"""Minimum module size, as a fraction of the pitch, at which modules must not come nearer than in
+the record. Larger values keep more clearance and smooth less. Chosen."""
+SMOOTHED_FRAMES: Final = 150
+"""Approximate number of frames of a motion that is smoothed. Larger values are finer and slower.
+Chosen."""
+FRAME_SPACING_RANGE_RAD: Final = (0.015, 0.06)
+"""Minimum and maximum arc length between two frames, rad. Chosen."""
+CLEARANCE_SLACK_PITCH: Final = 0.001
+"""Additional clearance of frames, and of configurations halfway between, pitches: room for the
+motion beside them. Chosen."""
+SIMPLIFIED_PARTS: Final = (1, 3, 6, 12, 24, 48)
+"""Numbers of parts into which a motion is divided for simplification, in turn. Chosen."""
+MIN_PART_FRAMES: Final = 4
+"""Minimum number of frames of a part that is simplified. Chosen."""
+HALVING_ROUNDS: Final = 1
+"""Number of first rounds in which blamed hinges follow the target half as far, and not at all
+later. Chosen."""
+WHOLE_FRAME_FROM_ROUND: Final = 6
+"""Round from which on all hinges of a frame with a blamed hinge leave the target. Chosen."""
+MAX_FOLLOWING_ROUNDS: Final = 14
+"""Maximum number of rounds in which one target is followed; then it is given up. Chosen."""
+MIN_FOLLOWED_SHARE: Final = 0.02
+"""Minimum fraction to which a hinge follows the target; smaller ones become 0. Chosen."""
+MIN_PASS_GAIN: Final = 0.005
+"""Minimum relative gain of a pass; two passes in a row with less end the smoothing. Chosen."""
+MAX_RESAMPLINGS: Final = 6
+"""Maximum number of resamplings that restore frames at corners that are cut too close. Chosen."""
+MARGIN_ROUNDING_PITCH: Final = 1e-9
+"""Clearance that rounding may take from a motion, pitches."""
+MIN_PROVED_BOUND_PITCH: Final = 1e-9
+"""Lower bound of the clearance, pitches, that counts as a proof that no modules touch."""
+MIN_EFFORT: Final = 1e-9
+"""Minimum effort of a motion by which costs are divided: it avoids a division by zero."""
+MIN_STEP_LENGTH_RAD: Final = 1e-6
+"""Minimum length of a step by which differences are divided, rad: it avoids a division by zero."""
 DISTANCE_WEIGHT: Final = 0.03
-"""Radians that a displacement of one pitch counts as: ``PlaybackParameters.distance_weight``."""
-RUN: Final = 6
-"""Steps that one sweep checks."""
+"""Arc length of a displacement of one pitch, rad: ``PlaybackParameters.distance_weight``."""
+SWEEP_STEPS: Final = 6
+"""Number of steps that one sweep checks. Smaller values find more close places at once. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Smoothed:
-    """A motion that was smoothed.
+    """Smoothed motion.
 
     Attributes:
-        angles: (F, J) hinge angles; the first and the last frame are those that were given.
-        looks: Configurations that were looked at.
+        angles: (F, J) hinge angles, rad; the first and the last frame are the given ones.
+        looks: Number of configurations that were checked.
     """
 
     angles: Array
@@ -89,23 +105,23 @@ def smooth(
     *,
     size: float,
     seed: int = 0,
-    looks: int = LOOKS,
+    looks: int = MAX_EVALUATIONS,
     told: Callable[[float], None] | None = None,
     cancelled: Cancelled = never,
 ) -> Smoothed:
-    """Smooths a motion. What comes of it depends on the arguments alone.
+    """Smooth a motion. The result depends on the arguments alone.
 
     Args:
         chain: The chain.
         angles: (F, J) configurations in either order of time, hinges running evenly between them.
         size: Module size that the motion is to be verified at, as a fraction of the pitch. At the
-            larger of it and ``TIGHT`` the smoothed motion is as clear as the given one where both
-            are looked at, and clear in between.
-        seed: Decides where straight lines begin.
-        looks: About how many configurations may be looked at. One costs some 0.6 µs of processor
-            time for each cube, three times as much for each tetrahedron.
-        told: Is told which part of the looks is used up, now and then.
-        cancelled: Asked now and then whether to stop and take what there is.
+            larger of it and ``TIGHT_SIZE`` the smoothed motion is as clear as the given one at the
+            checked configurations, and clear in between.
+        seed: Seed of the starts of straight lines.
+        looks: Approximate maximum number of configurations to check. One costs some 0.6 µs of
+            processor time for each cube, three times as much for each tetrahedron.
+        told: Receives the used fraction of ``looks``, after each part.
+        cancelled: Returns True to stop; the motion found so far is then taken.
 
     Raises:
         InputError: ``wrong-shape`` for angles that are not frames of this chain.
@@ -122,8 +138,8 @@ def smooth(
 
 
 def spacing_of(length_rad: float) -> float:
-    """How far apart the frames of a motion of some length are."""
-    return float(np.clip(length_rad / FRAMES, *SPACING_RAD))
+    """Return the arc length between frames of a motion, rad, by its length."""
+    return float(np.clip(length_rad / SMOOTHED_FRAMES, *FRAME_SPACING_RANGE_RAD))
 
 
 class _Smoothing:
@@ -140,25 +156,25 @@ class _Smoothing:
         self.all_looks = looks
         self.told = told
         self.size = size
-        self.tight = max(size, TIGHT)
+        self.tight = max(size, TIGHT_SIZE)
         self.most_looks = looks
         self.looks = 0
         self.rng = rng
         self.given = angles
         found = self._swept(angles)
         self.margin = found.clearance
-        self.bound = min(found.bound, LEAST_BOUND)
+        self.bound = min(found.bound, MIN_PROVED_BOUND_PITCH)
         length = float(self._measured(angles)[0].sum())
         self.spacing = spacing_of(length)
         self.torque_weight = 0.0
 
     def smoothed(self, cancelled: Cancelled) -> Array:
-        """(F, J) the best motion found."""
+        """Return the (F, J) best motion found."""
         best = self._resampled(self.given)
-        if len(best) < FEWEST_FRAMES:
+        if len(best) < MIN_PART_FRAMES:
             return best
         lengths, costs = self._measured(best)
-        unit = costs.sum() / max(float(self._efforts(best, lengths).sum()), LEAST_EFFORT)
+        unit = costs.sum() / max(float(self._efforts(best, lengths).sum()), MIN_EFFORT)
         whole = self.most_looks
         for share, weight in TORQUE_WEIGHTS:
             self.most_looks = int(share * whole)
@@ -167,7 +183,7 @@ class _Smoothing:
         return best
 
     def _cheaper(self, best: Array, cancelled: Cancelled) -> Array:
-        """(F, J) a motion that costs as little as passes can bring it to."""
+        """Return the (F, J) motion after passes until they gain too little."""
         stale = 0
         while stale < 2 and self.looks < self.most_looks and not cancelled():
             found = self._resampled(self._simplified(best, cancelled))
@@ -175,19 +191,19 @@ class _Smoothing:
             if gain <= 0.0:
                 break
             best = found
-            stale = stale + 1 if gain < WORTHWHILE else 0
+            stale = stale + 1 if gain < MIN_PASS_GAIN else 0
         return best
 
     def _simplified(self, angles: Array, cancelled: Cancelled) -> Array:
-        """One pass of straight lines and means over ever smaller parts."""
+        """Make one pass of straight lines and means over ever smaller parts."""
         costs = self._costs(angles)
         for lines in (True, False):
-            for pieces in PIECES:
+            for pieces in SIMPLIFIED_PARTS:
                 if self.looks >= self.most_looks or cancelled():
                     return angles
                 if self.told is not None:
                     self.told(self.looks / self.all_looks)
-                if len(angles) < FEWEST_FRAMES * pieces:
+                if len(angles) < MIN_PART_FRAMES * pieces:
                     break
                 begins = parts(len(angles), pieces, self.rng)
                 target = straight(angles, begins) if lines else mean(angles, pieces)
@@ -203,17 +219,17 @@ class _Smoothing:
     def _followed(
         self, angles: Array, target: Array, worth: Flags, most_cost: float
     ) -> Array | None:
-        """A motion on the way to a target, as far as frames and some places between are clear.
+        """Return a motion towards a target, as far as frames and the motion between are clear.
 
         Args:
-            angles, target: (F, J), the first and last frame the same.
-            worth: (F,) whether the target is to be followed there at all.
-            most_cost: It must cost less than this.
+            angles, target: (F, J) motions with the same first and last frame.
+            worth: (F,) True if the target is to be followed at a frame.
+            most_cost: Upper limit of its cost.
         """
         shares = softened(np.repeat(worth.astype(np.float64)[:, None], angles.shape[1], axis=1))
         unknown: Flags = np.ones(len(angles), dtype=np.bool_)
         unknown_ways: Flags = unknown.copy()
-        for turn in range(MOST_ROUNDS):
+        for turn in range(MAX_FOLLOWING_ROUNDS):
             found = angles + shares * (target - angles)
             moved: Flags = shares.max(axis=1) > 0.0
             blamed = np.zeros(angles.shape, dtype=np.bool_)
@@ -230,18 +246,18 @@ class _Smoothing:
                 unknown_ways[self._blame_between(found, ways, blamed)] = True
                 if not blamed.any():
                     return found
-            if turn >= STERN_ROUNDS:
+            if turn >= WHOLE_FRAME_FROM_ROUND:
                 blamed[blamed.any(axis=1)] = True
-            kept = np.where(blamed, 0.5 if turn < GENTLE_ROUNDS else 0.0, 1.0)
+            kept = np.where(blamed, 0.5 if turn < HALVING_ROUNDS else 0.0, 1.0)
             lower = shares * minimum_filter1d(kept, 3, axis=0)
-            lower[lower < LEAST_SHARE] = 0.0
+            lower[lower < MIN_FOLLOWED_SHARE] = 0.0
             lower = softened(lower)
             unknown = np.abs(lower - shares).max(axis=1) > 0.0
             shares = lower
         return None
 
-    def _blamed(self, angles: Array, *, slack: float = SLACK) -> Flags:
-        """(F, J) the hinges between modules that are closer than they may be."""
+    def _blamed(self, angles: Array, *, slack: float = CLEARANCE_SLACK_PITCH) -> Flags:
+        """Return (F, J), True for the hinges between modules that are closer than allowed."""
         module = self.chain.module
         blamed = np.zeros(angles.shape, dtype=np.bool_)
         self.looks += len(angles)
@@ -257,14 +273,14 @@ class _Smoothing:
         return blamed
 
     def _blame_between(self, angles: Array, ways: Ints, blamed: Flags) -> Ints:
-        """Marks the hinges that bring modules too close between frames, at both ends of the step.
+        """Mark the hinges that bring modules too close between frames, at both ends of the step.
 
-        Of several steps in a row only those at the closest place are marked.
+        In several steps in a row only the closest configuration is marked.
 
         Args:
-            angles: (F, J).
-            ways: (W,) numbers of the steps that are looked at.
-            blamed: (F, J) written.
+            angles: (F, J) angles, rad.
+            ways: (W,) numbers of the steps that are checked.
+            blamed: (F, J) output, True for marked hinges.
 
         Returns:
             The steps among which there may be more.
@@ -273,8 +289,8 @@ class _Smoothing:
         left: list[Ints] = []
         ends = np.flatnonzero(np.diff(ways, append=-1) != 1) + 1
         for run in np.split(ways, ends[:-1]) if len(ways) else ():
-            for start in range(int(run[0]), int(run[-1]) + 1, RUN):
-                stop = min(start + RUN, int(run[-1]) + 1)
+            for start in range(int(run[0]), int(run[-1]) + 1, SWEEP_STEPS):
+                stop = min(start + SWEEP_STEPS, int(run[-1]) + 1)
                 found = self._swept(angles[start : stop + 1])
                 if found.modules is None or self._clear(found):
                     continue
@@ -286,10 +302,10 @@ class _Smoothing:
         return np.concatenate([np.zeros(0, dtype=np.int64), *left])
 
     def _measured(self, angles: Array) -> tuple[Array, Array]:
-        """(F − 1,) the lengths of all steps, and what they cost without torque.
+        """Return the (F − 1,) lengths of all steps, rad, and their (F − 1,) costs without torque.
 
-        A step costs its length and, as a length is that of what goes farthest, how far hinges turn
-        and modules move on average.
+        The length of a step is its largest motion; its cost also includes the mean turn of hinges
+        and the mean displacement of modules.
         """
         module = self.chain.module
         largest, mean = np.zeros(len(angles) - 1), np.zeros(len(angles) - 1)
@@ -304,13 +320,13 @@ class _Smoothing:
         return lengths, lengths + turned.mean(axis=1) + DISTANCE_WEIGHT * mean
 
     def _efforts(self, angles: Array, lengths: Array) -> Array:
-        """(F − 1,) the time that each step takes when no hinge may have more torque than 1.
+        """Return the (F − 1,) time of each step if no hinge torque exceeds 1.
 
         Along a curve that is run through evenly the torque is b(u) u̇², see
         ``planner.playback.time_law``, so a place is passed at 1 / √|b|. Rates along the length are
         those of parabolas through frames.
         """
-        spans = np.maximum(lengths, LEAST_SPAN_RAD)[:, None]
+        spans = np.maximum(lengths, MIN_STEP_LENGTH_RAD)[:, None]
         slopes = np.diff(angles, axis=0) / spans
         rates = np.concatenate([slopes[:1], slopes])
         bends = np.zeros_like(angles)
@@ -322,12 +338,12 @@ class _Smoothing:
         return 0.5 * (paces[1:] + paces[:-1]) * spans[:, 0]
 
     def _costs(self, angles: Array) -> Array:
-        """(F − 1,) what all steps cost."""
+        """Return the (F − 1,) costs of all steps."""
         lengths, costs = self._measured(angles)
         return costs + self.torque_weight * self._efforts(angles, lengths)
 
     def _refined(self, angles: Array) -> Array:
-        """The same motion with frames halfway of steps that are too long."""
+        """Return the motion with additional frames in steps that are too long."""
         steps = self._measured(angles)[0]
         count = np.maximum(1, np.ceil(steps / (2.0 * self.spacing))).astype(np.int64)
         of = np.repeat(np.arange(len(steps)), count)
@@ -336,14 +352,14 @@ class _Smoothing:
         return along(angles, np.arange(len(angles) * 1.0), places)
 
     def _resampled(self, angles: Array) -> Array:
-        """A motion with frames at even lengths; where that cuts a corner too close, as it was."""
+        """Return the motion with frames at even lengths; corners cut too close keep theirs."""
         lengths = np.concatenate([[0.0], np.cumsum(self._measured(angles)[0])])
         count = int(np.ceil(lengths[-1] / self.spacing))
         if not count:
             return angles[[0, -1]]
         even = np.linspace(0.0, lengths[-1], count + 1)
         places = even
-        for _ in range(MOST_REPAIRS):
+        for _ in range(MAX_RESAMPLINGS):
             found = along(angles, lengths, places)
             between = self._blamed(0.5 * (found[:-1] + found[1:]), slack=0.0)
             close: Flags = between.max(axis=1)
@@ -362,15 +378,15 @@ class _Smoothing:
         return angles
 
     def _swept(self, angles: Array) -> Sweep:
-        """The closest place of a motion at the tight size.
+        """Return the closest configuration of a motion at the tight size.
 
-        To prove more than that it is clear would take most of the looks: of the mallet of 64
-        nothing was left to make its motion shorter.
+        A proof of more than no contact would take most of the evaluations: with the mallet of 64
+        none would remain to shorten its motion.
         """
         found = sweep(self.chain, angles, size=self.tight, share=0.0)
         self.looks += len(angles) + found.in_betweens
         return found
 
     def _clear(self, found: Sweep) -> bool:
-        """Whether a motion is as clear as the given one where both are looked at, without gaps."""
-        return found.clearance >= self.margin - ROUNDING and found.bound >= self.bound
+        """Return True if a motion is as clear as the given one, and proved without contact."""
+        return found.clearance >= self.margin - MARGIN_ROUNDING_PITCH and found.bound >= self.bound

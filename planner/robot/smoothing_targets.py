@@ -11,24 +11,26 @@ from scipy.ndimage import minimum_filter1d, uniform_filter1d
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
-RAMP: Final = 3
-"""Frames; a change fades in over about four times as many."""
-TRACES: Final = 1e-9
+FADE_FRAMES: Final = 3
+"""Half width of the filters that fade a change in, frames; it takes about four times as many.
+Larger values change speeds more smoothly. Chosen."""
+MIN_SHARE: Final = 1e-9
+"""Fraction below which a share counts as 0: rounding of running sums."""
 
 
 def parts(frames: int, pieces: int, rng: np.random.Generator) -> Ints:
-    """Frames at which about so many even parts of a motion begin, and its last frame."""
+    """Return frames at which about ``pieces`` even parts of a motion begin, and its last frame."""
     inner = (np.arange(pieces) + rng.uniform(0.25, 0.75)) * (frames / pieces)
     return np.unique(np.concatenate([[0], inner.astype(np.int64), [frames - 1]]))
 
 
 def straight(angles: Array, parts: Ints) -> Array:
-    """(F, J) all hinges running evenly from one part's beginning to the next."""
+    """Return (F, J) angles with all hinges running evenly from one part's start to the next."""
     return along(angles[parts], parts.astype(np.float64), np.arange(len(angles) * 1.0))
 
 
 def mean(angles: Array, pieces: int) -> Array:
-    """(F, J) the running mean over such a part of the motion, the ends staying where they are."""
+    """Return the (F, J) running mean over a part of the motion; the ends are kept."""
     reach = max(1, len(angles) // (2 * pieces))
     again = reach // 2
     pad = min(reach + again, len(angles) - 1)
@@ -42,14 +44,14 @@ def mean(angles: Array, pieces: int) -> Array:
 
 
 def worthwhile(costs: Array, new: Array, parts: Ints) -> Flags:
-    """(F,) whether a frame is in the inside of parts that would cost less."""
+    """Return (F,), True for frames inside parts that would cost less."""
     better = np.add.reduceat(new, parts[:-1]) < np.add.reduceat(costs, parts[:-1])
     worth = np.repeat(better, np.diff(parts))
     return np.concatenate([[False], worth[1:] & worth[:-1], [False]])
 
 
 def along(angles: Array, lengths: Array, places: Array) -> Array:
-    """(P, J) the configurations at (P,) lengths along (F, J) ones at (F,) lengths."""
+    """Return (P, J) configurations at (P,) lengths along (F, J) ones at (F,) lengths."""
     frame = np.clip(np.searchsorted(lengths, places, side="right") - 1, 0, len(lengths) - 2)
     span = lengths[frame + 1] - lengths[frame]
     part = np.where(span > 0.0, (places - lengths[frame]) / np.where(span > 0.0, span, 1.0), 1.0)
@@ -59,15 +61,19 @@ def along(angles: Array, lengths: Array, places: Array) -> Array:
 
 
 def softened(shares: Array) -> Array:
-    """(F, J) shares that are nowhere larger, and in time change without a corner.
+    """Return (F, J) shares that are nowhere larger, and change smoothly with time.
 
-    None at either end, where a motion stays as it is.
+    They are 0 at both ends, which a motion keeps.
     """
-    low = np.pad(shares, ((RAMP, RAMP), (0, 0)))
-    low = minimum_filter1d(low, 4 * RAMP + 1, axis=0)
+    low = np.pad(shares, ((FADE_FRAMES, FADE_FRAMES), (0, 0)))
+    low = minimum_filter1d(low, 4 * FADE_FRAMES + 1, axis=0)
     for _ in range(2):
-        low = uniform_filter1d(low, 2 * RAMP + 1, axis=0)
+        low = uniform_filter1d(low, 2 * FADE_FRAMES + 1, axis=0)
     # A running sum leaves traces of what has passed.
-    low = np.where(low[RAMP:-RAMP] < TRACES, 0.0, np.minimum(low[RAMP:-RAMP], shares))
+    low = np.where(
+        low[FADE_FRAMES:-FADE_FRAMES] < MIN_SHARE,
+        0.0,
+        np.minimum(low[FADE_FRAMES:-FADE_FRAMES], shares),
+    )
     low[0] = low[-1] = 0.0
     return low

@@ -12,35 +12,36 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-FRAMES: Final = "frames.npy"
-REST: Final = "rest.npz"
+FRAMES_FILE: Final = "frames.npy"
+REST_FILE: Final = "rest.npz"
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-CELLS: Final = 2
-"""Cells of the grid on either side of a frame and on a straight line; more of them made motions
-faster by less than a per cent."""
-FEWEST_CELLS: Final = 200
-"""Cells of the grid of a path with few frames, about."""
-TINY: Final = 1e-6
-"""Share of a step; shorter straight pieces are left out."""
-AT_ONCE: Final = 256
-"""Corners whose cuts are compared at once: all of a long chain's would take a gibibyte."""
+CELLS_PER_PIECE: Final = 2
+"""Number of cells of the grid on either side of a frame and on a straight line. Larger values made
+motions faster by less than one per cent. Measured."""
+MIN_PATH_CELLS: Final = 200
+"""Approximate minimum number of cells of the grid of a path. Chosen."""
+MIN_PIECE_SHARE: Final = 1e-6
+"""Minimum length of a straight piece as a fraction of its step; shorter ones are left out.
+Chosen."""
+CORNERS_AT_ONCE: Final = 256
+"""Number of corners whose cuts are compared at once (memory): all of a long chain's would take a
+gibibyte. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trajectory:
-    """A plan's path with times, at rest at both ends.
+    """Path of a plan with times, at rest at both ends.
 
     Attributes:
         joint_names: (J,) names of the hinges.
-        time_s: (F,) when the path passes each frame of the plan.
-        max_speed_rad_s, max_acceleration_rad_s2: The bounds that were given.
-        deviation_rad: The farthest that any hinge is from the plan's own motion.
-        path: Where it leads.
-        knot_times_s: (N + 1,) when it passes the path's knots; s̈ is constant between two.
+        time_s: (F,) time at each frame of the plan.
+        max_speed_rad_s, max_acceleration_rad_s2: Bounds of every hinge.
+        deviation_rad: Largest distance of any hinge from the plan's own motion.
+        path: Path with its corners cut.
+        knot_times_s: (N + 1,) times at the path's knots; s̈ is constant between two.
         knot_rates: (N + 1,) ṡ at the knots.
-        frame_numbers: (2 K,) for each of the K corners of the path the first and the last of the
-            plan's frames that are there.
+        frame_numbers: (2 K,) first and last frame of the plan at each of the K corners of the path.
     """
 
     joint_names: tuple[str, ...]
@@ -60,12 +61,12 @@ class Trajectory:
 
     @property
     def joint_angles_rad(self) -> Array:
-        """(F, J) where the hinges are at each frame of the plan; worked out at every call."""
+        """(F, J) hinge angles at each frame of the plan; computed at every call."""
         return self._at_frames()[0]
 
     @property
     def joint_speeds_rad_s(self) -> Array:
-        """(F, J) how fast they turn then; worked out at every call."""
+        """(F, J) hinge speeds at each frame of the plan; computed at every call."""
         return self._at_frames()[1]
 
     def _at_frames(self) -> tuple[Array, Array]:
@@ -78,15 +79,15 @@ class Trajectory:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of its arrays, those of the path too."""
+        """Size of its arrays and those of the path, bytes."""
         own = (getattr(self, name) for name in _OWN)
         return sum(a.nbytes for a in own) + sum(getattr(self.path, n).nbytes for n in _OF_PATH)
 
     def save(self, directory: FilePath) -> None:
-        """Writes it to a directory that is there."""
-        np.save(directory / FRAMES, self.path.frames)
+        """Write the trajectory to an existing directory."""
+        np.save(directory / FRAMES_FILE, self.path.frames)
         np.savez(
-            directory / REST,
+            directory / REST_FILE,
             joint_names=np.array(self.joint_names),
             numbers=np.array(
                 [self.max_speed_rad_s, self.max_acceleration_rad_s2, self.deviation_rad]
@@ -98,9 +99,9 @@ class Trajectory:
 
     @classmethod
     def load(cls, directory: FilePath) -> Trajectory:
-        """Reads what ``save`` wrote. The corners of the path stay in their file until asked for."""
-        frames = np.load(directory / FRAMES, mmap_mode="r", allow_pickle=False)
-        with np.load(directory / REST, allow_pickle=False) as rest:
+        """Read files that ``save`` wrote. The corners of the path stay in their file until used."""
+        frames = np.load(directory / FRAMES_FILE, mmap_mode="r", allow_pickle=False)
+        with np.load(directory / REST_FILE, allow_pickle=False) as rest:
             speed, acceleration, deviation = rest["numbers"].tolist()
             of_path = {name: rest[name] for name in _OF_PATH if name != "frames"}
             return cls(
@@ -113,7 +114,7 @@ class Trajectory:
             )
 
     def at(self, time_s: Array) -> tuple[Array, Array, Array]:
-        """Angles, speeds and accelerations at (T,) times, each (T, J).
+        """Return angles, speeds and accelerations at (T,) times, each (T, J).
 
         Before the beginning and after the end the chain rests. At a knot, where accelerations may
         jump, that of the following cell is given.
@@ -126,16 +127,16 @@ class Trajectory:
         return angles, slope * rate, slope * change + bend * rate**2
 
     def frame_at(self, time_s: Array) -> Array:
-        """(T,) place in the plan at (T,) times, as a frame number; 0.5 is between two.
+        """Return the (T,) frame numbers of the plan at (T,) times; 0.5 is between two.
 
-        Of frames in which nothing moves it is the last, but 0 in the beginning.
+        Among frames in which nothing moves it is the last one, but 0 at the beginning.
         """
         _, s, _, _ = self._along(np.asarray(time_s, dtype=np.float64))
         found = np.interp(s, np.repeat(self.path.places, 2), self.frame_numbers)
         return np.where(s > 0.0, found, 0.0)
 
     def _along(self, times: Array) -> tuple[Indices, Array, Array, Array]:
-        """Cell, s, ṡ and s̈, the last of which is constant within a cell."""
+        """Return cell, s, ṡ and s̈, the last of which is constant within a cell."""
         knots, rates, ends = self.knot_times_s, self.knot_rates, self.path.knots
         clipped = np.clip(times, 0.0, knots[-1])
         cell = np.clip(np.searchsorted(knots, clipped, side="right") - 1, 0, len(knots) - 2)
@@ -148,22 +149,23 @@ class Trajectory:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CutPath:
-    """A way along straight lines with its corners cut.
+    """Path along straight lines with its corners cut.
 
-    s is the way from frame to frame, a step counting as its largest hinge motion. With σ = s − s_k,
-    k being the frame of a cell, r the reach of its cut, and a, b the slopes before and after::
+    s is the length from frame to frame; a step counts as its largest hinge motion. With
+    σ = s − s_k, k being the frame of a cell, r the reach of its cut, and a, b the slopes before and
+    after::
 
         q(s) = q_k + a σ + (b − a) (σ + r)² / 4r
 
     Attributes:
-        frames: (K, J) the corners.
+        frames: (K, J) corners.
         places: (K,) s of the corners.
-        lengths: (K − 1,) of the steps between them.
+        lengths: (K − 1,) lengths of the steps between them.
         knots: (N + 1,) s of the ends of all cells.
-        frame, left, right: (N,) frame of each cell, and which slopes are before and after it; twice
-            the same on a straight line.
+        frame, left, right: (N,) frame of each cell, and indices of the slopes before and after it;
+            equal on a straight line.
         reach: (N,) r of each cell.
-        cells: Cells to a piece.
+        cells: Number of cells of a piece.
     """
 
     frames: Array
@@ -178,19 +180,19 @@ class CutPath:
 
     @classmethod
     def through(cls, frames: Array) -> CutPath:
-        """The path through (K, J) frames, no two neighbours of which are the same."""
+        """Build the path through (K, J) frames, no two neighbours of which are equal."""
         lengths = np.array(
             [np.abs(b - a).max() for a, b in zip(frames[:-1], frames[1:], strict=True)]
         )
         places = np.concatenate([[0.0], np.cumsum(lengths)])
-        count = max(CELLS, -(-FEWEST_CELLS // len(lengths)))
+        count = max(CELLS_PER_PIECE, -(-MIN_PATH_CELLS // len(lengths)))
         reach = np.zeros(len(frames))
         reach[1:-1] = 0.5 * np.minimum(lengths[1:], lengths[:-1])
         ends: list[Array] = [np.zeros(1)]
         cells: list[tuple[int, int, int, float]] = []
 
         def piece(step: float, to: float, *cell: float) -> None:
-            if to - ends[-1][-1] > TINY * step:
+            if to - ends[-1][-1] > MIN_PIECE_SHARE * step:
                 ends.append(np.linspace(ends[-1][-1], to, count + 1)[1:])
                 cells.extend([cell] * count)  # pyright: ignore[reportArgumentType]
 
@@ -213,15 +215,15 @@ class CutPath:
 
     @property
     def slopes(self) -> Array:
-        """(K − 1, J) dq/ds between the corners; worked out at every call."""
+        """(K − 1, J) dq/ds between the corners; computed at every call."""
         return self._slopes(np.arange(len(self.lengths)))
 
     def _slopes(self, steps: Indices) -> Array:
-        """(T, J) dq/ds on (T,) steps; a path that is kept in a file is read there alone."""
+        """Return (T, J) dq/ds on (T,) steps; only those are read if the path is in a file."""
         return (self.frames[steps + 1] - self.frames[steps]) / self.lengths[steps][:, None]
 
     def at(self, cell: Indices, s: Array) -> tuple[Array, Array, Array]:
-        """q, q' and q'' at (T,) places in (T,) cells, each (T, J)."""
+        """Return q, q' and q'' at (T,) values of s in (T,) cells, each (T, J)."""
         along = (s - self.places[self.frame[cell]])[:, None]
         reach = self.reach[cell][:, None]
         before = self._slopes(self.left[cell])
@@ -234,24 +236,24 @@ class CutPath:
         return angles, before + turn * (along + reach) / (2.0 * reach), turn / (2.0 * reach)
 
     def at_knots(self) -> Array:
-        """(N + 1, J) q at all knots."""
+        """Return (N + 1, J) q at all knots."""
         cells = np.arange(len(self.knots) - 1)
         last = self.at(cells[-1:], self.knots[-1:])[0]
         return np.concatenate([self.at(cells, self.knots[:-1])[0], last])
 
     def deviation(self) -> float:
-        """The farthest that any hinge is from the straight lines, at a corner: r (b − a) / 4."""
+        """Return the largest distance of a hinge from the straight lines: r (b − a) / 4, rad."""
         cut = self.left != self.right
         corners, first = np.unique(self.frame[cut], return_index=True)
         largest = 0.0
-        for start in range(0, len(corners), AT_ONCE):
-            part = slice(start, start + AT_ONCE)
+        for start in range(0, len(corners), CORNERS_AT_ONCE):
+            part = slice(start, start + CORNERS_AT_ONCE)
             turns = np.abs(self._slopes(corners[part]) - self._slopes(corners[part] - 1))
             largest = max(largest, (self.reach[cut][first[part]] * turns.max(axis=1)).max())
         return float(largest / 4.0)
 
 
 _OWN: Final = ("time_s", "knot_times_s", "knot_rates", "frame_numbers")
-"""Arrays of a trajectory."""
+"""Names of the arrays of a trajectory."""
 _OF_PATH: Final = ("frames", "places", "lengths", "knots", "frame", "left", "right", "reach")
-"""Arrays of its path."""
+"""Names of the arrays of its path."""

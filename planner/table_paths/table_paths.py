@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.chain.path import FEWEST_CELLS
+from planner.chain.path import MIN_CELLS
 from planner.errors import InputError
 from planner.shapes.shape import Shape
 from planner.table_paths.base_sides import Side, images, sides_of
@@ -127,10 +127,8 @@ def paths_or_reasons(
         cells: (n, 3) cells; all arguments are those of ``table_paths``.
     """
     given = Shape.from_cells(cells).cells
-    if len(given) < FEWEST_CELLS:
-        raise InputError(
-            "too-few-cells", f"got {len(given)} cells, expected at least {FEWEST_CELLS}."
-        )
+    if len(given) < MIN_CELLS:
+        raise InputError("too-few-cells", f"got {len(given)} cells, expected at least {MIN_CELLS}.")
     sides = list(sides_of(given, turned=turned))
     reasons = {side.down: reason for side in sides if (reason := ruled_out(side)) is not None}
     candidates = [side for side in sides if side.down not in reasons]

@@ -1,4 +1,4 @@
-"""Blocks as reasons: whether modules lie in the way of each turn and move that is told.
+"""Blocks as reasons: a check that modules block each turn and move in the evidence.
 
 Overlaps are found by separating axes in plain NumPy, apart from the compiled checks.
 """
@@ -16,36 +16,36 @@ from planner.motion.stuck_figures import BlockFigures
 from planner.plan.differences import Differences
 
 Array = NDArray[np.float64]
-LARGEST_TURN_RAD: Final = float(np.deg2rad(5.0))
-"""A hinge that can turn by this is free."""
-MOST_BENT_RAD: Final = float(np.deg2rad(60.0))
-"""Hinges bent by more must all be told."""
-LARGEST_MOVE: Final = 1.0
-"""Pitches that a unit is moved at most: what can go a whole cell is free."""
-FOLDED_WITHIN_RAD: Final = 1e-5
-"""Radians by which angles in a core may differ from the folded ones: they are single precision."""
-OVERLAP_WITHIN: Final = 1e-6
-"""Pitches by which an overlap may be told otherwise."""
-ROUNDING: Final = 1e-9
-"""Length of a product of edges below which it is no axis, and slack of comparisons."""
+MAX_BLOCKED_TURN_RAD: Final = float(np.deg2rad(5.0))
+"""Turn, rad, that a free hinge can make; evidence with a larger one is refused. Chosen."""
+MAX_UNREPORTED_BEND_RAD: Final = float(np.deg2rad(60.0))
+"""Bend, rad, beyond which the evidence must include every hinge. Chosen."""
+MAX_BLOCKED_MOVE_PITCH: Final = 1.0
+"""Maximum move of a unit in the evidence, pitches: a unit that can move a whole cell is free."""
+SINGLE_PRECISION_ANGLE_RAD: Final = 1e-5
+"""Maximum difference of angles in a core from the folded ones, rad: they are single precision."""
+REPORTED_OVERLAP_TOLERANCE_PITCH: Final = 1e-6
+"""Maximum difference of a reported overlap from the computed one, pitches: rounding."""
+AXIS_ROUNDING: Final = 1e-9
+"""Squared length of a product of edges below which it is no axis, and slack of comparisons."""
 
 
 def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: float) -> Differences:
-    """Where modules do not block each other as it is told.
+    """Yield the differences between reported and computed blocks.
 
     Args:
         chain: The chain.
-        angles_rad: (J,) its hinge angles where the explosion stopped.
+        angles_rad: (J,) hinge angles where the explosion stopped, rad.
         told: The evidence.
         size: Module size at which the explosion keeps clear.
     """
     first, per_joint = told["first_hinge"], chain.module.hinges_per_joint
     if told["module_size"] != size:
         yield f"module_size: got {told['module_size']:g}, expected {size:g}"
-    if told["bent_above_rad"] > MOST_BENT_RAD:
+    if told["bent_above_rad"] > MAX_UNREPORTED_BEND_RAD:
         yield f"bent_above_rad: got {told['bent_above_rad']:.3g}, expected less than a right angle"
     if not np.allclose(
-        angles_rad[:first], chain.folded_rad[:first], rtol=0.0, atol=FOLDED_WITHIN_RAD
+        angles_rad[:first], chain.folded_rad[:first], rtol=0.0, atol=SINGLE_PRECISION_ANGLE_RAD
     ):
         yield f"first_hinge: got {first}, expected at most the hinges that are still folded"
     bent = np.flatnonzero(np.abs(angles_rad) > told["bent_above_rad"])
@@ -62,7 +62,7 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
         module = hinge // per_joint + chain.module.rigid_links
         if turn["module"] != module or not i <= module < j:
             yield f"{name}: got modules {i} and {j}, expected one on each side of module {module}"
-        if turned * angles_rad[hinge] >= 0.0 or abs(turned) > LARGEST_TURN_RAD + ROUNDING:
+        if turned * angles_rad[hinge] >= 0.0 or abs(turned) > MAX_BLOCKED_TURN_RAD + AXIS_ROUNDING:
             yield f"{name}: got a turn of {turned:.3g} rad, expected a small turn towards straight"
         now = angles_rad.copy()
         now[hinge] += turned
@@ -72,7 +72,7 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
 
 
 def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
-    """Where a unit is not blocked in all directions."""
+    """Yield the differences of the moves of a unit, which must be blocked in all directions."""
     if not told["moves"]:
         return
     axes = np.concatenate([np.eye(3), -np.eye(3)]).astype(int).tolist()
@@ -89,8 +89,9 @@ def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
         name = f"direction {move['direction']}"
         if not (low <= a <= high and 0 <= b < low):
             yield f"{name}: got modules {a} and {b}, expected one in the unit and one in the core"
-        if not 0.0 < moved <= LARGEST_MOVE:
-            yield f"{name}: got a move of {moved:g}, expected one of at most {LARGEST_MOVE:g}"
+        if not 0.0 < moved <= MAX_BLOCKED_MOVE_PITCH:
+            most = MAX_BLOCKED_MOVE_PITCH
+            yield f"{name}: got a move of {moved:g}, expected one of at most {most:g}"
         positions = folded.positions.copy()
         positions[low:] += moved * np.array(move["direction"])
         poses = Poses(positions=positions, rotations=folded.rotations)
@@ -106,20 +107,20 @@ def _overlap_differs(
     told: float,
     name: str,
 ) -> Differences:
-    """Where two modules do not overlap as told, did so before, or are linked."""
+    """Yield the reasons why two modules are no obstacle to each other as reported."""
     i, j = pair
     if not 0 <= i < j < len(chain) or j - i < chain.module.apart:
         yield f"{name}: got modules {i} and {j}, expected two that are not linked"
         return
     found = overlap(chain, poses, i, j, size)
-    if not (found > 0.0 and abs(found - told) <= OVERLAP_WITHIN):
+    if not (found > 0.0 and abs(found - told) <= REPORTED_OVERLAP_TOLERANCE_PITCH):
         yield f"{name}: modules {i} and {j} overlap by {found:.3g}, expected {told:.3g}"
-    if overlap(chain, before, i, j, size) > ROUNDING:
+    if overlap(chain, before, i, j, size) > AXIS_ROUNDING:
         yield f"{name}: modules {i} and {j} overlap before the motion, expected two that do not"
 
 
 def overlap(chain: Chain, poses: Poses, i: int, j: int, size: float) -> float:
-    """How deep two modules lie in one another, in pitches; negative when they do not."""
+    """Return the depth of the overlap of two modules, pitches; negative if they are apart."""
     module = chain.module
     turns = poses.rotations[i], poses.rotations[j]
     one, two = (
@@ -130,7 +131,7 @@ def overlap(chain: Chain, poses: Poses, i: int, j: int, size: float) -> float:
     products = np.cross(edges[0][:, None], edges[1][None]).reshape(-1, 3)
     axes = np.concatenate([*(module.face_normals @ turn.T for turn in turns), products])
     lengths = np.linalg.norm(axes, axis=1)
-    axes = axes[lengths > ROUNDING**0.5] / lengths[lengths > ROUNDING**0.5, None]
+    axes = axes[lengths > AXIS_ROUNDING**0.5] / lengths[lengths > AXIS_ROUNDING**0.5, None]
     a, b = one @ axes.T, two @ axes.T
     deep = np.minimum(a.max(axis=0) - b.min(axis=0), b.max(axis=0) - a.min(axis=0))
     return float(deep.min())

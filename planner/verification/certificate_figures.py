@@ -1,4 +1,4 @@
-"""Figures of a certificate: whether those that a plan tells come out again."""
+"""Figures of a certificate: a comparison of those in a plan with those computed again."""
 
 from __future__ import annotations
 
@@ -23,23 +23,24 @@ from planner.plan.differences import (
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 
-PLACE_WITHIN: Final = 1e-7
-"""Clearance in pitches by which a place may differ from the closest one and still be it."""
+SAME_CLEARANCE_PITCH: Final = 1e-7
+"""Maximum difference of the clearances of two equally close configurations, pitches: rounding."""
 BOUND_RTOL: Final = 1e-3
-"""Share by which a told clearance bound may exceed the one found anew."""
+"""Maximum relative excess of a reported clearance bound over the computed one. Chosen."""
 IN_BETWEENS_RTOL: Final = 1e-2
-"""Share by which numbers of intervals may differ: where ties break otherwise, some are halved."""
+"""Maximum relative difference of numbers of intervals: where ties break otherwise, some are halved.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class ToldFigures:
-    """What a plan's certificate tells, and the motions that it tells of.
+    """Reported figures of a plan's certificate, and the motions that they belong to.
 
     Attributes:
         plan: The plan.
         certificate: Plain values of its certificate, as they were written.
-        record, playback: What was looked at.
-        earlier: Whether the plan is of an earlier format.
+        record, playback: Motions that were certified.
+        earlier: True if the plan is of an earlier format.
     """
 
     plan: Plan
@@ -49,7 +50,7 @@ class ToldFigures:
     earlier: bool
 
     def differences(self, again: Certificate, notes: list[str]) -> Differences:
-        """Where it is not what comes out anew; wall time aside."""
+        """Yield the differences from a certificate computed again, except wall time."""
         mine, theirs = _told(self.plan.certificate), _told(again)
         aside = {"seconds", *_LOOSE}
         loose = [*_LOOSE]
@@ -88,7 +89,7 @@ class ToldFigures:
         yield from self._end(again)
 
     def _passes(self, name: str, again: Certificate) -> bool:
-        """Whether a figure that another processor may find otherwise is as good as the new one."""
+        """Return True if a figure that may depend on the processor is as good as the new one."""
         mine, theirs = getattr(self.plan.certificate, name), getattr(again, name)
         if mine is None or theirs is None:
             return mine is theirs
@@ -104,7 +105,7 @@ class ToldFigures:
         return mine == theirs or self._as_near(name, mine)
 
     def _as_near(self, name: str, place: Place) -> bool:
-        """Whether the clearance at a place is the least one that is told of its motion."""
+        """Return True if the clearance at a place is the least one reported for its motion."""
         told = getattr(self.plan.certificate, name.removesuffix("_at"))
         motion = self._motion(name)
         if motion is None or place.modules is None or told is None:
@@ -117,7 +118,7 @@ class ToldFigures:
             return False
         size = self.plan.certificate.module_size
         found = clearance_at(chain, motion, place.frame, (i, j), size=size)
-        return abs(found - told) <= PLACE_WITHIN
+        return abs(found - told) <= SAME_CLEARANCE_PITCH
 
     def _motion(self, name: str) -> NDArray[np.float64] | Windows | None:
         if name == "min_clearance_at":
@@ -128,7 +129,7 @@ class ToldFigures:
         return held.frames if isinstance(held.frames, Windows) else held.frames.joint_angles_rad
 
     def _end(self, again: Certificate) -> Differences:
-        """Where the end of a simulation is not what the playback says of it."""
+        """Yield the differences of the end of a simulation from the playback's figures."""
         playback = self.playback
         if playback is None or not playback.simulated or again.rms_position_error is None:
             return
@@ -143,7 +144,7 @@ class ToldFigures:
 
 
 def _told(certificate: Certificate) -> dict[str, Any]:
-    """Return the certificate's values; of a table without computing time and explanations.
+    """Return the certificate's values; those of a table without wall time and explanations.
 
     The explanations (``assumptions``) are texts, which later versions may word differently.
     """
@@ -156,7 +157,7 @@ def _told(certificate: Certificate) -> dict[str, Any]:
 
 
 def _same_robots(mine: tuple[RobotFigures, ...], theirs: tuple[RobotFigures, ...]) -> bool:
-    """Whether robots fared as it is told, but for where a bound's intervals were halved."""
+    """Return True if the figures of robots are equal, except for the halving of intervals."""
     names = ("max_angle_error_rad", "rms_position_error", "min_clearance")
     told, found = ([[one[name] for name in names] for one in all_] for all_ in (mine, theirs))
     return (
@@ -177,4 +178,4 @@ _LOOSE: Final = (
     "min_clearance_playback_at",
     "min_clearance_record_at",
 )
-"""Figures that depend on the last digits: which of two like places is found, where to halve."""
+"""Figures that depend on rounding: the choice among equal places, and the halving of intervals."""

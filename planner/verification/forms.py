@@ -1,4 +1,4 @@
-"""Forms of a plan: ``plan.json`` and ``plan.npz`` say the same, and all that a plan has."""
+"""Forms of a plan: a check that ``plan.json`` and ``plan.npz`` are equal and complete."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from planner.plan.differences import Differences, array_difference, value_differ
 from planner.plan.plan import EARLIER, Plan
 from planner.playback.playback import Playback
 
-ROUNDED_WITHIN: Final = 1e-9
-"""Numbers in the JSON form of earlier formats have twelve decimals."""
+JSON_ROUNDING: Final = 1e-9
+"""Maximum difference of numbers in the JSON form of earlier formats, which have twelve decimals."""
 
 
 def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
-    """Where the two forms of a plan differ, and where one of them contradicts itself."""
+    """Yield the differences of the two forms of a plan, and contradictions in one of them."""
     other = Plan.of_values(text, "plan.json")
     earlier = npz["format"] in EARLIER
     arrays = {**motion_arrays(plan.motion), "max_error_rad": plan.max_error_rad}
@@ -29,7 +29,7 @@ def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Diffe
     for name, mine in arrays.items():
         if name != "joint_error_rad":  # which a plan has not
             both = f"plan.json and plan.npz differ in {name}"
-            yield from array_difference(theirs[name], mine, both, atol=ROUNDED_WITHIN * earlier)
+            yield from array_difference(theirs[name], mine, both, atol=JSON_ROUNDING * earlier)
     columns = {*arrays, "plan", "angle_planes", "joint_error_rad"}
     mine, said = (
         {k: _plain(v) for k, v in values.items() if k not in columns} for values in (npz, text)
@@ -46,9 +46,9 @@ def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Diffe
 def lacking(
     plan: Plan, npz: dict[str, Any], record: Record | None, playback: Playback | None
 ) -> Differences:
-    """Where a plan of today lacks a field, or has one that there is not.
+    """Yield the fields that a plan of this version lacks, and those that it should not have.
 
-    What is left out would be read as an earlier version left it, and not be checked.
+    A missing field would be read as in an earlier version, and would not be checked.
     """
     expected = {**plan.rest(), "joint_names": list(plan.chain.joint_names)}
     if playback is not None:

@@ -1,4 +1,4 @@
-"""Integrity: comparison of a finished fold's files with what was written.
+"""Integrity: comparison of a finished fold's files with the files as they were written.
 
 Each file is compared when it is first used, and again when it has changed on disk. Timelines and
 figures carry checksums of their own (``planner.checked_zarr``), which need no unpacking; all other
@@ -28,14 +28,14 @@ _LOCK: Final = threading.Lock()
 
 
 def check(directory: FilePath, *names: str) -> None:
-    """Compare files of a fold that is over with what was written.
+    """Compare files of a finished fold with the files as they were written.
 
     Args:
-        directory: Of the fold.
-        names: Of the files; one that the fold never had is not missed.
+        directory: Directory of the fold.
+        names: Names of the files; one that the fold never had is not missed.
 
     Raises:
-        DamagedError: If one is missing, or is not what was written.
+        DamagedError: A file is missing, or was changed.
     """
     # The manifest brings compiled kernels along, which no process loads when it starts.
     from planner.pipeline.manifest import FILE

@@ -1,8 +1,8 @@
-"""Invariants of a closed polygon's knot, worked out apart from ``planner.pathfinding.knots``.
+"""Invariants of a closed polygon's knot, computed apart from ``planner.pathfinding.knots``.
 
 A vertex is left out where no other edge meets the triangle of it and its neighbours, which is an
-isotopy. Of a projection of what is left the Alexander polynomial is taken at whole numbers, by
-elimination without fractions (Bareiss 1968), in whole numbers of any size.
+isotopy. The Alexander polynomial of a projection of the remaining polygon is evaluated at integers,
+by elimination without fractions (Bareiss 1968), in integers of any size.
 """
 
 from __future__ import annotations
@@ -14,23 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-MOST_CROSSINGS: Final = 200
-"""Crossings above which nothing is worked out: elimination takes time by their cube."""
-VIEWS: Final = 12
-"""Random directions of sight, of which the one with the fewest crossings is taken."""
-NEARLY: Final = 1e-9
-"""Share of a triangle by which an edge that passes beside it still counts as meeting it."""
+MAX_CROSSINGS: Final = 200
+"""Maximum number of crossings of a diagram whose invariants are computed: elimination takes time by
+their cube. Chosen."""
+RANDOM_VIEWS: Final = 12
+"""Number of random projections, of which the one with the fewest crossings is taken. Chosen."""
+TRIANGLE_MARGIN: Final = 1e-9
+"""Width of a margin of a triangle, as a fraction of its sides, within which an edge counts as
+meeting it: rounding."""
 Crossings = list[tuple[float, float, int]]
-"""Of each crossing where along the polygon the upper and the lower strand are, and its sign."""
+"""Crossings: position of the upper and of the lower strand along the polygon, and sign."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Invariants:
-    """What two polygons have in common that are the same knot.
+    """Invariants of a knot.
 
     Attributes:
         determinant: |Δ(−1)|; 1 for the unknot.
-        at_two: |Δ(2)| without factors of two, which no knot decides; 1 for the unknot.
+        at_two: |Δ(2)| without factors of two, in which Δ is not unique; 1 for the unknot.
     """
 
     determinant: int
@@ -38,25 +40,25 @@ class Invariants:
 
     @property
     def knotted(self) -> bool:
-        """Whether they prove a knot."""
+        """True if they prove a knot."""
         return (self.determinant, self.at_two) != (1, 1)
 
 
 def invariants_of(polygon: Array, rng: np.random.Generator) -> Invariants | None:
-    """The invariants of a closed polygon's knot; None when it has too many crossings.
+    """Return the invariants of a closed polygon's knot; None if it has too many crossings.
 
     Args:
         polygon: (n, 3) vertices in general position.
-        rng: Chooses directions of sight.
+        rng: Generator of the projections.
     """
     points = without_idle_vertices(polygon)
-    views = (crossings_of(points, sight) for sight in rng.normal(size=(VIEWS, 3)))
+    views = (crossings_of(points, sight) for sight in rng.normal(size=(RANDOM_VIEWS, 3)))
     return invariants_of_crossings(min(views, key=len))
 
 
 def invariants_of_crossings(crossings: Crossings) -> Invariants | None:
-    """The invariants of a diagram; None when it has too many crossings."""
-    if len(crossings) > MOST_CROSSINGS:
+    """Return the invariants of a diagram; None if it has too many crossings."""
+    if len(crossings) > MAX_CROSSINGS:
         return None
     at_two = abs(_alexander(crossings, 2))
     while at_two and at_two % 2 == 0:
@@ -65,7 +67,7 @@ def invariants_of_crossings(crossings: Crossings) -> Invariants | None:
 
 
 def without_idle_vertices(polygon: Array) -> Array:
-    """A closed polygon (n, 3) without vertices that may go; its knot is the same."""
+    """Return a closed polygon (n, 3) without idle vertices; its knot is the same."""
     points = polygon.copy()
     at, idle = 0, 0
     while len(points) > 3 and idle < len(points):
@@ -80,7 +82,7 @@ def without_idle_vertices(polygon: Array) -> Array:
 
 
 def _is_free(triangle: Array, starts: Array, ends: Array) -> bool:
-    """Whether no edge from one of (m, 3) points to one of (m, 3) others meets a triangle (3, 3)."""
+    """Return True if no edge from (m, 3) points to (m, 3) others meets a triangle (3, 3)."""
     corner, one, two = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[0]
     normal = np.cross(one, two)
     from_plane, to_plane = (starts - corner) @ normal, (ends - corner) @ normal
@@ -93,11 +95,13 @@ def _is_free(triangle: Array, starts: Array, ends: Array) -> bool:
     area = max(float(normal @ normal), 1e-300)
     u = np.cross(met, two) @ normal / area
     v = np.cross(one, met) @ normal / area
-    return not bool(((u > -NEARLY) & (v > -NEARLY) & (u + v < 1.0 + NEARLY)).any())
+    return not bool(
+        ((u > -TRIANGLE_MARGIN) & (v > -TRIANGLE_MARGIN) & (u + v < 1.0 + TRIANGLE_MARGIN)).any()
+    )
 
 
 def crossings_of(polygon: Array, sight: Array) -> Crossings:
-    """The crossings of a closed polygon (n, 3) seen against a direction (3,)."""
+    """Return the crossings of a closed polygon (n, 3) seen against a direction (3,)."""
     up = sight / np.linalg.norm(sight)
     right = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
     right /= np.linalg.norm(right)
@@ -125,7 +129,7 @@ def crossings_of(polygon: Array, sight: Array) -> Crossings:
 
 
 def _alexander(crossings: Crossings, at: int) -> int:
-    """Δ of a diagram at a whole number, times some power of it."""
+    """Return Δ of a diagram at an integer, times some power of it."""
     unders = sorted(under for _, under, _ in crossings)
     count = len(unders)
     rows: list[list[int]] = []
@@ -140,7 +144,7 @@ def _alexander(crossings: Crossings, at: int) -> int:
 
 
 def _determinant(rows: list[list[int]]) -> int:
-    """Of a square matrix of whole numbers; 1 without any."""
+    """Return the determinant of a square matrix of integers; 1 if it is empty."""
     before, sign = 1, 1
     count = len(rows)
     for k in range(count - 1):

@@ -1,4 +1,4 @@
-"""Knots as reasons: whether a chain is the knot that is told of it, where its explosion stopped."""
+"""Knots as reasons: a check that a chain is the reported knot where its explosion stopped."""
 
 from __future__ import annotations
 
@@ -16,25 +16,27 @@ from planner.verification.knot_invariants import (
 )
 
 Array = NDArray[np.float64]
-JITTER: Final = 1e-3
-"""Pitches by which modules are moved at random, out of each other's planes."""
-ENDS_TOUCH: Final = 1.1
-"""Pitches between the ends up to which they may be joined without corners."""
-ROOM: Final = 0.5
-"""Pitches between a way out and all other modules, where it is said to be the only one."""
-OUTSIDE: Final = 2.0
-"""Factor of the chain's size: how far out its ends are drawn at least."""
-SEVERAL: Final = 3
-"""Ways out that must agree where an end has no free one."""
-PLACE_WITHIN: Final = 1e-6
-"""Edges by which a crossing may be told elsewhere."""
+POSITION_JITTER_PITCH: Final = 1e-3
+"""Maximum random shift of modules, pitches, to general position. Chosen."""
+MAX_TOUCHING_ENDS_PITCH: Final = 1.1
+"""Maximum distance of ends that are joined without corners, pitches. Chosen."""
+MIN_FREE_LINE_PITCH: Final = 0.5
+"""Minimum distance of a single extension of an end from all other modules, pitches: it is then
+free. Chosen."""
+MIN_CLOSING_RADIUS_RATIO: Final = 2.0
+"""Minimum distance of the corners of a closing from the chain's middle, as a multiple of its
+radius. Chosen."""
+MIN_CLOSINGS: Final = 3
+"""Minimum number of closings that must agree if an end has no free extension. Chosen."""
+CROSSING_TOLERANCE_EDGES: Final = 1e-6
+"""Maximum difference of a reported position of a crossing, edges of the polygon: rounding."""
 
 
 def knot_differs(positions: Array, told: KnotFigures) -> Differences:
-    """Where a chain is not the knot that is told, or the diagram is not one of that knot.
+    """Yield the differences between the reported knot and that of a chain.
 
     Args:
-        positions: (n, 3) centres of its modules where the explosion stopped.
+        positions: (n, 3) centres of its modules where the explosion stopped, pitches.
         told: The evidence.
     """
     rng = np.random.default_rng(len(positions))
@@ -44,7 +46,8 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
     if told["crossings"] != len(diagram):
         yield f"crossings: got {told['crossings']}, expected {len(diagram)}, as in the diagram"
     if len(seen) != len(diagram) or not all(
-        sign == other[2] and np.allclose((over, under), other[:2], rtol=0.0, atol=PLACE_WITHIN)
+        sign == other[2]
+        and np.allclose((over, under), other[:2], rtol=0.0, atol=CROSSING_TOLERANCE_EDGES)
         for (over, under, sign), other in zip(sorted(seen), sorted(diagram), strict=True)
     ):
         yield f"diagram: the polygon has {len(seen)} crossings, which differ from the evidence"
@@ -54,8 +57,12 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
         yield "closings: got none, expected at least one way to join the ends"
     for corners in told["closings"]:
         outside = np.array(corners, dtype=np.float64).reshape(-1, 3)
-        yield from _closing_differs(positions, outside, several=len(told["closings"]) >= SEVERAL)
-        moved = positions + rng.uniform(-JITTER, JITTER, positions.shape)
+        yield from _closing_differs(
+            positions, outside, several=len(told["closings"]) >= MIN_CLOSINGS
+        )
+        moved = positions + rng.uniform(
+            -POSITION_JITTER_PITCH, POSITION_JITTER_PITCH, positions.shape
+        )
         found = invariants_of(np.concatenate([moved, outside]), rng)
         if found is None or drawn is None:
             yield "determinant: it could not be computed again, with so many crossings"
@@ -72,15 +79,15 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
 
 
 def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Differences:
-    """Where the ends are joined in a way that may tie a knot, or undo one."""
+    """Yield the reasons why a closing of the ends may tie a knot, or undo one."""
     if not len(corners):
         apart = float(np.linalg.norm(positions[-1] - positions[0]))
-        if apart > ENDS_TOUCH:
+        if apart > MAX_TOUCHING_ENDS_PITCH:
             yield f"closings: got no corners, expected some, because the ends are {apart:.3g} apart"
         return
     middle = positions.mean(axis=0)
     radius = float(np.linalg.norm(positions - middle, axis=1).max())
-    if np.linalg.norm(corners - middle, axis=1).min() < OUTSIDE * radius:
+    if np.linalg.norm(corners - middle, axis=1).min() < MIN_CLOSING_RADIUS_RATIO * radius:
         yield "closings: a corner is near the chain, expected all of them far outside"
     for start, end in zip(corners[:-1], corners[1:], strict=True):
         if _distances(middle[None], start, end)[0] < radius:
@@ -89,15 +96,15 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
         return
     for end, corner in ((0, corners[-1]), (len(positions) - 1, corners[0])):
         others = np.delete(positions, end, axis=0)
-        if _distances(others, positions[end], corner).min() < ROOM:
+        if _distances(others, positions[end], corner).min() < MIN_FREE_LINE_PITCH:
             yield (
                 f"closings: the line from module {end} crosses other modules, expected a free line "
-                f"or {SEVERAL} lines"
+                f"or {MIN_CLOSINGS} lines"
             )
 
 
 def _distances(points: Array, start: Array, end: Array) -> Array:
-    """(m,) of (m, 3) points from a straight way."""
+    """Return the (m,) distances of (m, 3) points from a line segment."""
     way = end - start
     share = np.clip((points - start) @ way / max(float(way @ way), 1e-300), 0.0, 1.0)
     return np.asarray(np.linalg.norm(points - start - share[:, None] * way, axis=1))

@@ -1,4 +1,4 @@
-"""Parameters: those of a plan, as a certificate depends on them, and those that were asked for."""
+"""Parameters: those of a plan on which a certificate depends, and those of the request."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from planner.plan.plan import Plan, versions
 
 
 def playback_number(plan: Plan, name: str) -> float:
-    """One of the plan's own parameters of playback.
+    """Return one of the plan's own parameters of playback.
 
     Raises:
-        InputError: ``not-a-plan`` when it is no number above 0, ``unknown-preset``.
+        InputError: ``not-a-plan`` if it is no number above 0, ``unknown-preset``.
     """
     value = plan.parameters["playback"].get(name, getattr(own_preset(plan).playback, name))
     return _checked_number(value, f"playback.{name}")
 
 
 def is_on_table(plan: Plan) -> bool:
-    """Whether the plan is one for a table."""
+    """Return True if the plan is one for a table."""
     return plan.parameters.get("world", FLOATING) == "table"
 
 
 def own_parameters(plan: Plan, module_size: float | None) -> Parameters:
-    """The plan's own parameters, as far as a certificate depends on them.
+    """Return the plan's own parameters, as far as a certificate depends on them.
 
     Raises:
-        InputError: ``not-a-plan`` when they are none, ``unknown-preset``.
+        InputError: ``not-a-plan`` if they are invalid, ``unknown-preset``.
     """
     names = ("module_size", "density_kg_m3", "joint_speed_limit_rad_s")
     plain = {
@@ -48,10 +48,10 @@ def own_parameters(plan: Plan, module_size: float | None) -> Parameters:
 
 
 def _on_its_table(parameters: Parameters, plan: Plan) -> Parameters:
-    """The parameters with the world of a plan, and what its table is like.
+    """Return the parameters with the world of a plan, and those of its table.
 
     Raises:
-        InputError: ``not-a-plan`` when they are none.
+        InputError: ``not-a-plan`` if they are invalid.
     """
     world = plan.parameters.get("world", FLOATING)
     if world == FLOATING:
@@ -83,7 +83,7 @@ def _on_its_table(parameters: Parameters, plan: Plan) -> Parameters:
 
 
 def own_preset(plan: Plan) -> Parameters:
-    """The preset that a plan names.
+    """Return the preset that a plan names.
 
     Raises:
         InputError: ``unknown-preset``.
@@ -95,10 +95,10 @@ def own_preset(plan: Plan) -> Parameters:
 
 
 def _checked_number(value: Any, name: str) -> float:
-    """A parameter.
+    """Return a parameter that is a number above 0.
 
     Raises:
-        InputError: ``not-a-plan`` when it is no number above 0.
+        InputError: ``not-a-plan`` if it is not.
     """
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not (number and 0.0 < value < float("inf")):
@@ -110,7 +110,7 @@ def _checked_number(value: Any, name: str) -> float:
 
 
 def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
-    """Where the plan's parameters are not those that were asked for."""
+    """Yield the differences of the plan's parameters from those of the request."""
     if not (directory / "request.json").exists():
         notes.append(
             "There is no request.json, so the plan's parameters were not compared with it."

@@ -1,4 +1,4 @@
-"""Reasons in plans: the one that a plan tells of its explosion, checked against its record."""
+"""Reasons in plans: the reason of a failed explosion, checked against its record."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from planner.verification.reasons import ReasonCheck, check_reason
 
 
 def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck | None:
-    """Whether the reason holds that a plan tells of an explosion that did not end straight.
+    """Check the reason that a plan gives for an explosion that did not end straight.
 
     Args:
-        directory: Of the fold, with ``record.npz``.
+        directory: Directory of the fold, with ``record.npz``.
         plan: Its plan.
-        notes: Gets what could not be checked.
+        notes: Receives a note if the check is not possible.
     """
     stuck, record = stuck_of(plan.explosion, plan.attempts), Workspace(directory).read_record()
     found = stuck and record and check_reason(plan.chain, record, stuck, plan.parameters)

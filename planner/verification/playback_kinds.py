@@ -1,7 +1,7 @@
-"""Playback kinds: whether a playback was simulated, or was not, as its plan says.
+"""Playback kinds: a check that a playback was simulated, or was not, as its plan states.
 
-Which of the two follows from the chain, what was recorded of it and the parameters; each has
-figures of its own, which the frames bear out or do not.
+The kind follows from the chain, its record and the parameters; each kind has figures of its own,
+which are compared with the frames.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from planner.verification.own_parameters import (
     playback_number,
 )
 
-STEPS_WITHIN: Final = 1e-3
-"""Steps by which the time of the frames may differ from that of a simulation's steps."""
+STEP_COUNT_TOLERANCE_STEPS: Final = 1e-3
+"""Maximum difference of the duration of the frames from that of a simulation, steps: rounding."""
 
 
 def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
-    """Where a playback is not of the kind that it says, or has not the figures of that kind.
+    """Yield the differences of a playback from the expected kind, and from the figures of it.
 
-    Which kind it must be follows from the chain, what was recorded of it, and the parameters.
+    The expected kind follows from the chain, its record, and the parameters.
     """
     wanted = own_preset(plan).explosion is not None
     if wanted != (plan.explosion is not None):
@@ -60,7 +60,7 @@ def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Difference
 
 
 def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
-    """Where the figures of a simulation are not borne out by its frames."""
+    """Yield the figures of a simulation that its frames contradict."""
     yield from value_differences(playback.torque_frames, None, "plan.npz playback.torque_frames")
     if playback.status not in ("folded", "missed"):  # it broke off between two frames
         return
@@ -75,7 +75,7 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
             yield f"plan.npz playback.{name}: got null, expected a number, as it was simulated"
     if not earlier:
         steps = float(np.diff(plan.time_s).sum()) / _step_s(plan)
-        if not abs(playback.steps - steps) <= STEPS_WITHIN:
+        if not abs(playback.steps - steps) <= STEP_COUNT_TOLERANCE_STEPS:
             yield f"plan.npz playback.steps: got {playback.steps}, expected {steps:.9g}"
     played, reference = playback.frames, playback.reference_rad
     if reference is None:
@@ -95,7 +95,7 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
 
 
 def _step_s(plan: Plan) -> float:
-    """Seconds of a step of its simulation."""
+    """Return the time step of a plan's simulation, s."""
     if is_on_table(plan):
         held = own_parameters(plan, None).table.held
         return time_unit_s(plan.chain) * TablePlaybackParameters.usual(clamped=held).step
@@ -103,7 +103,7 @@ def _step_s(plan: Plan) -> float:
 
 
 def _kinematic_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
-    """Where the figures of a kinematic playback are not those of its frames."""
+    """Yield the differences of the figures of a kinematic playback from its frames."""
     torques = inverse_dynamics(plan.chain, playback.frames)
     looked = len(torques.frames)
     again: dict[str, Any] = {

@@ -1,7 +1,7 @@
-"""Reasons: whether what a refusal rests on holds, worked out from the chain and its record alone.
+"""Reasons: a check of the evidence of a failed explosion, from the chain and its record alone.
 
-Nothing here is shared with what makes the reasons (``planner.explosion.diagnosis`` and all that it
-asks): knots, overlaps and limits are found by other code.
+No code is shared with the one that finds the reasons (``planner.explosion.diagnosis`` and all that
+it uses): knots, overlaps and limits are computed by other code.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from planner.verification.block_reason import blocks_differ
 from planner.verification.knot_reason import knot_differs
 
 Array = NDArray[np.float64]
-BENT_RAD: Final = 0.1
-"""Bend above which a hinge counts as still bent."""
-BEND_WITHIN_RAD: Final = 1e-9
-"""Radians by which the largest bend may be told otherwise."""
-STATUSES: Final = {
+MAX_STRAIGHT_HINGE_RAD: Final = 0.1
+"""Maximum bend of a hinge that does not count as bent, rad: that of the evidence. Chosen."""
+REPORTED_BEND_TOLERANCE_RAD: Final = 1e-9
+"""Maximum difference of the reported largest bend, rad: rounding."""
+STATUSES_BY_LIMIT: Final = {
     "steps": ("timeout",),
     "snapshots": ("timeout",),
     "pushes": ("stalled", "diverged"),
@@ -40,18 +40,22 @@ STATUSES: Final = {
     "motion": ("stalled",),
     "refusals": ("stalled",),
 }
-"""How an explosion ends that has used up a thing."""
-KINDS: Final = {"knot": "a knot", "blocks": "modules that block each other", "budget": "a budget"}
+"""Statuses of an explosion that has used up a limit, by its kind."""
+REASON_KINDS: Final = {
+    "knot": "a knot",
+    "blocks": "modules that block each other",
+    "budget": "a budget",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReasonCheck:
-    """What a second look says of a reason.
+    """Result of the check of a reason.
 
     Attributes:
         kind: ``knot``, ``blocks`` or ``budget``.
-        words: The reason, in plain words.
-        differences: What speaks against it, in plain words; empty when it is confirmed.
+        words: The reason, in plain English.
+        differences: Contradictions, in plain English; empty if the reason is confirmed.
     """
 
     kind: str
@@ -60,11 +64,11 @@ class ReasonCheck:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the reason holds."""
+        """True if the reason is confirmed."""
         return not self.differences
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         values = asdict(self) | {"differences": list(self.differences)}
         return {"confirmed": self.confirmed, **values}
 
@@ -72,16 +76,16 @@ class ReasonCheck:
 def check_reason(
     chain: Chain, record: Record, stuck: StuckFigures, parameters: Mapping[str, Any]
 ) -> ReasonCheck | None:
-    """Whether the reason holds that is told of an explosion that did not end straight.
+    """Check the reason of an explosion that did not end straight.
 
     Args:
         chain: The chain.
-        record: Of the explosion.
+        record: Record of the explosion.
         stuck: The diagnosis, as plain JSON values.
-        parameters: Of the fold, as plain JSON values, as a plan has them.
+        parameters: Parameters of the fold, as plain JSON values, as in a plan.
 
     Returns:
-        What came of it; None where the diagnosis gives no evidence, as earlier versions did not.
+        Result of the check; None if the diagnosis has no evidence, as in earlier versions.
     """
     told = stuck.get("evidence")
     if told is None:
@@ -116,7 +120,7 @@ def _differences(
         yield from _spent_differs(chain, record, told, parameters)
         yield from _bends_differ(angles, told)
     else:
-        yield f"kind: got {told['kind']!r}, expected one of {', '.join(KINDS)}"
+        yield f"kind: got {told['kind']!r}, expected one of {', '.join(REASON_KINDS)}"
 
 
 def _limits_of(record: Record) -> str:
@@ -133,9 +137,9 @@ def _limits_of(record: Record) -> str:
 def _spent_differs(
     chain: Chain, record: Record, told: BudgetFigures, parameters: Mapping[str, Any]
 ) -> Differences:
-    """Yield where a limit is not that of the record and the parameters, or was not used up."""
+    """Yield the differences of a limit from record and parameters, or that it was not used up."""
     spent, allowed, used = told["spent"], told["allowed"], told["used"]
-    if record.status not in STATUSES[spent]:
+    if record.status not in STATUSES_BY_LIMIT[spent]:
         yield f"spent: got {spent}, which does not fit the status {record.status}"
     if record.spent is not None:
         recorded = (record.spent.kind, record.spent.allowed, record.spent.used)
@@ -163,7 +167,7 @@ def _spent_differs(
 
 
 def _counted(record: Record, spent: SpentKind) -> int:
-    """Return how often a record says that something was used."""
+    """Return the recorded count of what a limit counts."""
     if spent == "refusals":
         return 0 if record.spent is None else record.spent.used
     return {
@@ -194,10 +198,10 @@ def _limit(
 
 
 def _bends_differ(angles: Array, told: BudgetFigures) -> Differences:
-    """Yield where the bends that are left are not those of the last frame."""
-    bent = int((np.abs(angles) > BENT_RAD).sum())
+    """Yield the differences of the reported bends from those of the last frame."""
+    bent = int((np.abs(angles) > MAX_STRAIGHT_HINGE_RAD).sum())
     if told["bent_hinges"] != bent:
         yield f"bent_hinges: got {told['bent_hinges']}, expected {bent}"
     largest = float(np.abs(angles).max(initial=0.0))
-    if not abs(told["largest_bend_rad"] - largest) <= BEND_WITHIN_RAD:
+    if not abs(told["largest_bend_rad"] - largest) <= REPORTED_BEND_TOLERANCE_RAD:
         yield f"largest_bend_rad: got {told['largest_bend_rad']:.6g}, expected {largest:.6g}"

@@ -1,6 +1,6 @@
-"""Replay: a plan's angles set in plain MuJoCo from the exported model, as an outsider would.
+"""Replay: a plan's angles set in plain MuJoCo from the exported model.
 
-Nothing of foldback's own kinematics or collision is used here, so that the two can be compared.
+No kinematics or collision of foldback's own is used here, so that the two can be compared.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
-    """What plain MuJoCo says of a plan.
+    """Result of a plan's replay in plain MuJoCo.
 
     Attributes:
-        frames: Configurations set, halfway ones included.
-        pose_difference: Largest distance of a site from where foldback's kinematics has the module.
-        overlap: Deepest contact, in pitches; 0 when nothing touches.
-        overlap_frame: Where that is; a half means between two frames.
+        frames: Number of configurations, including halfway ones.
+        pose_difference: Largest distance of a site from its module in foldback's kinematics,
+            pitches.
+        overlap: Deepest contact, pitches; 0 without contact.
+        overlap_frame: Frame of the deepest contact; a half means between two frames.
     """
 
     frames: int
@@ -38,15 +39,15 @@ class Replay:
 
 
 def replay(plan: Plan, xml: str, *, stride: int = 1) -> Replay:
-    """Sets every frame of a plan, and every halfway one, in a model and looks for contacts.
+    """Set every frame of a plan, and every halfway one, in a model and find contacts.
 
     Args:
         plan: The plan.
         xml: The exported model, MJCF.
-        stride: Only every so many-th frame, and the halfway one after it, of a long plan.
+        stride: Step from frame to frame; the halfway one after each is set, too.
 
     Raises:
-        InputError: When the model is not one of this plan.
+        InputError: The model is not one of this plan.
     """
     loaded = _Loaded.of(plan, xml)
     difference, overlap, where = 0.0, 0.0, None
@@ -67,16 +68,16 @@ def replay(plan: Plan, xml: str, *, stride: int = 1) -> Replay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Loaded:
-    """A model in plain MuJoCo, of one tree or of several that continue each other.
+    """Model in plain MuJoCo, of one tree or of several that continue each other.
 
     Attributes:
-        model, data: MuJoCo's.
-        hinges: Where the plan's angles are among the coordinates.
-        sites: Of the modules.
-        roots: For each tree, where the pose of its first body is among the coordinates.
-        bodies: For each tree, its first body.
-        ends: For each tree but the last, the body where the next one begins.
-        root: The body of the chain's root module.
+        model, data: MuJoCo's model and data.
+        hinges: Indices of the plan's angles among the coordinates.
+        sites: Indices of the modules' sites.
+        roots: Index of the first body's pose among the coordinates, by tree.
+        bodies: Index of the first body, by tree.
+        ends: Index of the body where the next tree begins, by tree but the last.
+        root: Index of the body of the chain's root module.
     """
 
     model: Any
@@ -112,7 +113,7 @@ class _Loaded:
             ) from error
 
     def place(self, angles: Array, position: Array, wxyz: Array) -> None:
-        """Sets a configuration: the hinges as they are, the trees one behind the other."""
+        """Set a configuration: hinge angles, and trees one behind the other."""
         data = self.data
         data.qpos[self.hinges] = angles
         for address in self.roots:
@@ -133,10 +134,9 @@ class _Loaded:
 
 
 def _checked_model(xml: str, chain: Chain) -> Any:
-    """The model, with all pairs of modules colliding that the module's data does not exempt.
+    """Load the model, with all pairs of modules colliding that the module's data does not exempt.
 
-    What a model file excludes from collision, it can't excuse: two tetrahedra that share a hinge
-    are looked at, too.
+    Exclusions in the model file are not trusted: tetrahedra that share a hinge are checked, too.
     """
     exempt = {
         frozenset((f"module_{i}_body", f"module_{j}_body"))
@@ -155,7 +155,7 @@ def _checked_model(xml: str, chain: Chain) -> Any:
 
 
 def _moved(place: tuple[Array, Array], position: Array, rotation: Array) -> tuple[Array, Array]:
-    """A pose that is told in the frame of another."""
+    """Return a pose that is given in the frame of another."""
     return place[0] + place[1] @ position, place[1] @ rotation
 
 

@@ -1,4 +1,4 @@
-"""Files of the stages: whether what stands beside a plan says the same as the plan."""
+"""Files of the stages: a comparison of the files beside a plan with the plan."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from planner.errors import UNREADABLE, PlannerError
-from planner.explosion.paper import KEPT_RAD
-from planner.motion.angle_steps import STEP_RAD
+from planner.explosion.paper import FRAME_SPACING_RAD
+from planner.motion.angle_steps import PLAN_STEP_RAD
 from planner.motion.frames import Frames
 from planner.motion.motion import Motion, motion_arrays
 from planner.motion.record import Record
@@ -40,7 +40,7 @@ def stage_files_differ(
     playback: Playback | None,
     notes: list[str],
 ) -> Differences:
-    """Where what the stages left beside the plan does not say the same."""
+    """Yield the differences of the stages' files from the plan."""
     chain = chain_attributes(plan.chain)
     checks: dict[str, Callable[[], Differences]] = {
         "chain.json": lambda: value_differences(
@@ -78,7 +78,7 @@ def stage_files_differ(
         )
     for name, differences in checks.items():
         if not (directory / name).exists():
-            if not (name in _RESULTS and getattr(plan, _RESULTS[name]) is None):
+            if not (name in _RESULT_FILES and getattr(plan, _RESULT_FILES[name]) is None):
                 notes.append(f"There is no {name}, so it was not compared with the plan.")
             continue
         try:
@@ -87,11 +87,11 @@ def stage_files_differ(
             yield f"{name}: it cannot be read ({error})"
 
 
-_RESULTS: Final = {"playback.npz": "playback", "record.npz": "explosion"}
+_RESULT_FILES: Final = {"playback.npz": "playback", "record.npz": "explosion"}
 
 
 def _among(directory: FilePath, plan: Plan) -> Differences:
-    """Whether the plan's chain is one of those that could be folded."""
+    """Yield a difference if the plan's chain is none of the candidates."""
     candidates = Workspace(directory).read_candidates()
     chain = chain_attributes(plan.chain)
     for candidate in candidates.chains:
@@ -134,7 +134,7 @@ def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Diff
 
 
 def _snapshots(record: Record, plan: Plan) -> Differences:
-    """Where the snapshots that a published playback follows are not those its frames are of."""
+    """Yield the differences of the snapshots of a published playback from its frames."""
     told: Any = plan.parameters.get("explosion") or {}
     every, name = told.get("snapshot_interval"), "record.npz snapshots_rad"
     angles, frames = record.snapshots_rad, record.frames
@@ -152,11 +152,12 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     if (np.diff(numbers) < 0).any() or numbers[0] < 0 or numbers.max() >= len(angles):
         yield f"{name}: its times are not those of the frames"
         return
-    yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=STEP_RAD)
+    yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=PLAN_STEP_RAD)
     held = np.searchsorted(numbers, np.arange(len(angles)), side="right") - 1
     far = np.abs(angles - frames.joint_angles_rad[held]).max(axis=1)
-    if not (far <= KEPT_RAD + STEP_RAD).all():
-        yield f"{name}[{int(np.argmax(~(far <= KEPT_RAD + STEP_RAD)))}]: it differs from its frame"
+    near = far <= FRAME_SPACING_RAD + PLAN_STEP_RAD
+    if not near.all():
+        yield f"{name}[{int(np.argmax(~near))}]: it differs from its frame"
 
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:

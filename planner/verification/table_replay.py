@@ -1,9 +1,9 @@
-"""Table replay: frames of a motion on a table, put into plain MuJoCo and let go.
+"""Table replay: frames of a motion on a table, put into plain MuJoCo and released.
 
-Nothing of the statics is used here: gravity, the table and contacts are MuJoCo's, and every hinge
-is held by a brake, which slips beyond a torque a little larger than what was certified. A frame
-that rests stays; one that asks for more sinks. Frames are best those of a simulated playback, whose
-modules touch where they bear: others settle until they do.
+No statics of foldback's own is used here: gravity, the table and contacts are MuJoCo's, and every
+hinge is held by a brake, which slips beyond a torque a little larger than the certified one. A
+frame that rests stays; one that needs more sinks. Frames of a simulated playback suit best, as
+their modules touch where they bear; others settle until they do.
 
 Units are natural: module mass, pitch and gravity are 1, time is in √(pitch / gravity).
 """
@@ -24,33 +24,39 @@ from planner.simulation.model import STIFF, Material, compiled, tree_spec
 from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
-SPARE: Final = 1.1
-"""Torque of the brakes, of what was certified."""
-LEAST_TORQUE: Final = 0.1
-"""w·p that the brakes have at least."""
-GEOM_SIZE: Final = 0.99
-"""Collision hull as a fraction of the full module: full ones would overlap between cells. The
-smaller it is the farther modules sink until they touch, and long tails with them."""
-STEP: Final = 0.01
-TOLERANCE: Final = 1e-10
-"""Of MuJoCo's solver: at its own, what is left over drives a long tail on a frictionless table."""
-DURATION: Final = 20.0
-"""Time for which a frame is left alone."""
-SETTLES: Final = 0.1
-"""Pitches that a module of a frame that holds may go until what bears touches …"""
-STILL: Final = 0.02
-"""… and in the last half of the time."""
+BRAKE_TORQUE_RATIO: Final = 1.1
+"""Torque of the brakes as a multiple of the certified one. Larger values accept weaker frames.
+Chosen."""
+MIN_BRAKE_TORQUE_WP: Final = 0.1
+"""Minimum torque of the brakes, w·p. Chosen."""
+REPLAY_GEOM_SIZE: Final = 0.99
+"""Collision hull as a fraction of the full module: full ones would overlap between cells. With
+smaller values modules sink farther until they touch, and long tails with them. Chosen."""
+REPLAY_STEP: Final = 0.01
+"""Time step of the replay, in √(pitch / gravity). Chosen."""
+SOLVER_TOLERANCE: Final = 1e-10
+"""Tolerance of MuJoCo's solver: with its default, the residual drives a long tail on a frictionless
+table. Chosen."""
+REPLAY_DURATION: Final = 20.0
+"""Time for which a frame is simulated, in √(pitch / gravity). Larger values show slower sinking.
+Chosen."""
+MAX_SETTLING_PITCH: Final = 0.1
+"""Maximum distance that a module of a resting frame moves until its contacts close, pitches.
+Chosen."""
+MAX_LATE_DRIFT_PITCH: Final = 0.02
+"""Maximum distance that a module of a resting frame moves in the last half of the time, pitches.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableReplay:
-    """What plain MuJoCo says of a motion on a table. Lengths in pitches, torques in w·p.
+    """Result of a replay on a table. Lengths in pitches, torques in w·p.
 
     Attributes:
-        frames: Those that were let go.
-        drifts: How far the module went that went farthest, of each.
-        still_drifts: The same of the last half of the time alone.
-        torque_limit: Of the brakes.
+        frames: Numbers of the released frames.
+        drifts: Largest distance of a module from its start, by frame.
+        still_drifts: Largest distance of a module in the last half of the time, by frame.
+        torque_limit: Torque of the brakes.
         friction: μ between modules and table.
     """
 
@@ -62,8 +68,11 @@ class TableReplay:
 
     @property
     def holds(self) -> bool:
-        """Whether all frames settled soon and then held still."""
-        return max(self.drifts) <= SETTLES and max(self.still_drifts) <= STILL
+        """True if all frames settled soon and then held still."""
+        return (
+            max(self.drifts) <= MAX_SETTLING_PITCH
+            and max(self.still_drifts) <= MAX_LATE_DRIFT_PITCH
+        )
 
 
 def table_replay(
@@ -74,22 +83,22 @@ def table_replay(
     friction: float = 0.0,
     count: int = 8,
     also: Sequence[int] = (),
-    spare: float = SPARE,
-    duration: float = DURATION,
+    spare: float = BRAKE_TORQUE_RATIO,
+    duration: float = REPLAY_DURATION,
 ) -> TableReplay:
-    """Lets sampled frames go, the first module held where it is.
+    """Release sampled frames, the first module held where it is.
 
     Args:
         chain: The chain; folded, it stands on the table with its lowest modules, z up.
-        frames: F of a motion on that table.
-        torque: What was certified, in w·p.
+        frames: F frames of a motion on that table.
+        torque: Certified torque, w·p.
         friction: μ between modules and table.
-        count: How many frames, evenly spread.
-        also: Frames that are let go besides, as the one that asks most.
-        spare: Torque of the brakes, of what was certified.
-        duration: Time for which each is left alone.
+        count: Number of frames, evenly spread.
+        also: Additional frames, such as the one with the largest torque.
+        spare: Torque of the brakes as a multiple of the certified one.
+        duration: Time for which each is simulated, in √(pitch / gravity).
     """
-    limit = max(spare * torque, LEAST_TORQUE)
+    limit = max(spare * torque, MIN_BRAKE_TORQUE_WP)
     spread = np.linspace(0, len(frames) - 1, count).round().astype(int)
     numbers = np.union1d(spread, np.array(also, dtype=int))
     model = _model(chain, limit, friction)
@@ -106,7 +115,7 @@ def table_replay(
 def _let_go(
     chain: Chain, model: Any, frames: Motion, number: int, duration: float
 ) -> tuple[float, float]:
-    """How far modules go at most, and in the last half of the time."""
+    """Return the largest distances of a module, in all and in the last half of the time."""
     one = frames.dense(chain, number, number + 1)
     poses = chain.poses(one.joint_angles_rad[0], one.root_position[0], one.root_wxyz[0])
     data = mujoco.MjData(model)
@@ -115,7 +124,7 @@ def _let_go(
         data.qpos[model.joint(name).qposadr[0]] = angle
     _hold_first(data, poses)
     bodies = [model.body(f"module_{i}").id for i in range(len(chain))]
-    steps = int(duration / STEP)
+    steps = int(duration / REPLAY_STEP)
     middle = poses.positions
     for k in range(steps):
         if k == steps // 2:
@@ -136,18 +145,20 @@ def _hold_first(data: Any, poses: Poses) -> None:
 
 
 def _model(chain: Chain, limit: float, friction: float) -> Any:
-    spec = tree_spec(chain, Material(geom_size=GEOM_SIZE, contact_time_constant=2.0 * STEP))
+    spec = tree_spec(
+        chain, Material(geom_size=REPLAY_GEOM_SIZE, contact_time_constant=2.0 * REPLAY_STEP)
+    )
     spec.option.gravity = [0.0, 0.0, -1.0]
-    spec.option.timestep, spec.option.tolerance = STEP, TOLERANCE
+    spec.option.timestep, spec.option.tolerance = REPLAY_STEP, SOLVER_TOLERANCE
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.worldbody.add_geom(
         name="table",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0.0, 0.0, 1.0],
-        pos=[0.0, 0.0, chain.table_height + (1.0 - GEOM_SIZE) * chain.module.inner_radius],
+        pos=[0.0, 0.0, chain.table_height + (1.0 - REPLAY_GEOM_SIZE) * chain.module.inner_radius],
         condim=3 if friction > 0.0 else 1,
         friction=[max(friction, 1e-5), 0.0, 0.0],
-        solref=[2.0 * STEP, 1.0],
+        solref=[2.0 * REPLAY_STEP, 1.0],
         priority=1,
     )
     spec.worldbody.add_body(name="holder", mocap=True)
@@ -160,5 +171,5 @@ def _model(chain: Chain, limit: float, friction: float) -> Any:
     for name in chain.joint_names:
         brake = spec.joint(name)
         brake.frictionloss = limit
-        brake.solref_friction, brake.solimp_friction = [2.0 * STEP, 1.0], STIFF[1]
+        brake.solref_friction, brake.solimp_friction = [2.0 * REPLAY_STEP, 1.0], STIFF[1]
     return compiled(spec)

@@ -1,4 +1,4 @@
-"""Timelines of plans: whether the frames in ``timeline.zarr`` are the plan's, and its results."""
+"""Timelines of plans: a comparison of ``timeline.zarr`` with the plan, and its results."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.verification.own_parameters import is_on_table, own_parameters
 
-CLAMPED_WITHIN: Final = 1e-6
-"""Pitches, and parts of a quaternion, by which a root may be off where its angles put it."""
+ROOT_POSE_TOLERANCE: Final = 1e-6
+"""Maximum difference of a root's pose from that of its angles, pitches and parts of a quaternion:
+rounding."""
 
 
 def chain_differs(timeline: Timeline, plan: Plan) -> Differences:
-    """Where a timeline is not a finished one of the plan's chain."""
+    """Yield the differences of a timeline from a finished one of the plan's chain."""
     if timeline.status != "complete":
         yield f"timeline.zarr: got the status {timeline.status}, expected complete"
     expected = chain_attributes(plan.chain)
@@ -43,10 +44,10 @@ def chain_differs(timeline: Timeline, plan: Plan) -> Differences:
 
 
 def opened(path: FilePath) -> tuple[Timeline, Motion]:
-    """A timeline and all of its frames.
+    """Open a timeline and read all of its frames.
 
     Raises:
-        TimelineError: When it is missing or damaged.
+        TimelineError: It is missing or damaged.
     """
     try:
         timeline = Timeline.open(path)
@@ -56,10 +57,10 @@ def opened(path: FilePath) -> tuple[Timeline, Motion]:
 
 
 def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]:
-    """What a plan's figures and its timeline's frames say of explosion and playback.
+    """Build record and playback from a plan's figures and its timeline's frames.
 
     Raises:
-        InputError: ``wrong-timeline`` when the frames are not those of the plan.
+        InputError: ``wrong-timeline`` if the frames are not those of the plan.
     """
     record = playback = None
     # The timeline of a refold, and of a smoothed plan, shows only what was made of the record.
@@ -96,14 +97,14 @@ def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]
 
 
 def _same_windows(a: Windows, b: Windows) -> bool:
-    """Whether the windows of two motions hold the same hinges."""
+    """Return True if the windows of two motions hold the same hinges."""
     return np.array_equal(a.first, b.first) and np.array_equal(a.offsets, b.offsets)
 
 
 def with_other_robots(
     directory: FilePath, playback: Playback | None, notes: list[str]
 ) -> Playback | None:
-    """The playback with those of the other robots, which only ``playback.npz`` holds.
+    """Return the playback with those of the other robots, which only ``playback.npz`` holds.
 
     Raises:
         InputError: ``not-a-playback``.
@@ -121,7 +122,7 @@ def with_other_robots(
 
 
 def kept_record(directory: FilePath, plan: Plan) -> Record | None:
-    """The record of a refold or a smoothed plan, whose timeline does not show it."""
+    """Read the record of a refold or a smoothed plan, whose timeline does not show it."""
     try:
         record = Workspace(directory).read_record()
     except UNREADABLE as error:
@@ -133,7 +134,7 @@ def kept_record(directory: FilePath, plan: Plan) -> Record | None:
 
 
 def playback_differs(plan: Plan, playback: Playback) -> Differences:
-    """Where the frames of the playback in the timeline are not those of the plan."""
+    """Yield the differences of the playback in the timeline from that of the plan."""
     played, motion = playback.frames, plan.motion
     columns = {"time_s": played.time_s - played.time_s[0] if len(played) else played.time_s}
     names = ("base_position", "base_wxyz") if isinstance(played, Windows) else _ROOT
@@ -164,10 +165,10 @@ def playback_differs(plan: Plan, playback: Playback) -> Differences:
 
 
 def _root_differs(plan: Plan, motion: Frames, played: Frames) -> Differences:
-    """Where the root of a chain on a table is not where its base has it.
+    """Yield the differences of the root of a chain on a table from the pose by its base.
 
-    A clamped one has its first module where the table has it, in the plan and in the playback. Of
-    one that lies free only the simulation knows how it drifts: the plan follows.
+    The first module of a clamped chain has its folded pose, in the plan and in the playback. The
+    drift of a chain that lies free is known from the simulation alone: the plan follows it.
     """
     held = own_parameters(plan, None).table.held
     followed = played.planned(plan.chain, motion.joint_angles_rad, clamped=held)
@@ -182,7 +183,7 @@ def _root_differs(plan: Plan, motion: Frames, played: Frames) -> Differences:
                 getattr(frames, name),
                 getattr(wanted, name),
                 f"{file} {name} of a chain {how}",
-                atol=CLAMPED_WITHIN,
+                atol=ROOT_POSE_TOLERANCE,
             )
 
 

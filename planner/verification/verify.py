@@ -1,7 +1,7 @@
 """Verification: a fold's directory checked anew, from its files alone.
 
-All that is said of the plan is either worked out anew or compared with what says the same, and the
-rest with the digests in the manifest. What is not as it should be is told by file and field.
+All statements about the plan are either computed again or compared with equal ones in other files,
+and the rest with the digests in the manifest. Differences are reported by file and field.
 """
 
 from __future__ import annotations
@@ -38,30 +38,32 @@ from planner.verification.timelines import (
     with_other_robots,
 )
 
-POSES_WITHIN: Final = 1e-6
-"""Pitches by which a module of MuJoCo's model may be elsewhere than the plan has it."""
-OVERLAP_WITHIN: Final = 1e-9
-"""Overlap in pitches that the digits of a double leave open."""
-MOST_REPLAYED: Final = 5_000_000
-"""Frames times modules that are replayed; of a longer plan every second frame, every third, …"""
-MOST_TOLD: Final = 8
-"""Differences of one kind that are told one by one."""
-NEIGHBOURS: Final = re.compile(r'<exclude body1="module_(\d+)" body2="module_(\d+)"/>')
-"""Pairs of modules that a model exempts from collision."""
+POSITION_TOLERANCE_PITCH: Final = 1e-6
+"""Maximum distance of a module of MuJoCo's model from its position in the plan, pitches:
+rounding."""
+OVERLAP_ROUNDING_PITCH: Final = 1e-9
+"""Maximum overlap that counts as none, pitches: rounding of doubles."""
+MAX_REPLAYED_MODULES: Final = 5_000_000
+"""Maximum number of frames times modules that are replayed (time); a longer plan is replayed with
+every n-th frame. Chosen."""
+MAX_DIFFERENCES: Final = 8
+"""Maximum number of differences of one kind that are listed; the others are counted. Chosen."""
+EXEMPT_PAIR_LINE: Final = re.compile(r'<exclude body1="module_(\d+)" body2="module_(\d+)"/>')
+"""Pattern of a pair of modules that a model exempts from collision."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """What a second look at a plan's files says.
+    """Result of the verification of a plan's files.
 
     Attributes:
-        certificate: Made anew from the files.
-        reason: Whether the reason holds that is told of an explosion that stuck; None of others,
-            and where that could not be checked.
-        replay: What plain MuJoCo says of the exported model with the plan's angles.
-        checked: What was looked at, in plain words.
-        problems: Everything that speaks against the plan, in plain words; empty when verified.
-        notes: What could not be checked, and why.
+        certificate: Certificate computed again from the files.
+        reason: Check of the reason of a failed explosion; None for others, and if the check was
+            not possible.
+        replay: Replay of the exported model with the plan's angles in plain MuJoCo.
+        checked: Checks that were made, in plain English.
+        problems: Contradictions of the plan, in plain English; empty if it is verified.
+        notes: Checks that were not possible, and the reasons.
     """
 
     certificate: Certificate
@@ -73,11 +75,11 @@ class Verification:
 
     @property
     def verified(self) -> bool:
-        """Whether nothing speaks against the plan."""
+        """True if there are no problems."""
         return not self.problems
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         return {
             "status": "verified" if self.verified else "failed",
             "problems": list(self.problems),
@@ -92,17 +94,17 @@ class Verification:
 def verify(
     directory: FilePath, *, module_size: float | None = None, progress: Report = silent
 ) -> Verification:
-    """Checks the plan in a directory by exact kinematics and by a replay in plain MuJoCo.
+    """Check the plan in a directory by exact kinematics and by a replay in plain MuJoCo.
 
     Args:
-        directory: Holds ``plan.json``, ``plan.npz``, ``model.xml`` and ``timeline.zarr``, and what
-            else the stages of the fold have left.
+        directory: Directory with ``plan.json``, ``plan.npz``, ``model.xml``, ``timeline.zarr``, and
+            other files of the fold's stages.
         module_size: Another size than the plan's own.
-        progress: Told what is being checked.
+        progress: Receives the current check.
 
     Raises:
-        InputError: When a file is missing or cannot be read.
-        TimelineError: When the timeline is missing or damaged.
+        InputError: A file is missing or cannot be read.
+        TimelineError: The timeline is missing or damaged.
     """
     try:
         try:
@@ -117,8 +119,12 @@ def verify(
         changed = manifest.changed_fields(directory)
         if not changed:
             raise
-        more = "" if len(changed) <= MOST_TOLD else f", and {len(changed) - MOST_TOLD} more"
-        told = f"{error} These files were changed: {'; '.join(changed[:MOST_TOLD])}{more}."
+        more = (
+            ""
+            if len(changed) <= MAX_DIFFERENCES
+            else f", and {len(changed) - MAX_DIFFERENCES} more"
+        )
+        told = f"{error} These files were changed: {'; '.join(changed[:MAX_DIFFERENCES])}{more}."
         if isinstance(error, InputError):
             raise InputError(error.code, told) from error
         raise TimelineError(told) from error
@@ -181,7 +187,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
     found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
     replayed = None
     if len(plan.time_s):
-        stride = -(-len(plan.motion) * len(plan.chain) // MOST_REPLAYED)
+        stride = -(-len(plan.motion) * len(plan.chain) // MAX_REPLAYED_MODULES)
         try:
             replayed = replay(plan, model, stride=stride)
         except InputError as error:
@@ -220,7 +226,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
 
 
 class _Findings:
-    """What was looked at, and what of it speaks against the plan."""
+    """Checks that were made, and their problems and notes."""
 
     def __init__(self) -> None:
         self.checked: list[str] = []
@@ -230,20 +236,20 @@ class _Findings:
     def look(self, at: str, differences: Differences) -> None:
         self.checked.append(at)
         told = list(dict.fromkeys(differences))
-        self.problems += [f"failed: {difference}" for difference in told[:MOST_TOLD]]
-        if len(told) > MOST_TOLD:
-            self.problems.append(f"failed: … and {len(told) - MOST_TOLD} more where {at}")
+        self.problems += [f"failed: {difference}" for difference in told[:MAX_DIFFERENCES]]
+        if len(told) > MAX_DIFFERENCES:
+            self.problems.append(f"failed: … and {len(told) - MAX_DIFFERENCES} more where {at}")
 
 
 def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differences:
-    """Where the model is not the plan's; those of earlier versions excluded all neighbours."""
+    """Yield the differences of the model; those of earlier versions excluded all neighbours."""
     exempt = set(plan.chain.module.exempt_pairs(len(plan.chain)))
 
     def needed(pair: re.Match[str]) -> str:
         i, j = sorted((int(pair[1]), int(pair[2])))
         return "" if j == i + 1 and (i, j) not in exempt else pair[0]
 
-    if earlier and (fewer := NEIGHBOURS.sub(needed, text)) != text:
+    if earlier and (fewer := EXEMPT_PAIR_LINE.sub(needed, text)) != text:
         text = fewer
         notes.append(
             "model.xml, from an earlier version, exempts neighbours from collision; the replay "
@@ -259,9 +265,9 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
 
 
 def _replayed(found: Replay) -> Differences:
-    if not found.pose_difference <= POSES_WITHIN:
+    if not found.pose_difference <= POSITION_TOLERANCE_PITCH:
         yield f"model.xml: poses differ from the plan's by {found.pose_difference:.2g} pitch"
-    if not found.overlap <= OVERLAP_WITHIN:
+    if not found.overlap <= OVERLAP_ROUNDING_PITCH:
         yield (
             f"plan.npz: MuJoCo finds an overlap of {found.overlap:.2g} pitch at frame "
             f"{found.overlap_frame:g}"

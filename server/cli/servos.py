@@ -14,10 +14,10 @@ from rich.table import Table
 from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError
 from planner.robot.casings import CASINGS, Casing, casing_named
-from planner.robot.servos import FOLD_DEG, servo_named
+from planner.robot.servos import MIN_SERVO_RANGE_DEG, servo_named
 from planner.robot.servos import servos as all_servos
 from planner.robot.sizing import (
-    SHARE,
+    PERMANENT_TORQUE_SHARE,
     Fit,
     PitchRange,
     at_which_pitch,
@@ -52,7 +52,7 @@ def servos(
         typer.Option(
             help="Share of the stall torque that a servo can hold continuously.", show_default="1/3"
         ),
-    ] = SHARE,
+    ] = PERMANENT_TORQUE_SHARE,
     gravity: Annotated[float, typer.Option(help="Gravity in m/s².")] = GRAVITY_M_S2,
     only: Annotated[
         str | None, typer.Option("--servo", metavar="NAME", help="Check only this servo.")
@@ -178,7 +178,7 @@ def _show(
         table.add_row(*cells, answer)
     console.print(table)
     if any(fit.would_do and not fit.servo.turns_enough for fit in fits):
-        console.print(f"? The servo's range is unknown; a hinge needs {FOLD_DEG:g}°.")
+        console.print(f"? The servo's range is unknown; a hinge needs {MIN_SERVO_RANGE_DEG:g}°.")
     if not wanted:
         return
     shapes = Table(box=None, pad_edge=False)

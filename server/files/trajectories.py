@@ -258,13 +258,13 @@ class Trajectories:
         return made
 
     def _retimed(self, wanted: Wanted) -> Retimed:
-        from planner.robot.trajectory import FRAMES, REST
+        from planner.robot.trajectory import FRAMES_FILE, REST_FILE
 
         with self._motions.directory() as place, self._scratch.directory() as kept:
             told = self._call("retime", place, wanted, wanted.request())
             # Whoever has a file open may still change or cut it, and this process reads from it
             # for as long as the trajectory is used.
-            for name in (FRAMES, REST):
+            for name in (FRAMES_FILE, REST_FILE):
                 _copy(place / name, kept / name, self._used_bytes)
             return Retimed(
                 name=told["name"],
@@ -307,10 +307,10 @@ def _loaded(directory: Path, most: int) -> Trajectory:
     Raises:
         ServiceError: When it unpacks to more bytes than ``most``, or is none.
     """
-    from planner.robot.trajectory import REST, Trajectory
+    from planner.robot.trajectory import REST_FILE, Trajectory
 
     try:
-        with ZipFile(directory / REST) as parts:
+        with ZipFile(directory / REST_FILE) as parts:
             if sum(part.file_size for part in parts.infolist()) > most:
                 raise _too_large()
         return Trajectory.load(directory)

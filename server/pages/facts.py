@@ -22,7 +22,7 @@ from planner.parameters.settings import TABLE_SETTINGS
 from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import LARGEST_SEED, Request
-from planner.robot import MOST_ANGLES
+from planner.robot import MAX_SMOOTHED_ANGLES
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words
@@ -427,7 +427,7 @@ def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:
     ):
         return False
     frames = (summary.get("explosion") or {}).get("frames") or 0
-    return frames * int(summary.get("hinges") or 0) <= MOST_ANGLES
+    return frames * int(summary.get("hinges") or 0) <= MAX_SMOOTHED_ANGLES
 
 
 def _smoothing(found: Found | None, summary: FoldSummary) -> Smoothing | None:

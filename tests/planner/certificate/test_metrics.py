@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planner.certificate.certificate import Certificate, torque_unit_nm
 from planner.certificate.measure import clearances_of, write_figures
-from planner.certificate.metrics import REACH, Curves, Figures
+from planner.certificate.metrics import CLEARANCE_REACH_PITCH, Curves, Figures
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques, motion_of
 from planner.chain.kinematics import forward_kinematics
@@ -85,9 +85,11 @@ def test_clearances_are_those_of_all_pairs(module: str, size: float) -> None:
     assert clearance.min() < 0.0 or size < 1.0
     for k in range(len(angles)):
         least, who = by_brute_force(chain, angles[k], size)
-        np.testing.assert_allclose(clearance[k], np.minimum(least, REACH), atol=1e-6)
+        np.testing.assert_allclose(
+            clearance[k], np.minimum(least, CLEARANCE_REACH_PITCH), atol=1e-6
+        )
         near = nearest[k] >= 0
-        np.testing.assert_array_equal(near, least < REACH)
+        np.testing.assert_array_equal(near, least < CLEARANCE_REACH_PITCH)
         # Where two are equally near, either may be named.
         others = np.where(near, nearest[k], who)
         for i in np.flatnonzero(others != who):

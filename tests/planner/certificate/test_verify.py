@@ -117,7 +117,7 @@ def test_an_untouched_fold_is_verified_again(directory: FilePath) -> None:
 
 
 def test_what_was_left_out_is_said(directory: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.verification.verify.MOST_REPLAYED", 148 * 24 // 2)
+    monkeypatch.setattr("planner.verification.verify.MAX_REPLAYED_MODULES", 148 * 24 // 2)
     checked = verify(directory).checked
     assert "plain MuJoCo has the same poses and finds no overlap at one frame in 2" in checked
     assert any("except simulated torques" in line for line in checked)

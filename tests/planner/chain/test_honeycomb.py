@@ -8,7 +8,12 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from planner.chain.chain import Chain
-from planner.chain.honeycomb import DODECAHEDRON, RING, dodecahedron_pairs, ring_pairs
+from planner.chain.honeycomb import (
+    TETRAHEDRA_PER_DODECAHEDRON,
+    TETRAHEDRA_PER_RING,
+    dodecahedron_pairs,
+    ring_pairs,
+)
 from planner.chain.module import TETRAHEDRON
 from planner.chain.trail import Trail, hinge_axes
 from planner.clearance.clearance import closest
@@ -47,7 +52,8 @@ def test_a_tetrahedron_of_the_honeycomb_is_the_module() -> None:
 
 
 @pytest.mark.parametrize(
-    ("pairs", "count"), [(ring_pairs, RING), (dodecahedron_pairs, DODECAHEDRON)]
+    ("pairs", "count"),
+    [(ring_pairs, TETRAHEDRA_PER_RING), (dodecahedron_pairs, TETRAHEDRA_PER_DODECAHEDRON)],
 )
 def test_cells_meet_every_node_an_even_number_of_times(pairs, count: int) -> None:
     found = pairs(ONE)
@@ -60,16 +66,16 @@ def test_cells_meet_every_node_an_even_number_of_times(pairs, count: int) -> Non
 
 def test_rings_fill_as_much_as_their_cubes_and_none_lies_in_another() -> None:
     # The volume of a cube of side 2 is 8; a large block of rings has that of its cubes.
-    assert RING * TETRAHEDRON.volume == pytest.approx(8.0)
+    assert TETRAHEDRA_PER_RING * TETRAHEDRON.volume == pytest.approx(8.0)
     pairs = ring_pairs(box(3, 3, 3))
     keys = {tuple(pair.sum(axis=0)) for pair in pairs.tolist() for pair in [np.array(pair)]}
-    assert len(keys) == 27 * RING
+    assert len(keys) == 27 * TETRAHEDRA_PER_RING
 
 
 def test_a_dodecahedron_is_one() -> None:
     found = np.concatenate([corners(pair) for pair in dodecahedron_pairs(ONE)])
     hull = ConvexHull(found)
-    assert hull.volume == pytest.approx(DODECAHEDRON * TETRAHEDRON.volume)
+    assert hull.volume == pytest.approx(TETRAHEDRA_PER_DODECAHEDRON * TETRAHEDRON.volume)
     normals = np.unique(np.round(hull.equations[:, :3], 9), axis=0)
     assert len(normals) == 12
 

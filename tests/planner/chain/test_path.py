@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from numpy.typing import NDArray
 
-from planner.chain.path import LARGEST_COORDINATE, Path
+from planner.chain.path import MAX_COORDINATE, Path
 from planner.errors import InputError
 from tests.planner.lattice import walks
 
@@ -35,7 +35,7 @@ def test_a_path_stays_one_when_reversed_or_moved(cells: NDArray[np.int64]) -> No
         ([(0, 0, 0), (1, 0, 0), (1, 1.5, 0)], "not-whole", "cell 2"),
         ([(0, 0, 0), (np.nan, 0, 0), (1, 1, 0)], "not-finite", "cell 1"),
         ([(0, 0, 0), (np.inf, 0, 0), (1, 1, 0)], "not-finite", "cell 1"),
-        ([(LARGEST_COORDINATE + 1, 0, 0), (0, 0, 0), (1, 0, 0)], "too-far", "cell 0"),
+        ([(MAX_COORDINATE + 1, 0, 0), (0, 0, 0), (1, 0, 0)], "too-far", "cell 0"),
         ([(0, 0, 0), (1, 0, 0), (0, 0, 0)], "repeated-cell", "cells 0 and 2"),
         ([(0, 0, 0), (1, 0, 0), (3, 0, 0)], "not-adjacent", "cells 1 and 2"),
         ([(0, 0, 0), (1, 1, 0), (2, 1, 0)], "not-adjacent", "cells 0 and 1"),

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.honeycomb import RING, dodecahedron_pairs, ring_pairs
+from planner.chain.honeycomb import TETRAHEDRA_PER_RING, dodecahedron_pairs, ring_pairs
 from planner.chain.trail import Trail, hinge_axes
 from planner.errors import InputError
 from planner.pathfinding.trails import circuit, free_cuts, opened
@@ -112,4 +112,4 @@ def test_the_first_chain_comes_back_from_its_angles() -> None:
         np.linalg.norm(two[:, None] - two[None], axis=-1),
         atol=1e-9,
     )
-    assert len(chain) == RING
+    assert len(chain) == TETRAHEDRA_PER_RING

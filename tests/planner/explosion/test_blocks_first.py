@@ -10,7 +10,12 @@ from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.explosion.blocks import WINDOW, _BlocksFirst, block_starts, explode_blocks_first
+from planner.explosion.blocks import (
+    TETHER_CHECK_STEPS,
+    _BlocksFirst,
+    block_starts,
+    explode_blocks_first,
+)
 from planner.explosion.simultaneous import Simultaneous
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.assembly import assembly_path
@@ -142,7 +147,7 @@ def test_blocks_are_not_let_go_in_the_step_that_went_back(
     """The state gone back to is kept already; what a former look called sound may not be."""
     chain = solid(2, 2, 1)
     run = _BlocksFirst(chain, DEFAULT, 0, None, block_starts(len(chain), 64, 2))
-    run.steps = 10 * WINDOW
+    run.steps = 10 * TETHER_CHECK_STEPS
     moved = False
     monkeypatch.setattr(Simultaneous, "step", lambda _: moved)
     run.step()

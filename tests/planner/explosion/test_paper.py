@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from planner.clearance.sweep import sweep
 from planner.explosion import paper
-from planner.explosion.paper import STILL_STEPS, explode_as_published
-from planner.motion.angle_steps import STEP_RAD
+from planner.explosion.paper import REST_CHECK_STEPS, explode_as_published
+from planner.motion.angle_steps import PLAN_STEP_RAD
 from planner.motion.frames import Frames
 from planner.parameters.published import PaperExplosionParameters
 from planner.simulation.reduced import Acceleration, State
@@ -38,7 +38,7 @@ def test_a_small_coil_comes_out_straight() -> None:
     assert len(snapshots) == record.steps // PAPER.snapshot_interval + 2
     interval = PAPER.snapshot_interval * PAPER.step_s
     numbers = np.rint(frames.time_s[:-1] / interval).astype(int)
-    np.testing.assert_allclose(snapshots[numbers], frames.joint_angles_rad[:-1], atol=STEP_RAD)
+    np.testing.assert_allclose(snapshots[numbers], frames.joint_angles_rad[:-1], atol=PLAN_STEP_RAD)
     assert len(frames) < len(snapshots) / 3
     assert sweep(chain, frames.joint_angles_rad, size=0.9).clearance > 0.0
 
@@ -84,12 +84,12 @@ def test_what_nothing_moves_is_given_up() -> None:
     still = replace(PAPER, radial_gain=0.0, repulsion_gain=0.0, spring=0.0)
     record = explode_as_published(coil(6), still)
     assert record.status == "stalled"
-    assert record.steps == STILL_STEPS
+    assert record.steps == REST_CHECK_STEPS
     assert "nothing moved" in record.reason
 
 
 def test_snapshots_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(paper, "MOST_ANGLES", 1000)
+    monkeypatch.setattr(paper, "MAX_SNAPSHOT_ANGLES", 1000)
     record = explode_as_published(coil(12), replace(PAPER, snapshot_interval=1))
     assert record.status == "timeout"
     assert record.steps < 60

@@ -16,7 +16,7 @@ from planner.errors import InputError
 from planner.explosion.explosion import ContactDepth
 from planner.explosion.peeling import Peeling, peel, turned_towards
 from planner.explosion.peeling_proof import Proof
-from planner.explosion.peeling_window import Bend, Peelable
+from planner.explosion.peeling_window import Peelable, WindowConfiguration
 from planner.kernels.folded_core import CoreCells
 from planner.kernels.module import ModuleStates
 from planner.kernels.pairs import PairLimits
@@ -228,7 +228,7 @@ def test_the_recorder_proves_what_the_certificate_proves() -> None:
     proof = Proof(chain, 0.98)
     frames = record.frames
     bends = [
-        Bend(
+        WindowConfiguration(
             time_s=float(frames.time_s[k]),
             first=int(frames.first[k]) // 2,
             angles=frames.angles_rad[frames.offsets[k] : frames.offsets[k + 1]].astype(np.float64),
@@ -246,8 +246,8 @@ def test_nothing_is_proved_of_a_way_through_the_core() -> None:
     proof = Proof(chain, 0.98)
     first = 200
     folded = chain.folded_rad[2 * first : 2 * first + 40]
-    here = Bend(time_s=0.0, first=first, angles=folded)
-    there = Bend(time_s=1.0, first=first, angles=-folded)
+    here = WindowConfiguration(time_s=0.0, first=first, angles=folded)
+    there = WindowConfiguration(time_s=1.0, first=first, angles=-folded)
     assert proof.keeps([here], 0.015)[0] == 0.015
     assert proof.keeps([here, there], 0.015)[0] <= 0.0
 
@@ -274,8 +274,8 @@ def test_no_joint_is_recorded_beyond_its_range() -> None:
 def test_configurations_with_other_windows_are_held_together() -> None:
     chain, _ = snake()
     peelable = Peelable(chain)
-    a = Bend(time_s=0.0, first=100, angles=np.full(20, 0.1))
-    b = Bend(time_s=1.0, first=96, angles=np.full(24, 0.2))
+    a = WindowConfiguration(time_s=0.0, first=100, angles=np.full(20, 0.1))
+    b = WindowConfiguration(time_s=1.0, first=96, angles=np.full(24, 0.2))
     first, one, other = peelable.together(a, b)
     assert (first, len(one), len(other)) == (96, 28, 28)
     np.testing.assert_array_equal(one[:8], chain.folded_rad[192:200])

@@ -171,7 +171,7 @@ def test_the_sink_gets_the_record_as_it_grows() -> None:
 
 
 def test_progress_is_told_and_rises_overall(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.explosion.explosion.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("planner.explosion.explosion.PROGRESS_PERIOD_S", 0.0)
     told: list[Progress] = []
     record = explode(coil(24), DEFAULT, progress=told.append)
     assert {p.stage for p in told} == {"explode"}
@@ -318,7 +318,7 @@ def test_a_chain_without_a_way_out_is_called_stuck(monkeypatch: pytest.MonkeyPat
         return replace(found, hinges=0.0 * found.hinges, linear=np.zeros(3), angular=np.zeros(3))
 
     monkeypatch.setattr(Simultaneous, "acceleration_under", frozen)
-    monkeypatch.setattr("planner.explosion.simultaneous.JAM_WINDOW", 10)
+    monkeypatch.setattr("planner.explosion.simultaneous.JAM_CHECK_STEPS", 10)
     record = explode(coil(12), DEFAULT)
     assert record.status == "stalled"
     assert "stuck" in record.reason

@@ -14,7 +14,7 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.explosion.peeling_window import Bend, Peelable
+from planner.explosion.peeling_window import Peelable, WindowConfiguration
 from planner.explosion.strategies import strategies_for
 from planner.explosion.table import explode_on_table
 from planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
@@ -75,14 +75,16 @@ def test_a_module_that_is_bent_into_the_table_is_refused() -> None:
     chain = chain_of(BOX)
     guard = Guard(chain, Peelable(chain), TableParameters())
     straight = np.zeros_like(chain.folded_rad)
-    assert guard.holds(None, [Bend(time_s=0.0, first=0, angles=straight)])
+    assert guard.holds(None, [WindowConfiguration(time_s=0.0, first=0, angles=straight)])
     whys: list[str] = []
     for hinge in (-2, -1):
         for angle in (-0.1, 0.1):
             bent = straight.copy()
             bent[hinge] = angle
             whys.append(
-                "" if guard.holds(None, [Bend(time_s=0.0, first=0, angles=bent)]) else guard.why
+                ""
+                if guard.holds(None, [WindowConfiguration(time_s=0.0, first=0, angles=bent)])
+                else guard.why
             )
     assert sorted(bool(why) for why in whys) == [False, False, False, True]
     assert any("into the table" in why for why in whys)
@@ -132,7 +134,7 @@ def test_what_lies_in_the_table_is_refused_but_raises_no_bound() -> None:
     chain = chain_of(BOX)
     parameters = replace(TableParameters(), refusals=0)
     guard = Guard(chain, Peelable(chain), parameters)
-    bend = Bend(time_s=0.0, first=0, angles=np.zeros(2))
+    bend = WindowConfiguration(time_s=0.0, first=0, angles=np.zeros(2))
     for hinge, turn in ((0, 0.3), (0, -0.3), (1, 0.3), (1, -0.3)):
         angles = chain.folded_rad.copy()
         angles[hinge] += turn
@@ -150,7 +152,7 @@ def test_what_lies_over_itself_is_refused_but_raises_no_bound() -> None:
     for sides, why in ((6, ""), (13, "across itself")):
         turns = np.zeros((row.joint_count, 2))
         turns[4 : 4 + sides, _hinge_about_the_vertical(row)] = 2.0 * np.pi / 12
-        bend = Bend(time_s=0.0, first=0, angles=turns.ravel())
+        bend = WindowConfiguration(time_s=0.0, first=0, angles=turns.ravel())
         assert guard.loops(bend) == bool(why)
         assert guard.holds(None, [bend]) != bool(why)
         assert why in guard.why

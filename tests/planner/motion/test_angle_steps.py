@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as arrays_of
 from numpy.typing import NDArray
 
 from planner.motion.angle_steps import (
-    STEP_RAD,
+    PLAN_STEP_RAD,
     frame_angles,
     frame_planes,
     packed_frames,
@@ -52,7 +52,7 @@ def test_straight_and_folded_are_whole_steps() -> None:
 @given(FRAMES)
 def test_angles_are_read_as_they_were_written(angles: NDArray[np.float64]) -> None:
     near = snapped(angles)
-    assert np.abs(near - angles).max() <= STEP_RAD / 2 * (1 + 1e-9)
+    assert np.abs(near - angles).max() <= PLAN_STEP_RAD / 2 * (1 + 1e-9)
     planes = frame_planes(near)
     assert planes is not None
     again = frame_angles(planes, told_of(near.shape, windowed=False))
@@ -60,7 +60,7 @@ def test_angles_are_read_as_they_were_written(angles: NDArray[np.float64]) -> No
     single = near.astype(np.float32)
     steps = whole_steps(single)
     assert steps is not None
-    np.testing.assert_array_equal((steps * STEP_RAD).astype(np.float32), single)
+    np.testing.assert_array_equal((steps * PLAN_STEP_RAD).astype(np.float32), single)
 
 
 def test_what_is_not_in_whole_steps_is_not_rounded() -> None:
@@ -71,9 +71,9 @@ def test_what_is_not_in_whole_steps_is_not_rounded() -> None:
 
 
 def test_no_angle_is_beyond_its_limit() -> None:
-    limit = 100.3 * STEP_RAD
+    limit = 100.3 * PLAN_STEP_RAD
     np.testing.assert_array_equal(
-        snapped(np.array([1.0, -1.0, np.nan]), limit) / STEP_RAD, [100.0, -100.0, np.nan]
+        snapped(np.array([1.0, -1.0, np.nan]), limit) / PLAN_STEP_RAD, [100.0, -100.0, np.nan]
     )
 
 

@@ -127,7 +127,7 @@ def test_a_reader_beside_a_busy_writer_sees_only_whole_frames(
 def test_frames_that_wait_are_counted_by_the_writer_and_not_seen_by_readers(
     place: FilePath, hook_chain: Chain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(timeline_module, "FLUSH_EVERY_S", 1e9)
+    monkeypatch.setattr(timeline_module, "MIN_FLUSH_PERIOD_S", 1e9)
     writer = TimelineWriter.create(place, hook_chain)
     writer.append(some_frames(3))  # the first ones are shown at once
     writer.append(some_frames(5))

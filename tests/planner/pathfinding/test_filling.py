@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.chain.honeycomb import RING
+from planner.chain.honeycomb import TETRAHEDRA_PER_RING
 from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
 from planner.errors import InputError
@@ -23,14 +23,14 @@ def prepared(data: bytes, **options: object) -> Preparation:
 def test_the_cells_of_a_path_become_rings() -> None:
     made = prepared(write_path(Path.from_cells(U, name="u")))
     assert made.kind == "voxels"
-    assert len(made.chain) == RING * len(U)
+    assert len(made.chain) == TETRAHEDRA_PER_RING * len(U)
     assert made.chain.module is TETRAHEDRON
     assert made.knot is not None
     assert made.knot.verdict == "unknot"
     # Each module is named by the cell in whose ring it lies: each cell twelve times.
     cells, counts = np.unique(made.cells, axis=0, return_counts=True)
     np.testing.assert_array_equal(cells, np.unique(U, axis=0))
-    assert set(counts) == {RING}
+    assert set(counts) == {TETRAHEDRA_PER_RING}
 
 
 def test_a_chain_begins_in_the_cell_that_was_wished_for() -> None:
@@ -53,7 +53,7 @@ def test_parts_are_told_and_dropped_only_when_asked() -> None:
     with pytest.raises(InputError, match="2 parts"):
         _ = made.chain
     repaired = prepared(VOXELS, repair=True)
-    assert len(repaired.chain) == 3 * RING
+    assert len(repaired.chain) == 3 * TETRAHEDRA_PER_RING
     assert any("remove the other 1 cell" in note for note in repaired.notes)
 
 
@@ -75,7 +75,7 @@ def test_a_mesh_is_filled_and_what_is_kept_is_told() -> None:
     np.testing.assert_allclose(
         vertices.mean(axis=0), np.array(report["positions"]).mean(axis=0), atol=1.5
     )
-    assert report["below"] % RING == report["above"] % RING == 0
+    assert report["below"] % TETRAHEDRA_PER_RING == report["above"] % TETRAHEDRA_PER_RING == 0
 
 
 def test_cubes_are_told_as_before() -> None:

@@ -402,7 +402,7 @@ def test_a_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, 
 def test_progress_goes_on_through_both_halves(
     wrench: Folded, made: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planner.playback.run.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("planner.playback.run.PROGRESS_PERIOD_S", 0.0)
     told: list[Progress] = []
     play_back(
         plan.chain,

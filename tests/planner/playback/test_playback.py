@@ -14,7 +14,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.chain.rotations import aligned_distances
 from planner.errors import InputError
-from planner.motion.angle_steps import STEP_RAD
+from planner.motion.angle_steps import PLAN_STEP_RAD
 from planner.motion.frames import Frames
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.record import Record
@@ -61,7 +61,7 @@ def test_frames_tell_the_truth(shape: str, folded: Callable[..., Any]) -> None:
         frames.joint_error_rad,
         np.abs(playback.reference_rad - frames.joint_angles_rad),
         # The target's angles are rounded to whole steps when they become the plan's.
-        atol=0.5 * STEP_RAD + 1e-15,
+        atol=0.5 * PLAN_STEP_RAD + 1e-15,
     )
     assert frames.joint_error_rad.max() <= playback.max_angle_error_rad + 1e-15
     # It starts where the record has left the chain, at rest.
@@ -218,7 +218,7 @@ def test_what_cannot_be_played_is_a_broken_call(small: tuple[Chain, Record]) -> 
 
 
 def test_sink_and_progress(small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.playback.run.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("planner.playback.run.PROGRESS_PERIOD_S", 0.0)
     parts: list[Frames] = []
     told: list[Progress] = []
     playback = play_back(*small, DEFAULT, sink=parts.append, progress=told.append, start_s=7.0)

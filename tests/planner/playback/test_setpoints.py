@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from planner.playback.reference import Reference
 from planner.playback.setpoints import (
+    REST_STEPS,
     SETTLE_STEPS,
-    STILL_STEPS,
-    STUCK_STEPS,
+    STALL_STEPS,
     Backwards,
     DirectSetpoints,
     Setpoints,
@@ -71,7 +71,7 @@ def test_the_direct_guide_goes_in_a_line_and_waits() -> None:
     np.testing.assert_array_equal(angles[0], 0.0)
     np.testing.assert_array_equal(angles[-1], folded_rad)
     np.testing.assert_allclose(angles[:, 0], -angles[:, 2])
-    assert len(targets) == 400 + STILL_STEPS - 1
+    assert len(targets) == 400 + REST_STEPS - 1
 
 
 def test_a_chain_that_never_rests_is_waited_for() -> None:
@@ -119,9 +119,9 @@ def test_the_papers_rule_ends_at_its_last_snapshot_at_rest() -> None:
 def test_a_chain_that_comes_no_nearer_is_given_up() -> None:
     setpoints = paper_guide(STEPS_AWAY, 2)
     given = sum(
-        setpoints.target(np.zeros(1), np.ones(1)) is not None for _ in range(2 * STUCK_STEPS)
+        setpoints.target(np.zeros(1), np.ones(1)) is not None for _ in range(2 * STALL_STEPS)
     )
-    assert given == 2 + 2 + 2 + STUCK_STEPS
+    assert given == 2 + 2 + 2 + STALL_STEPS
 
 
 def test_a_motion_backwards_has_a_snapshot_for_each_step() -> None:

@@ -10,7 +10,7 @@ import pytest
 from docs.make_servos import PAGE, with_table
 from planner.errors import InputError
 from planner.robot.servos import KGF_CM_NM, Servo, servo_named, servos
-from planner.robot.sizing import SHARE
+from planner.robot.sizing import PERMANENT_TORQUE_SHARE
 
 ALL = pytest.mark.parametrize("servo", servos(), ids=lambda servo: servo.name)
 
@@ -62,8 +62,8 @@ def test_figures_stand_in_the_file_as_in_the_documents_and_come_out_in_si() -> N
 def test_what_is_asked_for_long_is_what_makers_rate_theirs_at() -> None:
     shares = [servo.rated_nm / servo.stall_nm for servo in servos() if servo.rated_nm is not None]
     assert len(shares) >= 4
-    assert min(shares) > 0.9 * SHARE
-    assert max(shares) < 1.01 * SHARE
+    assert min(shares) > 0.9 * PERMANENT_TORQUE_SHARE
+    assert max(shares) < 1.01 * PERMANENT_TORQUE_SHARE
 
 
 def test_speed_falls_along_a_straight_line_to_stall() -> None:

@@ -16,8 +16,8 @@ from planner.robot.casings import CASINGS, Casing, casing_named
 from planner.robot.retiming import retimed
 from planner.robot.servos import Servo, servo_named, servos
 from planner.robot.sizing import (
-    HINGES,
-    SHARE,
+    HINGES_PER_MODULE,
+    PERMANENT_TORQUE_SHARE,
     at_which_pitch,
     largest_shape,
     least_pitch_m,
@@ -83,7 +83,7 @@ def test_a_module_weighs_at_least_its_servos_and_their_wall() -> None:
 
 def test_one_of_two_shafts_does_for_two() -> None:
     double, single = servo_named("2XL430-W250-T"), servo_named("XL430-W250-T")
-    assert CUBE.hinges_per_joint == HINGES
+    assert CUBE.hinges_per_joint == HINGES_PER_MODULE
     assert least_pitch_m(double, BOX) == pytest.approx(0.0465 + 0.002)
     assert least_pitch_m(single, BOX) == pytest.approx(2 * 0.0285 + 0.002)
     two, one = who_would_do(4.0, pitch_m=0.06, casing=BOX, among=[double, single])
@@ -121,7 +121,7 @@ def test_the_three_questions_answer_alike(servo: Servo, torque: float, casing: C
 def test_bounds_go_one_way(servo: Servo, torque: float, casing: Casing, more: float) -> None:
     most = at_which_pitch(servo, torque, casing).most_m
     assert at_which_pitch(servo, more * torque, casing).most_m < most
-    assert at_which_pitch(servo, torque, casing, share=SHARE / more).most_m < most
+    assert at_which_pitch(servo, torque, casing, share=PERMANENT_TORQUE_SHARE / more).most_m < most
     assert at_which_pitch(servo, torque, casing, gravity_m_s2=GRAVITY / more).most_m > most
     if casing.name == "aluminium":
         assert at_which_pitch(servo, torque, CASINGS["steel"]).most_m < most

@@ -216,7 +216,7 @@ def test_what_cannot_be_smoothed_is_refused_in_words(
     older = replace(wrench.certificate, peak_torque_nm=None)
     assert refused(changed(wrench, certificate=older)) == "smooth-no-torques"
     assert refused(refold(wrench, folded("mallet-24").chain)) == "smooth-refold"
-    monkeypatch.setattr("planner.robot.smoothed.MOST_ANGLES", 1000)
+    monkeypatch.setattr("planner.robot.smoothed.MAX_SMOOTHED_ANGLES", 1000)
     assert refused(wrench) == "smooth-too-long"
 
 

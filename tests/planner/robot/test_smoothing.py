@@ -15,7 +15,7 @@ from planner.errors import InputError
 from planner.kernels.smoothing import mark_blamed_hinges, write_displacements
 from planner.playback.reference import Reference, record_lengths
 from planner.playback.time_law import duration, torque_bounded_profile
-from planner.robot.smoothing import DISTANCE_WEIGHT, SPACING_RAD, smooth
+from planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
 from planner.robot.smoothing_targets import along, mean, parts, softened, straight, worthwhile
 from tests.planner.chains import coil, line, random_angles
 
@@ -74,7 +74,7 @@ def test_what_is_smoothed_is_shorter_and_as_clear(
 def test_steps_are_even(folded: Callable[..., Any], smoothed: Callable[[str], Array]) -> None:
     chain = folded("wrench-24").chain
     steps = np.diff(record_lengths(chain, smoothed("wrench-24"), DISTANCE_WEIGHT))
-    assert steps.max() <= 1.2 * SPACING_RAD[1]
+    assert steps.max() <= 1.2 * FRAME_SPACING_RANGE_RAD[1]
 
 
 @pytest.mark.long

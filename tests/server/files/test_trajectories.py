@@ -20,7 +20,7 @@ from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.robot.retiming import retime as retime_plan
-from planner.robot.trajectory import FRAMES, REST
+from planner.robot.trajectory import FRAMES_FILE, REST_FILE
 from server.errors import TooLarge, TooMany, Unavailable, Unusable
 from server.files.trajectories import (
     MOTORS,
@@ -124,7 +124,7 @@ def test_what_has_taken_over_the_child_changes_no_plan_and_no_trajectory(
     def taken_over(task: str, place: Path) -> dict[str, Any]:
         told = call(task, place)
         (place / PLAN).write_bytes(b"other")
-        held.append((place / FRAMES).open("r+b"))
+        held.append((place / FRAMES_FILE).open("r+b"))
         return told
 
     monkeypatch.setattr(here, "call", taken_over)
@@ -145,10 +145,10 @@ def test_of_what_the_child_has_written_no_more_is_read_than_there_may_be(
 
     def taken_over(task: str, place: Path) -> dict[str, Any]:
         told = call(task, place)
-        if str(spoiled) == REST and not most:
-            (place / REST).write_bytes(b"rubbish")
-        elif str(spoiled) == REST:
-            with ZipFile(place / REST, "a", ZIP_DEFLATED) as parts:
+        if str(spoiled) == REST_FILE and not most:
+            (place / REST_FILE).write_bytes(b"rubbish")
+        elif str(spoiled) == REST_FILE:
+            with ZipFile(place / REST_FILE, "a", ZIP_DEFLATED) as parts:
                 parts.writestr("bomb.npy", bytes(2**25))
         else:
             os.truncate(place / spoiled, 2**32)
@@ -157,9 +157,9 @@ def test_of_what_the_child_has_written_no_more_is_read_than_there_may_be(
     monkeypatch.setattr(here, "call", taken_over)
     wanted = Wanted.of(plan, 1.0, 2.0)
     for name, most, kind in (
-        (FRAMES, 2**24, TooLarge),
-        (REST, 2**24, TooLarge),
-        (REST, 0, Unavailable),
+        (FRAMES_FILE, 2**24, TooLarge),
+        (REST_FILE, 2**24, TooLarge),
+        (REST_FILE, 0, Unavailable),
     ):
         spoiled = Path(name)
         trajectories = make(used_bytes=most) if most else make()
