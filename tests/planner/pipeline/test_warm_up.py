@@ -93,7 +93,7 @@ def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
         return nullcontext()
 
     def noted(name: str) -> None:
-        monkeypatch.setattr(module, name, lambda *_: here.append(name))  # pyright: ignore[reportUnknownLambdaType]
+        monkeypatch.setattr(module, name, lambda *_, **__: here.append(name))  # pyright: ignore[reportUnknownLambdaType]
 
     rest = ["retime", "smooth_plan", "_many_contacts", "_explode_as_published", "_peel"]
     rest.append("warm_up_paths")

@@ -12,10 +12,11 @@ class Context {
 const page = { name: "the page around the frame" };
 const frame = new EventTarget();
 const clock = { currentTime: 0 };
+const frameDocument = { timeline: clock, documentElement: Object.assign(new EventTarget(), { style: { setProperty() {} }, classList: { toggle() {} } }) };
 Object.assign(globalThis, {
   window: globalThis, parent: page, WebGL2RenderingContext: Context, location: { search: "", hash: "", pathname: "/view" },
   history: { replaceState() {} }, MutationObserver: class { observe() {} }, Element: class {}, HTMLElement: class {}, HTMLCanvasElement: class {},
-  document: { timeline: clock, documentElement: Object.assign(new EventTarget(), { style: { setProperty() {} }, classList: { toggle() {} } }) },
+  document: frameDocument,
   requestAnimationFrame: (draw) => waiting.push(draw), cancelAnimationFrame: () => {},
   addEventListener: frame.addEventListener.bind(frame), removeEventListener: frame.removeEventListener.bind(frame),
 });
@@ -36,7 +37,10 @@ async function paint() {
   return taken.filter((one) => one !== "SetSceneNodeVisibilityMessage");
 }
 
-test("a camera reaches the client one picture after the poses that it follows", async () => {
+test("a camera reaches the client one picture after the poses that it follows", async (t) => {
+  const { document: other } = globalThis; // of another file in this process
+  globalThis.document = frameDocument;
+  t.after(() => { globalThis.document = other; });
   const { port1, port2 } = new MessageChannel();
   client.postMessage({ type: "set_server" });
   frame.dispatchEvent(Object.assign(new Event("message"), { source: page, ports: [port2], data: {} }));

@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { decode } from "../../../web/static/js/lib/columns.js";
-import { Window } from "../../../web/static/js/player/frames.js";
 import { Kinematics } from "../../../web/static/js/lib/kinematics.js";
-import { close, closeTurns, unpack, vectors } from "./vectors.js";
+import { Standing, Window, foldedness, frameFolded } from "../../../web/static/js/player/frames.js";
+import { close, closeTurns, recorded, unpack, vectors } from "./vectors.js";
 
 for (const { name, bundle, batch, frames } of vectors.windows) {
   test(`poses of a window of ${name}`, async () => {
@@ -54,4 +54,81 @@ test("a message that was cut short is refused", async () => {
   const whole = Buffer.from(vectors.columns.message, "base64");
   const half = new Uint8Array(whole.subarray(0, whole.length / 2));
   await assert.rejects(decode(half.buffer));
+});
+
+const TURN = [Math.SQRT1_2, Math.SQRT1_2, 0, 0]; // a quarter about x
+const [FROM, TO] = [100, 201];
+
+const angleBetween = (a, b) => 2 * Math.acos(Math.min(1, Math.abs(a.reduce((sum, v, k) => sum + v * b[k], 0))));
+// Positions from the first module on.
+const relative = (positions) => positions.map((v, k) => v - positions[k % 3]);
+
+for (const given of vectors.shipped) {
+  test(`timeline_last_frame_of_${given.name}_stands_as_drawn`, async () => {
+    const { timeline } = await recorded(given);
+    const drawn = (await unpack(given.drawn)).arrays;
+    const shown = timeline.snapshot(timeline.last);
+    close(relative(shown.positions), relative(drawn.positions), { atol: 0.05 });
+    for (let i = 0; i < timeline.chain.modules; i++) {
+      const off = angleBetween(shown.wxyzs.subarray(4 * i, 4 * i + 4), drawn.wxyzs.subarray(4 * i, 4 * i + 4));
+      assert.ok(off < 0.01, `module ${i} is off by ${off} rad`);
+    }
+    const [root, straight] = [timeline.row(0), timeline.row(timeline.outline.phases.at(-1).from)];
+    for (const row of [root, straight]) assert.equal(timeline.standing.turned(row.wxyz, row === root ? 0 : timeline.outline.phases.at(-1).from), row.wxyz);
+    let last = null;
+    let most = 0;
+    for (let frame = 0; frame <= timeline.last; frame += 0.5) {
+      const turn = timeline.standing.turned([1, 0, 0, 0], frame);
+      if (last) most = Math.max(most, angleBetween(turn, last));
+      last = turn;
+    }
+    assert.ok(most < 0.05, `turns by ${most} rad in half a frame`);
+  });
+
+  test(`foldedness_of_${given.name}_is_0_straight_and_1_folded`, async () => {
+    const { timeline } = await recorded(given);
+    const at = (frame) => timeline.folded(timeline.snapshot(frame));
+    const { from } = timeline.outline.phases.findLast(({ name }) => name === "playback");
+    close([at(0), at(from), at(timeline.last)], [timeline.outline.phases.length > 1 ? 1 : 0, 0, 1], { atol: 0.01 });
+    let most = 0;
+    for (let frame = from; frame <= timeline.last; frame++) {
+      assert.ok(at(frame) > most - 0.02, `frame ${frame} is folded less than one before`);
+      most = Math.max(most, at(frame));
+    }
+    for (const wanted of [0.25, 0.5, 0.9]) close([at(frameFolded(timeline, wanted))], [wanted], { atol: 0.005 });
+    close([frameFolded(timeline, 0), frameFolded(timeline, 1)], [from, timeline.last], {});
+  });
+}
+
+test("foldedness_of_a_tangle_is_not_1", () => {
+  const goal = Float64Array.from([1, -1, 0, 1]);
+  close([foldedness((j) => [1, -1, 0, 0][j], goal)], [2 / 3]);
+  close([foldedness((j) => [3, 1, 1, 0.5][j], goal)], [1.5 / 3]); // too far counts as there, the other way not at all
+  assert.equal(foldedness((j) => -goal[j], goal), 0);
+  assert.equal(foldedness((j) => goal[j], goal), 1);
+});
+
+test("frame_folded_is_found_among_the_frames_that_are_here", () => {
+  const here = new Set([0, 40, 100]);
+  const timeline = {
+    outline: { phases: [{ name: "playback", from: 0, to: 101 }] }, foldedRad: Float64Array.from([1, 2]),
+    row: (frame) => (here.has(frame) ? frame : null), how: { angle: (frame, j) => (frame / 100) * (j + 1) },
+  };
+  close([frameFolded(timeline, 0.7), frameFolded(timeline, 0.1)], [70, 10], { atol: 1e-9 });
+  timeline.outline.phases[0].name = "explosion";
+  assert.equal(frameFolded(timeline, 0.5), null);
+});
+
+test("standing_on_an_open_page_fades_in", () => {
+  const standing = new Standing();
+  const end = [1, 0, 0, 0];
+  standing.set(end, TURN, { name: "playback", from: FROM, to: TO }, true);
+  assert.equal(standing.turned(end, TO - 1), end);
+  let pictures = 0;
+  while (standing.advance(1 / 30)) pictures++;
+  assert.ok(pictures > 10);
+  close(standing.turned(end, TO - 1), TURN);
+  close(standing.turned(end, (FROM + TO - 1) / 2), [Math.cos(Math.PI / 8), Math.sin(Math.PI / 8), 0, 0]);
+  standing.set(TURN, TURN, { name: "playback", from: FROM, to: TO }, false);
+  assert.equal(standing.turned(end, TO - 1), end); // it stands as drawn already
 });
