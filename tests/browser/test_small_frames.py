@@ -91,6 +91,7 @@ def test_tap_on_a_module_selects_it(visit: Visit, wrench: str) -> None:
 def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, kind: str) -> None:
     page = visit(f"/{kind}s/{wrench}" if kind == "fold" else f"/embed/{wrench}", view=False)
     expect(page.locator("#legend")).to_be_visible()
+    page.locator("#cover.gone").wait_for(state="attached")  # until then it lies over the picture
     shares = {}
     for width, height in SIZES[kind]:
         page.set_viewport_size({"width": width, "height": height})
