@@ -42,9 +42,11 @@ from planner.progress import Progress
 from planner.robot.smoothed import before_and_after, check_smoothable, smoothed_record
 
 STRONGER_MOTORS: Final = 1.5
-"""Limit of the motors on a table, as a multiple of what standing asks in the record …"""
-LEAST_TORQUE_WP: Final = 1.0
-"""… or of so much, where that is hardly anything: something must speed the chain up."""
+"""Torque limit of the motors on a table, as a multiple of the largest static torque in the record.
+A larger value folds faster. Chosen."""
+MIN_TORQUE_WP: Final = 1.0
+"""Minimum static torque that this limit is computed from, in w·p. Below it, hardly any torque would
+be left to accelerate the chain. Chosen."""
 Sink = Callable[[Motion], None]
 
 
@@ -209,7 +211,7 @@ def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: 
         playback = play_on_table(
             chain,
             record.frames,
-            torque_limit_wp=STRONGER_MOTORS * max(asked, LEAST_TORQUE_WP),
+            torque_limit_wp=STRONGER_MOTORS * max(asked, MIN_TORQUE_WP),
             friction=table.friction,
             clamped=table.held,
             start_s=float(exploded.time_s[-1]),
@@ -278,11 +280,8 @@ def advance(job: Job, search: Search, step: Step, watch: Watch, tries: Tries) ->
 
 def _explode(job: Job, search: Search, trial: Trial, watch: Watch, tries: Tries) -> Search:
     """Return the search after one more explosion or smoothing."""
-    number, chain, parameters = (
-        len(search.history),
-        job.candidates.chain_of(trial),
-        job.parameters(),
-    )
+    number, chain = len(search.history), job.candidates.chain_of(trial)
+    parameters = job.parameters()
     record, recorded = None, None
     if trial.smooths is not None or job.request.smooth:
         if trial.smooths is not None:
