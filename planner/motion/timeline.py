@@ -267,6 +267,7 @@ class TimelineWriter:
             return
         motion = joined(self._waiting)
         self._waiting = []
+        first = not self._frames
         stop = self._frames + len(motion)
         if isinstance(motion, Windows):
             begins = int(cast("Any", self._arrays["ends"][self._frames - 1])) if self._frames else 0
@@ -284,7 +285,8 @@ class TimelineWriter:
         self._frames = stop
         self._mark("growing")
         now = time.monotonic()
-        pause = min((now - begun) / FLUSH_TIME_SHARE, MAX_FLUSH_PERIOD_S)
+        # Nothing moves before the second one, and the first takes long: it creates the files.
+        pause = 0.0 if first else min((now - begun) / FLUSH_TIME_SHARE, MAX_FLUSH_PERIOD_S)
         self._next_flush = now + max(pause, MIN_FLUSH_PERIOD_S)
 
     def _write_angles(self, motion: Windows, begins: int) -> None:
