@@ -108,12 +108,12 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
     page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
     dropped(page, json.dumps({"format": "foldback-path/1", "cells": STAIRS, "name": "asked for"}))
     expect(page.locator("#verdict")).to_have_text(
-        "First start: preparing the solvers. This happens only once: 42 %"
+        "First start: preparing the solvers, 42 % done. This happens only once"
     )
     keep(page, "fold-compiling")
     told.pop(0)
     expect(page.locator("#verdict")).to_have_text(
-        "First start: preparing the solvers. This happens only once: 61 % · about 25 s left "
+        "First start: preparing the solvers, 61 % done. This happens only once · about 25 s left "
         "· then behind 1 other fold"
     )
     expect(page.get_by_role("progressbar", name="Preparing the solvers")).to_have_attribute(
