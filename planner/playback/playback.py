@@ -17,11 +17,9 @@ from planner.chain.chain import Chain
 from planner.cores import cores
 from planner.errors import InputError
 from planner.motion.angle_steps import packed_frames, snapped, unpacked_frames
-from planner.motion.frames import Frames
 from planner.motion.inverse import inverse_dynamics
-from planner.motion.motion import Motion, motion_arrays, motion_from_arrays
+from planner.motion.motion import Motion
 from planner.motion.record import Record, save_npz
-from planner.motion.windows import Windows
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.course import Course
 from planner.playback.kinematic import kinematic_frames, windowed_frames
@@ -86,15 +84,13 @@ class Playback:
         return self.kind == "dynamic"
 
     @property
-    def reference(self) -> Array | Windows:
-        """Motion of the plan: (F, J) hinge angles, or windows."""
-        if isinstance(self.frames, Windows):
-            if self.reference_rad is None:
-                return self.frames
-            return replace(self.frames, angles_rad=self.reference_rad, errors_rad=None)
+    def reference(self) -> Motion:
+        """Planned motion: the frames with the angles of the reference, without errors."""
         if self.reference_rad is None:
-            raise ValueError("got frames of all angles without their reference")
-        return np.asarray(self.reference_rad, dtype=np.float64)
+            if not self.frames.is_windowed:
+                raise ValueError("got frames of all angles without their reference")
+            return self.frames
+        return self.frames.with_angles(np.asarray(self.reference_rad, self.frames.angles_rad.dtype))
 
     def summary(self) -> dict[str, Any]:
         """Return the figures without the frames."""
@@ -102,10 +98,10 @@ class Playback:
 
     def save(self, path: FilePath) -> None:
         """Write an ``.npz`` that is either complete or absent."""
-        frames, reference = motion_arrays(self.frames), self.reference_rad
+        frames, reference = self.frames.columns(), self.reference_rad
         if reference is None:
             packed = {}
-        elif isinstance(self.frames, Windows):
+        elif self.frames.is_windowed:
             packed = {"window_reference_rad": reference}
         else:
             packed = packed_frames("reference_rad", np.asarray(reference, dtype=np.float64))
@@ -131,7 +127,7 @@ class Playback:
                 reference = unpacked_frames(arrays, "reference_rad")
                 arrays.setdefault("joint_angles_rad", reference)
             return cls(
-                frames=motion_from_arrays(arrays),
+                frames=Motion.from_columns(arrays),
                 reference_rad=reference,
                 others_rad=arrays.get("others_rad"),
                 **{name: _loaded(arrays[name].item()) for name in _SCALARS if name in arrays},
@@ -200,7 +196,7 @@ def play_back(
     """
     begun = time.perf_counter()
     recorded = None if record is None else record.frames
-    if isinstance(recorded, Windows):
+    if recorded is not None and recorded.is_windowed:
         if unfolding is not None:
             raise InputError(
                 "cannot-refold",
@@ -314,7 +310,7 @@ def simulates(chain: Chain, recorded: Motion, parameters: PlaybackParameters) ->
         recorded: The explosion to play in reverse, or its playback.
         parameters: Parameters of the playback. With windows only robots are simulated.
     """
-    able = isinstance(recorded, Frames) or parameters.controller == "robot"
+    able = not recorded.is_windowed or parameters.controller == "robot"
     return able and len(chain) <= parameters.dynamic_up_to
 
 
@@ -362,7 +358,7 @@ def _simulated_windows(
 
 def _followed(
     chain: Chain,
-    recorded: Frames,
+    recorded: Motion,
     parameters: PlaybackParameters,
     module_size: float,
     sink: Callable[[Motion], None] | None,
@@ -372,7 +368,7 @@ def _followed(
 ) -> Playback:
     """Play a record back kinematically."""
     begun = time.perf_counter()
-    kept: list[Frames] = []
+    kept: list[Motion] = []
     for frames in kinematic_frames(
         chain,
         recorded,
@@ -385,13 +381,13 @@ def _followed(
         kept.append(frames)
         if sink is not None:
             sink(frames)
-    frames = Frames.joined(kept)
+    frames = Motion.joined(kept)
     return _kinematic(chain, frames, frames.joint_angles_rad, begun)
 
 
 def _reversed_windows(
     chain: Chain,
-    record: Windows,
+    record: Motion,
     parameters: PlaybackParameters,
     sink: Callable[[Motion], None] | None,
     start_s: float,
