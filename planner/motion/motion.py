@@ -215,6 +215,11 @@ class Motion:
         return self._rows(self.angles_rad)
 
     @property
+    def stored_angles_rad(self) -> Angles:
+        """Hinge angles in the shape that files have: (F, J) if dense, (V,) if windowed."""
+        return self.angles_rad if self.is_windowed else self.joint_angles_rad
+
+    @property
     def joint_error_rad(self) -> Array:
         """(F, J) joint errors of a dense motion, NaN where none is recorded."""
         if self.errors_rad is None:

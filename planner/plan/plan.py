@@ -246,7 +246,7 @@ class Plan:
     def rest(self) -> dict[str, Any]:
         """All but the joints' names and what there is of each frame, as plain JSON values."""
         motion = self.motion
-        angles = motion.angles_rad if motion.is_windowed else motion.joint_angles_rad
+        angles = motion.stored_angles_rad
         return {
             "format": FORMAT,
             "motion": _kind(self.motion),

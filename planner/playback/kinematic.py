@@ -32,7 +32,9 @@ def kinematic_frames(
     frame_rad: float,
     unfolding: Unfolding | None,
 ) -> Iterator[Motion]:
-    """Yield the frames of a kinematic playback, in chunks; the centre of mass stays at rest.
+    """Yield the frames of a kinematic playback, in chunks.
+
+    The centre of mass of a dense motion stays at rest.
 
     Args:
         chain: The chain.
@@ -43,6 +45,9 @@ def kinematic_frames(
         frame_rad: Approximate turn of a hinge between two frames, rad.
         unfolding: Motion by which the chain becomes straight first; None if it is straight.
     """
+    if recorded.is_windowed:
+        yield _windows_as_recorded(chain, recorded, parameters, start_s)
+        return
     if len(chain) > UNSMOOTHED_FROM_MODULES and unfolding is None:
         yield _as_recorded(recorded, parameters, start_s)
         return
@@ -102,21 +107,15 @@ def _as_recorded(recorded: Motion, parameters: PlaybackParameters, start_s: floa
     )
 
 
-def windowed_frames(
-    chain: Chain, record: Motion, parameters: PlaybackParameters, *, start_s: float
+def _windows_as_recorded(
+    chain: Chain, recorded: Motion, parameters: PlaybackParameters, start_s: float
 ) -> Motion:
-    """Return the frames of a kinematic playback of windows: those of the record, in reverse.
+    """Return a windowed record in reverse: between two of its frames the hinges run evenly.
 
-    Between two frames the hinges run evenly, all motion at the speed that a smooth reference would
-    have on the same hinges; the folded end of the chain is held still.
-
-    Args:
-        chain: The chain.
-        record: Snapshots of the explosion, from folded on.
-        parameters: Parameters of the speed.
-        start_s: Time of the first frame, s.
+    All motion has the speed that a smooth reference would have on the same hinges; the folded end
+    of the chain is held still.
     """
-    reversed_record = record[::-1]
+    reversed_record = recorded[::-1]
     largest, _ = reversed_record.steps(chain)
     lengths = np.concatenate([[0.0], np.cumsum(largest)])
     total = float(lengths[-1])

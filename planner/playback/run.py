@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
+from planner.motion.angle_steps import snapped
 from planner.motion.motion import Motion, Phase
 from planner.playback.course import Course
 from planner.playback.setpoints import Setpoints, Target
@@ -79,6 +80,11 @@ class Run:
     def frames(self) -> Motion:
         """Recorded frames."""
         return Motion.joined(self.kept)
+
+    @property
+    def reference_rad(self) -> Array:
+        """(F, J) planned angles at the recorded frames, in whole steps."""
+        return snapped(np.array(self.references))
 
     def simulate(
         self, sink: Callable[[Motion], None] | None, progress: Report, cancelled: Cancelled

@@ -181,6 +181,7 @@ class WindowCourse:
         parameters: Parameters of the playback.
         module_size: Size of the modules as a fraction of the pitch.
         finer: Factor of the number of steps and frames.
+        start_s: Time of the first frame, s.
     """
 
     def __init__(
@@ -190,10 +191,12 @@ class WindowCourse:
         parameters: PlaybackParameters,
         module_size: float,
         finer: int,
+        start_s: float = 0.0,
     ) -> None:
         self.chain = chain
         self.parameters = parameters
         self.module_size = module_size
+        self._start_s = start_s
         self.robots = parameters.robot.runs
         self._backwards = record[::-1]
         self._bodies: dict[int, WindowBody] = {}
@@ -264,7 +267,7 @@ class WindowCourse:
         steps[-1] += SETTLE_STEPS
         backwards = self._backwards
         return Motion.from_windows(
-            time_s=self.step_s * steps.astype(np.float64),
+            time_s=self._start_s + self.step_s * steps.astype(np.float64),
             phase="playback",
             first=np.array(first, dtype=np.int64),
             offsets=np.concatenate([[0], np.cumsum([len(one) for one in angles])]),

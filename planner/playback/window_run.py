@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
-from planner.motion.motion import Motion
+from planner.motion.motion import Angles, Motion
 from planner.playback.course import TRACKING_LOST_RAD
 from planner.playback.run import CANCEL_CHECK_STEPS, PlaybackStatus
 from planner.playback.setpoints import SETTLE_STEPS
@@ -61,6 +61,11 @@ class WindowRun:
             anchor_position=np.array(positions),
             anchor_wxyz=np.array(wxyzs),
         )
+
+    @property
+    def reference_rad(self) -> Angles:
+        """(V,) planned angles of the recorded frames."""
+        return self.course.reference[: len(self._angles)].angles_rad
 
     def final_error(self) -> float:
         """Return the RMS distance of the modules from the folded shape, pitches, aligned."""

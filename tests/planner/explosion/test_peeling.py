@@ -28,7 +28,7 @@ from planner.parameters.playback import PlaybackParameters
 from planner.pathfinding.assembly import assembly_path, solid_paths
 from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
-from planner.playback.kinematic import windowed_frames
+from planner.playback.kinematic import kinematic_frames
 from planner.progress import Progress
 from tests.planner.chains import coil, knotted, line
 
@@ -259,7 +259,8 @@ def test_what_is_recorded_of_a_ring_is_certified(seed: int) -> None:
     """Its layers are rings; joints are driven against their stops all the time."""
     voxels = np.array([c for c in np.ndindex(8, 8, 3) if not {2, 3, 4, 5} >= {*c[:2]}])
     chain, frames = solid(voxels, seed)
-    plan = windowed_frames(chain, frames, PlaybackParameters(), start_s=0.0)
+    options = {"module_size": 0.95, "start_s": 0.0, "frame_rad": 0.04, "unfolding": None}
+    (plan,) = kinematic_frames(chain, frames, PlaybackParameters(), **options)
     assert plan[::-1].passes_as(frames)
     found = sweep(chain, plan, size=0.98)
     assert found.clearance > 0.0
