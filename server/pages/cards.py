@@ -214,7 +214,7 @@ def included_folds(store: Store) -> list[ShownFold]:
     return [ShownFold.of(row) for row in sorted(rows, key=lambda row: (row.modules, row.name))]
 
 
-METHODS: Final = {"direct": "direct", "paper": "published method"}
+METHODS: Final = {"direct": "direct servoing", "paper": "published method"}
 """Words of a card for presets other than the default one."""
 
 

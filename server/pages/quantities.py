@@ -27,7 +27,7 @@ STRATEGIES: Final = {
 PRESETS: Final = {
     "default": "Default",
     "paper": "Published parameters",
-    "direct": "All joints at once (usually fails)",
+    "direct": "Direct servoing",
 }
 CONTROLLERS: Final = {
     "robot": "Servos with feed-forward",
