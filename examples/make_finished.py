@@ -25,7 +25,7 @@ from planner.pipeline import manifest
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.packed import CLEARANCE_STEP, ROOT_STEPS, pack, torque_step, unpack
+from planner.plan.packed import CLEARANCE_STEP_PITCH, ROOT_STEPS, pack, torque_step, unpack
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from server.api.finished import FOLDER
@@ -133,7 +133,7 @@ def _round_figures(directory: Path) -> None:
     path = directory / "figures.zarr"
     figures = Figures.load(path)
     step = torque_step(figures.torque_nm.astype(float))
-    down = np.floor(figures.clearance.astype(float) / CLEARANCE_STEP) * CLEARANCE_STEP
+    down = np.floor(figures.clearance.astype(float) / CLEARANCE_STEP_PITCH) * CLEARANCE_STEP_PITCH
     figures = replace(
         figures,
         clearance=down.astype(np.float32),

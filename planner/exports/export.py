@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
 Write = Callable[["Plan"], bytes]
-LONGEST: Final = 100
-"""Characters of a name."""
+MAX_EXPORT_NAME_CHARACTERS: Final = 100
+"""Maximum length, in characters, of a chain's name in an exported file; the rest is cut off.
+Chosen.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +64,7 @@ def require_frames(plan: Plan) -> None:
 
 def export_name(text: str) -> str:
     """Return a clean name, or another text on one line, for a file; ``fold`` if it is empty."""
-    return clean_name(text, max_length=LONGEST) or "fold"
+    return clean_name(text, max_length=MAX_EXPORT_NAME_CHARACTERS) or "fold"
 
 
 def identifier(name: str) -> str:

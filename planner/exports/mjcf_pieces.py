@@ -19,14 +19,16 @@ from planner.chain.rotations import wxyz_from_matrix
 from planner.simulation.model import hinge_names
 
 Array = NDArray[np.float64]
-PIECE = 64
-"""Modules of a tree."""
+MODULES_PER_TREE = 64
+"""Modules in each kinematic tree of a split chain. Larger values need fewer welds and nest bodies
+more deeply. Chosen.
+"""
 
 
 def starts_of(chain: Chain) -> list[int]:
     """First modules of the trees."""
     count = len(chain)
-    starts = list(range(0, count, PIECE))
+    starts = list(range(0, count, MODULES_PER_TREE))
     # A tree needs a hinge, and the rigid link at the start has none.
     if count - starts[-1] < chain.module.rigid_links + 2 and len(starts) > 1:
         starts.pop()

@@ -10,9 +10,9 @@ from planner.plan.plan import Plan
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-MILLIMETRES: Final = 1000.0
-"""In a metre."""
-HEADER: Final = b"foldback: the outer solid of one module, in millimetres".ljust(80)
+MM_PER_M: Final = 1000.0
+"""Millimetres in a metre; 3D printers read STL in millimetres."""
+STL_HEADER: Final = b"foldback: the outer solid of one module, in millimetres".ljust(80)
 
 
 def write(plan: Plan) -> bytes:
@@ -23,8 +23,8 @@ def write(plan: Plan) -> bytes:
     """
     from trimesh.exchange.stl import export_stl
 
-    edge = plan.certificate.module_size * plan.chain.pitch_m * MILLIMETRES
-    return HEADER + export_stl(hull_of(plan.chain.module, edge))[len(HEADER) :]
+    edge = plan.certificate.module_size * plan.chain.pitch_m * MM_PER_M
+    return STL_HEADER + export_stl(hull_of(plan.chain.module, edge))[len(STL_HEADER) :]
 
 
 def hull_of(module: Module, size: float) -> Trimesh:

@@ -18,7 +18,9 @@ from planner.playback.playback import Playback
 
 Reason = Kind | Literal["refused"]
 MAX_EXPLOSIONS: Final = 6
-"""Maximum number of explosions of one fold. Larger values find more plans, fail later. Chosen."""
+"""Maximum number of explosions of one fold. A larger value folds more shapes, and takes longer to
+fail. Chosen.
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,13 +18,17 @@ from typing import Final
 from planner.pathfinding.duration import MAX_IMPROVING_S
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.preference import COMPUTING, Preference
-from planner.pipeline.request import LARGEST_SEED
+from planner.pipeline.request import MAX_SEED
 from planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
-SEEDS: Final = 3
-"""Seeds with which one plan is smoothed."""
-SMOOTHED_PLANS: Final = 2
-"""Plans of one fold that are smoothed."""
+SEEDS_PER_SMOOTHED_PLAN: Final = 3
+"""Number of random seeds with which one plan is smoothed. More find shorter motions and take
+longer. Chosen.
+"""
+MAX_SMOOTHED_PLANS: Final = 2
+"""Maximum number of plans of one fold that are smoothed, best first. More find better plans and
+take longer. Chosen.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +94,7 @@ class Improvements:
                     plans[attempt.trial.strategy] = number
         ranked = sorted(plans.values(), key=lambda number: -score_of(tried[number], self.prefer))
         smooth = {attempt.trial.smooths for attempt in tried if attempt.verified}
-        for best in ranked[:SMOOTHED_PLANS]:
+        for best in ranked[:MAX_SMOOTHED_PLANS]:
             figures, number = tried[best].figures, best
             while tried[number].finer > 1:  # its files are with those of the explosion
                 number -= 1
@@ -104,8 +108,8 @@ class Improvements:
         if (best := best_of(smoothings, self.prefer)) is not None:
             trial = smoothings[best].trial
             seed = tried[trial.smooths or 0].trial.seed
-            for k in range(1, SEEDS):
-                yield replace(trial, seed=(seed + k) % (LARGEST_SEED + 1))
+            for k in range(1, SEEDS_PER_SMOOTHED_PLAN):
+                yield replace(trial, seed=(seed + k) % (MAX_SEED + 1))
 
 
 def best_of(tried: Sequence[Attempt], prefer: Preference) -> int | None:

@@ -22,16 +22,23 @@ from typing import Any, Final
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
-from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIES
+from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIALS_DIR
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.progress import Cancelled, Progress, Report
 
-STALLING: Final = 2
-"""Pulses in a row without progress, from which on the next tries are begun."""
-POLL_S: Final = 0.05
-"""Seconds between two looks at the other processes."""
-GRACE_S: Final = 1.0
-"""Seconds that a process has to write down what it came to when it is told to stop."""
+SPECULATION_PULSES: Final = 2
+"""Consecutive pulses without progress after which other processes begin the next attempts. A
+smaller value more often computes attempts that are not needed; a larger one leaves processors idle
+longer. Chosen.
+"""
+ATTEMPT_POLL_S: Final = 0.05
+"""Time between two looks at the other processes, in s. A larger value uses their results later.
+Chosen.
+"""
+ATTEMPT_STOP_GRACE_S: Final = 1.0
+"""Time that a process may take to write its result after it is told to stop, in s; then it is
+ended. Chosen.
+"""
 
 
 class Tries:
@@ -44,7 +51,7 @@ class Tries:
     """
 
     def __init__(self, directory: FilePath | None, workers: int = 1) -> None:
-        self._exchange = None if directory is None else directory.resolve() / TRIES
+        self._exchange = None if directory is None else directory.resolve() / TRIALS_DIR
         self._workers = 1 if directory is None else min(workers, MAX_EXPLOSIONS)
         self._beside: dict[Trial, _Beside] = {}
         self._ahead: Callable[[], list[Trial]] = list
@@ -87,7 +94,7 @@ class Tries:
 
         def told(now: Progress) -> None:
             progress(now)
-            if self._eager or now.pushes >= STALLING:
+            if self._eager or now.pushes >= SPECULATION_PULSES:
                 self._begin()
 
         return told if self._workers > 1 else progress
@@ -110,7 +117,7 @@ class Tries:
             if (now := beside.progress()) is not None:
                 progress(now)
             self._begin()
-            time.sleep(POLL_S)
+            time.sleep(ATTEMPT_POLL_S)
         del self._beside[self._here]
         record = beside.record()
         if record is not None and timeline is not None:
@@ -199,7 +206,7 @@ class _Beside:
         """Has it write down what it has, and waits for that."""
         self._hang_up()
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(2.0 * GRACE_S)
+            self._process.wait(2.0 * ATTEMPT_STOP_GRACE_S)
 
     def end(self) -> None:
         """Ends it at once and drops what it made."""

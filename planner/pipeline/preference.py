@@ -12,7 +12,7 @@ from planner.errors import InputError
 Preference = Literal["computing", "time", "torque", "clearance"]
 PREFERENCES: Final[tuple[Preference, ...]] = get_args(Preference)
 COMPUTING: Final = "computing"
-"""The first plan that is verified is taken, so that least is computed."""
+"""Preference for the least computation: the first verified plan is taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,7 +16,7 @@ from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import voxelise
 
-SMALL_SHAPE: Final = (
+WARM_UP_CELLS: Final = (
     *((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)),
     *((0, 1, 1), (1, 1, 1), (1, 0, 1)),
 )
@@ -24,7 +24,7 @@ SMALL_SHAPE: Final = (
 
 def warm_up_chains() -> Chain:
     """Makes a small chain of a path."""
-    chain = Chain.from_path(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
+    chain = Chain.from_path(Path.from_cells(list(WARM_UP_CELLS), name="warm-up"))
     _ = chain.folded_poses
     return chain
 

@@ -13,7 +13,7 @@ from typing import Final, cast
 from planner.certificate.figures import AttemptFigures, CertificateFigures, FoldSummary
 from planner.errors import UNREADABLE
 from planner.files import json_of
-from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, PLANS
+from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, PLANS_DIR
 from planner.pipeline.preference import COMPUTING
 from server.store.shown import RUNNING, Found
 
@@ -30,7 +30,7 @@ def alternative(found: Found, number: str) -> Found | None:
     """
     if found.row.status in RUNNING or not number.isdecimal() or len(number) > MAX_DIGITS:
         return None
-    directory = found.directory / PLANS / str(int(number))
+    directory = found.directory / PLANS_DIR / str(int(number))
     if not (directory / CHAIN).is_file():
         return None
     try:

@@ -19,7 +19,7 @@ from planner.parameters.settings import MAX_TEXT_CHARS, SETTINGS, TABLE_SETTINGS
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pathfinding.starts import TEXT as START
 from planner.pathfinding.starts import cell_of
-from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
+from planner.pipeline.request import MAX_SEED, MODULE_SIZE_RANGE
 from planner.pipeline.request import Request as Asked
 from planner.readers.limits import quote
 from server.api.base_folds import beginning_noted, beginning_of
@@ -185,12 +185,12 @@ def post_fold(
             f"`damping=0.05,radial_gain=0.2`. Available settings: {listed(SETTINGS)}.",
         ),
     ] = "",
-    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
+    seed: Annotated[int, Form(ge=0, le=MAX_SEED)] = 0,
     module_size: Annotated[
         float | None,
         Form(
-            ge=MODULE_SIZES[0],
-            le=MODULE_SIZES[1],
+            ge=MODULE_SIZE_RANGE[0],
+            le=MODULE_SIZE_RANGE[1],
             description=(
                 "Edge of a module in pitches (one pitch is the distance between modules)."
             ),

@@ -15,7 +15,7 @@ from fastapi import APIRouter, Form, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
-from planner.pipeline.request import LARGEST_SEED
+from planner.pipeline.request import MAX_SEED
 from planner.pipeline.request import Request as Asked
 from server.api.folds import (
     ID,
@@ -66,7 +66,7 @@ async def post_preview(
             description="Or: the id of an earlier preview, with other options.",
         ),
     ] = None,
-    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
+    seed: Annotated[int, Form(ge=0, le=MAX_SEED)] = 0,
     path: Annotated[
         bool,
         Form(
@@ -117,7 +117,7 @@ async def post_offers(
     preview: Annotated[
         str, Form(max_length=64, pattern=ID, description="The id of an earlier preview.")
     ],
-    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
+    seed: Annotated[int, Form(ge=0, le=MAX_SEED)] = 0,
 ) -> TableOffers:
     """Search for a repair, 2×2×2 modules and nearby counts, until the client disconnects.
 

@@ -19,7 +19,7 @@ from planner.parameters.parameters import AUTO
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import Request
-from planner.plan.prepared import FILE as PREPARED
+from planner.plan.prepared import PREPARED
 from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
 from server.api.context import Context

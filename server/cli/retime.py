@@ -17,7 +17,7 @@ from planner.chain.statics import GRAVITY_M_S2
 from planner.clearance.sweep import Sweep
 from planner.errors import InputError
 from planner.exports.trajectory import (
-    TOUCHING,
+    MAX_TOUCH_DEPTH_PITCH,
     clearance,
     deviation,
     export,
@@ -149,7 +149,7 @@ def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
         return certificate_words.clearance(figures) or ""
     words = (
         f"modules overlap by {-clear.clearance:.2g} pitch"
-        if clear.clearance < -TOUCHING
+        if clear.clearance < -MAX_TOUCH_DEPTH_PITCH
         else f"clearance not proved; smallest measured {max(0.0, clear.clearance):.2g} pitch"
     )
     return words if sufficient_hz is None else f"{words}; --rate {sufficient_hz:g} is enough"

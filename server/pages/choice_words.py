@@ -9,7 +9,7 @@ from typing import Final, TypedDict, cast
 
 from planner.certificate.figures import AttemptFigures
 from planner.errors import DamagedError
-from planner.pipeline.fold_layout import CHAIN, PLANS
+from planner.pipeline.fold_layout import CHAIN, PLANS_DIR
 from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
 from planner.verification.integrity import check
 from server.pages.certificate_words import rounded_down
@@ -167,7 +167,7 @@ def _stored(directory: Path, tried: list[AttemptFigures], place: int) -> int | N
     """Return the number under which an attempt's plan is stored beside the chosen one, or None."""
     while "finer" in tried[place]:  # played back again: its files are with those of the explosion
         place -= 1
-    return place if (directory / PLANS / str(place) / CHAIN).is_file() else None
+    return place if (directory / PLANS_DIR / str(place) / CHAIN).is_file() else None
 
 
 def superlative(prefer: Preference, plans: int) -> str | None:

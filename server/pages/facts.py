@@ -21,7 +21,7 @@ from planner.parameters.parameters import AUTO, FLOATING
 from planner.parameters.settings import TABLE_SETTINGS
 from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
-from planner.pipeline.request import LARGEST_SEED, Request
+from planner.pipeline.request import MAX_SEED, Request
 from planner.robot import MAX_SMOOTHED_ANGLES
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
@@ -317,7 +317,7 @@ def _again(row: ShownFold) -> Suggestion | None:
     if row.module_size is not None and row.module_size > plain.parameters().module_size:
         usual = {key: value for key, value in form.items() if key != "module_size"}
         return {"text": "Try the default module size", "form": usual}
-    seed = (row.seed + 1) % (LARGEST_SEED + 1)
+    seed = (row.seed + 1) % (MAX_SEED + 1)
     return {"text": "Try another seed", "form": {**form, "seed": seed}}
 
 
@@ -330,7 +330,7 @@ def _compare(found: Found, expected: Expected) -> list[Suggestion]:
     form: Form = {"fold": row.id, "seed": row.seed}
     if row.module_size is not None:
         form["module_size"] = row.module_size
-    seed = (row.seed + 1) % (LARGEST_SEED + 1)
+    seed = (row.seed + 1) % (MAX_SEED + 1)
     other = {**form, **_published(row), "seed": seed}
     another: Suggestion = {"text": "Another seed", "hint": f"Seed {seed}", "form": other}
     if row.smooths:

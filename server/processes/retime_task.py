@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.exports.trajectory import TOUCHING, sufficient_rate
+from planner.exports.trajectory import MAX_TOUCH_DEPTH_PITCH, sufficient_rate
 from planner.exports.trajectory import clearance as clearance_of_rows
 from planner.plan.plan import Plan
 from planner.robot.motors import Build, motor_table
@@ -68,12 +68,12 @@ def clearance(directory: Path) -> dict[str, Any]:
 
     found = clearance_of_rows(trajectory, plan.chain, size=size, rate_hz=rate_hz, cancelled=late)
     enough = None
-    if found.clearance < -TOUCHING and rate_hz is not None:
+    if found.clearance < -MAX_TOUCH_DEPTH_PITCH and rate_hz is not None:
         enough = sufficient_rate(trajectory, plan.chain, size=size, rate_hz=rate_hz, cancelled=late)
     return {
         "min_clearance": found.clearance,
         "clearance_bound": found.bound,
-        "overlap": found.clearance < -TOUCHING,
+        "overlap": found.clearance < -MAX_TOUCH_DEPTH_PITCH,
         "sufficient_rate_hz": enough,
     }
 
