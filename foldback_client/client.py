@@ -23,8 +23,7 @@ from foldback_client.upload import FoldOptions, ShapeOptions, Source, file_of, f
 T = TypeVar("T")
 CONNECT_TIMEOUT_S: Final = 10.0
 """Maximum time to open a connection, in s. A larger value notices later that a service cannot be
-reached. Chosen.
-"""
+reached. Chosen."""
 
 
 class Client:

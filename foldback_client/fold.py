@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 EVENT_TIMEOUT_S: Final = 45.0
 """Time without an event, in s, after which a stream of events counts as broken and is opened again.
 The service sends one at least every 15 s; a smaller value breaks off slow connections, a larger one
-notices later that one is dead. Chosen.
-"""
+notices later that one is dead. Chosen."""
 DIRECT_FILES: Final = frozenset({"plan.json", "plan.npz", "model.xml", "certificate.json"})
 """Files of a fold with an address of their own; all other names are those of exports."""
 

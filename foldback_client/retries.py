@@ -8,8 +8,7 @@ from typing import Final
 
 RETRIED_STATUSES: Final = frozenset({429, 502, 503})
 """HTTP statuses after which a request is repeated: too many requests, and a service that is
-restarting.
-"""
+restarting."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

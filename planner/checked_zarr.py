@@ -29,8 +29,7 @@ DIGEST: Final = "sha256"
 """Name of the zarr attribute with the SHA-256 digest of all other attributes."""
 CHECKSUMS: Final = "chunks"
 """Name of the zarr attribute with the checksums of each array's chunk files; only complete groups
-have it.
-"""
+have it."""
 Checksums = dict[str, list[int | None]]
 """By name of an array: CRC-32 of each chunk file, None for a chunk that was never written."""
 

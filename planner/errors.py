@@ -85,5 +85,4 @@ UNREADABLE: Final = (
     zlib.error,
 )
 """Exceptions that reading a damaged file may raise: zip, NumPy, zarr, blosc and JSON each raise
-their own.
-"""
+their own."""

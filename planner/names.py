@@ -10,16 +10,13 @@ MAX_NAME_LENGTH: Final = 80
 MAX_INPUT_FACTOR: Final = 20
 """Characters of a name that are read, as a multiple of the length of the cleaned name. It bounds
 the work for hostile names; a smaller value could cut off names with many invisible characters.
-Chosen.
-"""
+Chosen."""
 MAX_COMBINING_MARKS: Final = 4
 """Maximum number of combining marks that are kept on one character. Scripts need three at most;
-higher stacks cover other lines. Chosen.
-"""
+higher stacks cover other lines. Chosen."""
 _BLANKS: Final = frozenset("\u2800\u3164\uffa0\u115f\u1160\u17b4\u17b5\U0001d159\U00016fe4")
 """Letters, marks and symbols without a visible form (Braille blank, fillers of Hangul, Khmer and
-Khitan, the null notehead); their Unicode categories do not show that.
-"""
+Khitan, the null notehead); their Unicode categories do not show that."""
 _IGNORABLE_MARKS: Final = (
     (0x034F, 0x034F),
     (0x180B, 0x180F),
@@ -27,8 +24,7 @@ _IGNORABLE_MARKS: Final = (
     (0xE0100, 0xE01EF),
 )
 """Ranges of code points (first, last) of marks without a visible form: joiners and variation
-selectors.
-"""
+selectors."""
 
 
 def clean_name(name: str, *, max_length: int = MAX_NAME_LENGTH) -> str:

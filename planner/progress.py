@@ -11,8 +11,7 @@ COMPILING: Final = "compiling"
 """Message of a progress report while kernels are compiled, which happens once on a machine."""
 PROGRESS_PERIOD_S: Final = 0.1
 """Minimum wall time between two progress reports of one run, in s. Smaller values report more
-often, and cost more. Chosen.
-"""
+often, and cost more. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

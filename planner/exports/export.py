@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 Write = Callable[["Plan"], bytes]
 MAX_EXPORT_NAME_CHARACTERS: Final = 100
 """Maximum length, in characters, of a chain's name in an exported file; the rest is cut off.
-Chosen.
-"""
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

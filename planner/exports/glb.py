@@ -23,26 +23,22 @@ Single = NDArray[np.float32]
 MIN_KEYFRAME_TOLERANCE: Final = 3e-3
 """Largest distance, in pitches, and largest difference of unit quaternions between a frame of the
 plan and the animation interpolated from keyframes. Smaller values need more keyframes; the
-tolerance is doubled until they fit into ``MAX_KEYFRAME_BYTES``. Chosen.
-"""
+tolerance is doubled until they fit into ``MAX_KEYFRAME_BYTES``. Chosen."""
 MAX_KEYFRAME_BYTES: Final = 32 * 2**20
 """Maximum size of all keyframes of a GLB file, in bytes. A smaller value makes the animation follow
-the plan less closely. Chosen.
-"""
+the plan less closely. Chosen."""
 POSE_BYTES_SINGLE: Final = 28
 """Bytes of one pose in a GLB file: position and quaternion, seven numbers of single precision."""
 MAX_POSES_AT_ONCE: Final = 200_000
 """Maximum number of module poses that are computed at once. Larger values take more memory; the
-file stays the same. Chosen.
-"""
+file stays the same. Chosen."""
 GL_FLOAT: Final = 5126
 """Code of a component of single precision (glTF 2.0, ``accessor.componentType``)."""
 GL_ARRAY_BUFFER: Final = 34962
 """Code of a buffer view with vertex attributes (glTF 2.0, ``bufferView.target``)."""
 Z_UP_TO_Y_UP_XYZW: Final = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
 """Rotation from the planner's frame (z up) to glTF's (y up): −90° about x, as a quaternion (x, y,
-z, w).
-"""
+z, w)."""
 MODULE_RGBA: Final = (0.80, 0.36, 0.11, 1.0)
 """Colour of the modules in a GLB file, linear RGBA from 0 to 1. Chosen."""
 

@@ -67,8 +67,7 @@ MESSAGE_DEFINITIONS: Final = {
     "std_msgs/msg/String": "string data",
 }
 """ROS 2 message definitions (common_interfaces) by message type, each followed by the definitions
-of the types in it.
-"""
+of the types in it."""
 TOPIC_TYPES: Final = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
@@ -90,8 +89,7 @@ QOS_TEMPLATE: Final = """\
   avoid_ros_namespace_conventions: false
 """
 """Offered quality of service of a topic, in the YAML that rosbag2 stores in a channel's metadata:
-keep last, reliable, automatic liveliness, no time limits.
-"""
+keep last, reliable, automatic liveliness, no time limits."""
 
 
 class _Log:

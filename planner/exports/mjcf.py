@@ -20,11 +20,10 @@ Array = NDArray[np.float64]
 MAX_TREE_MODULES: Final = 800
 """Maximum number of modules that an MJCF model nests in one kinematic tree. A longer chain is split
 into pieces joined by welds (``planner.exports.mjcf_pieces``), as deep nesting exceeds MuJoCo's
-parser. Chosen.
-"""
+parser. Chosen."""
 KEY_PERCENTS: Final = (0, 25, 50, 75, 100)
-"""Times of the model's keyframes ``at_0`` to ``at_100``, in percent of the fold's duration. Chosen.
-"""
+"""Times of the model's keyframes ``at_0`` to ``at_100``, in percent of the fold's duration.
+Chosen."""
 _NUMBERED_BODY: Final = re.compile(r'(<body name|\bbody[12])="((?:module|ghost)_\d+)"')
 
 

@@ -21,8 +21,7 @@ from planner.simulation.model import hinge_names
 Array = NDArray[np.float64]
 MODULES_PER_TREE = 64
 """Modules in each kinematic tree of a split chain. Larger values need fewer welds and nest bodies
-more deeply. Chosen.
-"""
+more deeply. Chosen."""
 
 
 def starts_of(chain: Chain) -> list[int]:

@@ -24,26 +24,21 @@ Form = Literal["csv", "json"]
 TRAJECTORY_FORMAT: Final = "foldback-trajectory/1"
 TRAJECTORY_DECIMALS: Final = 9
 """Decimal places of times (s), angles (rad) and speeds (rad/s) in an exported trajectory. More make
-the file larger; fewer round the motion. Chosen.
-"""
+the file larger; fewer round the motion. Chosen."""
 ROWS_PER_PART: Final = 256
 """Rows of a trajectory that are formatted at once. Larger values take more memory; the output is
-the same. Chosen.
-"""
+the same. Chosen."""
 MAX_RATE_HZ: Final = 1e5
 """Maximum sampling rate of an exported trajectory, in Hz; higher ones are refused. Chosen."""
 MAX_ROWS: Final = 5_000_000
 """Maximum number of rows of a trajectory at a given rate; more are refused, as they would not fit
-into memory. Chosen: 80 minutes at 1 kHz.
-"""
+into memory. Chosen: 80 minutes at 1 kHz."""
 MAX_TOUCH_DEPTH_PITCH: Final = 1e-6
 """Largest overlap of modules, in pitches, that counts as touching, because it is rounding rather
-than motion. Larger values would accept real overlaps. Chosen.
-"""
+than motion. Larger values would accept real overlaps. Chosen."""
 MAX_RATE_DOUBLINGS: Final = 10
 """Maximum number of times that a sampling rate is doubled in search of one whose rows are proved
-free of collisions. Larger values search longer. Chosen.
-"""
+free of collisions. Larger values search longer. Chosen."""
 
 
 def times(trajectory: Trajectory, rate_hz: float | None) -> Array:

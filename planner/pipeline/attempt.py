@@ -19,8 +19,7 @@ from planner.playback.playback import Playback
 Reason = Kind | Literal["refused"]
 MAX_EXPLOSIONS: Final = 6
 """Maximum number of explosions of one fold. A larger value folds more shapes, and takes longer to
-fail. Chosen.
-"""
+fail. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

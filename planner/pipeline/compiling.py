@@ -22,8 +22,7 @@ KERNEL_PACKAGE_PREFIX: Final = "planner.kernels."
 GC_THRESHOLD_OBJECTS: Final = 100_000
 """Newly allocated objects after which Python's garbage collector runs while kernels are compiled
 (threshold 0 of ``gc.set_threshold``). With Python's default of 700 collection takes an eighth of
-the compilation; a larger value takes more memory. Measured.
-"""
+the compilation; a larger value takes more memory. Measured."""
 
 
 class Compiling(Listener):

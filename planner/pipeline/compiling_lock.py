@@ -23,20 +23,17 @@ REST_LOCK: Final = "compiling-rest.lock"
 FIRST_KERNELS_BYTES: Final = 83_000
 """Size of the Python bytecode of the kernels that a first fold needs, in bytes; progress of the
 compilation is a fraction of it. A kernel takes about a second for each 1000 bytes. Measured; a test
-compares it.
-"""
+compares it."""
 MAX_COMPILED_FRACTION: Final = 0.99
-"""Largest fraction of progress (0 to 1) that is reported before the compilation has ended. Chosen.
-"""
+"""Largest fraction of progress (0 to 1) that is reported before the compilation has ended.
+Chosen."""
 MAX_LOCK_WAIT_S: Final = 300.0
 """Time, in s, after which a process compiles although another one holds the lock. A smaller value
 makes two processes compile the same kernels; with a larger one a process that hangs blocks others
-longer. Chosen: compilation takes less on the slowest machine tried.
-"""
+longer. Chosen: compilation takes less on the slowest machine tried."""
 LOCK_POLL_S: Final = 0.2
 """Time between two attempts to acquire the lock, in s. A larger value starts later after another
-process has compiled. Chosen.
-"""
+process has compiled. Chosen."""
 
 
 def fraction_of(compiled_bytes: int) -> float:

@@ -22,12 +22,10 @@ from planner.pipeline.request import Request
 
 MAX_EXPECTED_S: Final = 3600.0
 """Largest expected cost of a fold, in s of processor time; larger estimates count as this, because
-the time limit of a stage ends a fold about then. Chosen.
-"""
+the time limit of a stage ends a fold about then. Chosen."""
 PUBLISHED_STEPS: Final = 80_000.0
 """Expected steps of the published explosion of ``PUBLISHED_MODULES`` modules. Measured: 81 250 for
-a mallet of 64 and 97 725 for a wrench of 160 (docs/reproduction.md).
-"""
+a mallet of 64 and 97 725 for a wrench of 160 (docs/reproduction.md)."""
 PUBLISHED_MODULES: Final = 64
 """Number of modules that ``PUBLISHED_STEPS`` refers to."""
 PUBLISHED_POWER: Final = 0.27
@@ -35,41 +33,34 @@ PUBLISHED_POWER: Final = 0.27
 SHORT_RANGE_WEIGHT: Final = 0.125
 """Weight of the published repulsion and hinge springs relative to the radial force, from 0 to 1, in
 the estimate of steps: they act only near contacts and near straight. A larger value expects fewer
-steps if the radial force is small. Fitted.
-"""
+steps if the radial force is small. Fitted."""
 LOOSE_STEP_S: Final = 3e-6
 """Processor time of one step of the published explosion per module, in s, averaged over a fold.
-Measured.
-"""
+Measured."""
 PACKED_STEP_S: Final = 9e-6
 """Processor time of such a step per module, in s, if the chain stays packed because the settings do
-not drive it apart. Measured.
-"""
+not drive it apart. Measured."""
 SERVO_STEP_S: Final = 6e-6
-"""Processor time of one step of a simulated playback per module, in s, with few contacts. Measured.
-"""
+"""Processor time of one step of a simulated playback per module, in s, with few contacts.
+Measured."""
 CONTACT_STEP_S: Final = 30e-6
 """Processor time of such a step per module, in s, if the chain goes straight to its shape with many
-contacts. Measured: 14 to 45 µs.
-"""
+contacts. Measured: 14 to 45 µs."""
 DIRECT_SETTLING_STEPS: Final = 500
-"""Steps by which the preset ``direct`` takes longer than its ramp, until the chain rests. Chosen.
-"""
+"""Steps by which the preset ``direct`` takes longer than its ramp, until the chain rests.
+Chosen."""
 ROBOT_COST_S: Final = (3.5e-3, 9e-6)
 """Processor time of one robot's playback and certificate, in s: per module, and per square of the
-number of modules. Measured: 0.7 s for 160 modules, 12 s for 1000.
-"""
+number of modules. Measured: 0.7 s for 160 modules, 12 s for 1000."""
 DEFAULT_PARAMETERS: Final = Parameters()
 """Default parameters, which measured durations refer to."""
 MIN_GROWTH_PER_STEP: Final = 1e-12
 """Smallest growth per step that the estimate divides by; without forces it is 0. It only prevents a
-division by 0.
-"""
+division by 0."""
 LOWER_BOUND_FRACTION: Final = 0.25
 """Fraction of an estimate that a fold takes at the very least. A fold is refused if this lower
 bound exceeds its time limit: a larger value refuses folds that might have ended, a smaller one
-starts folds that cannot end. Chosen: measured costs are within a factor of two of the estimates.
-"""
+starts folds that cannot end. Chosen: measured costs are within a factor of two of the estimates."""
 REFOLD_COST_FACTOR: Final = 2.0
 """Cost of a refold relative to a fold of the same chain: it unfolds first. Chosen."""
 

@@ -16,7 +16,7 @@ from pathlib import Path as FilePath
 from typing import Final
 
 from planner.certificate.figures import CertificateFigures
-from planner.certificate.table_forces import FILE as FORCES
+from planner.certificate.table_forces import FORCES
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
 from planner.motion.frames import Frames
@@ -48,8 +48,7 @@ TRIALS_DIR: Final = ".foldback-tries"
 """Directory with a subdirectory for each attempt that another process computes."""
 PLAYABLE: Final = (CHAIN, TIMELINE, CERTIFICATE)
 """Files of a plan that was not chosen, stored in its subdirectory of ``PLANS_DIR`` so that it can
-be played.
-"""
+be played."""
 RESULTS: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES, FORCES)
 """Files of an attempt; one that smooths another plan also has ``RECORDED_PLAN``."""
 EXPORTED: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
@@ -60,8 +59,7 @@ DESCRIBED: Final = (
     *EXPORTED,
 )
 """Files of a fold that determine or describe its plan, in the order in which the manifest lists
-their digests.
-"""
+their digests."""
 
 
 def numbers(directory: FilePath) -> list[int]:

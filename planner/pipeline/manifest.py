@@ -26,8 +26,7 @@ FILE_CONTENT: Final = "content"
 """Field under which the digest of a file without parts is listed."""
 DIGEST_ROWS: Final = 1024
 """Rows of an array that are read and hashed at once. Larger values take more memory; digests stay
-the same. Chosen.
-"""
+the same. Chosen."""
 Digests = dict[str, dict[str, str]]
 
 

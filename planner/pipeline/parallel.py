@@ -29,16 +29,13 @@ from planner.progress import Cancelled, Progress, Report
 SPECULATION_PULSES: Final = 2
 """Consecutive pulses without progress after which other processes begin the next attempts. A
 smaller value more often computes attempts that are not needed; a larger one leaves processors idle
-longer. Chosen.
-"""
+longer. Chosen."""
 ATTEMPT_POLL_S: Final = 0.05
 """Time between two looks at the other processes, in s. A larger value uses their results later.
-Chosen.
-"""
+Chosen."""
 ATTEMPT_STOP_GRACE_S: Final = 1.0
 """Time that a process may take to write its result after it is told to stop, in s; then it is
-ended. Chosen.
-"""
+ended. Chosen."""
 
 
 class Tries:

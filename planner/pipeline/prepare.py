@@ -29,24 +29,20 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 MAX_PREVIEW_TRIANGLES: Final = 20_000
 """Maximum number of triangles of the mesh in a preview; larger meshes are decimated to it. A larger
-value makes previews heavier for the browser. Chosen.
-"""
+value makes previews heavier for the browser. Chosen."""
 MAX_LISTED_VIOLATIONS: Final = 2
 """Maximum number of violated rules that the refusal of a path for a table names; the others are
-counted. Chosen.
-"""
+counted. Chosen."""
 TABLE_REMEDY: Final = (
     "Choose another number of modules, blocks or a repair, or fold in zero gravity."
 )
 """Advice for a shape that has no path for a table."""
 PATH_SEARCH_LIMIT_S: Final = 20.0
 """Default time limit of the path search, in s. A larger value finds paths through more shapes and
-takes longer if there is none. Chosen.
-"""
+takes longer if there is none. Chosen."""
 TIME_INDEPENDENT_METHODS: Final = ("blocks", "snake", "assembly")
 """Path methods whose result does not depend on a time limit (``planner.pathfinding.candidates``);
-their chains may be stored.
-"""
+their chains may be stored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

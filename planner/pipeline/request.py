@@ -30,15 +30,14 @@ if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
 MODULE_SIZE_RANGE: Final = (0.1, 1.0)
-"""Smallest and largest module size that a request may ask for, as a fraction of the pitch. Chosen.
-"""
+"""Smallest and largest module size that a request may ask for, as a fraction of the pitch.
+Chosen."""
 MAX_SEED: Final = 2**32 - 1
 """Largest random seed that may be asked for: the largest unsigned integer of 32 bits. Chosen."""
 SMOOTH_SPACING_RAD: Final = 0.06
 """Spacing of the control points of the curve through a smoothed motion, in rad of joint motion.
 Frames of a smoothed motion are joined by straight lines; a smaller value would reproduce their
-corners, a larger one cuts them more. Chosen.
-"""
+corners, a larger one cuts them more. Chosen."""
 PATH_SEED_MODULUS: Final = 2**31
 """Path searches take a request's seed modulo this, as OR-Tools' seeds have 31 bits."""
 

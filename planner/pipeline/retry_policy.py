@@ -22,8 +22,7 @@ from planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
 MAX_SEEDS: Final = 3
 """Maximum number of random seeds that one fold tries. A larger value folds more shapes, and takes
-longer to fail. Chosen.
-"""
+longer to fail. Chosen."""
 Change = Literal["path", "strategy", "end", "forces", "seed"]
 FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "knot": ("path", "strategy"),
@@ -38,19 +37,16 @@ FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
 """Changes to try after a failed explosion, by the reason of the failure, in order. Measured."""
 SMOOTHING_FRAMES_FACTOR: Final = 4
 """Frames that smoothing may add to a plan, as a multiple of its own. A peeled plan needs most. It
-bounds the plans that are smoothed by their memory. Measured.
-"""
+bounds the plans that are smoothed by their memory. Measured."""
 DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
 """Most frequent reason why a strategy stalls, used if no reason is known; ``joints`` for the
-others.
-"""
+others."""
 
 DIRECTIONAL_STRATEGIES: Final = ("peel", "one-by-one")
 """Strategies that begin at one end of the chain; the other end is one of their fallbacks."""
 SEED_INDEPENDENT_STRATEGIES: Final = ("one-by-one",)
 """Strategies whose result does not depend on the random forces; a retry with another seed would
-repeat it.
-"""
+repeat it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,26 +22,21 @@ from planner.progress import Report
 
 MAX_PLAYBACKS_BEFORE_VERIFIED: Final = 6
 """Maximum number of certified playbacks of one fold as long as none is verified. A larger value
-folds more shapes, and takes longer to fail. Chosen.
-"""
+folds more shapes, and takes longer to fail. Chosen."""
 MAX_PLAYBACKS: Final = 12
 """Maximum number of certified playbacks of one fold, with those that improve a verified plan. A
-larger value finds better plans and takes longer. Chosen.
-"""
+larger value finds better plans and takes longer. Chosen."""
 MAX_REFUSED_EXPLOSIONS: Final = 4
 """Number of explosions whose plans may all be refused before the fold fails. A larger value folds
-more shapes, and takes longer to fail. Chosen.
-"""
+more shapes, and takes longer to fail. Chosen."""
 REPEATED_PLAYBACK_REFINEMENT: Final = 4
 """Factor on the number of frames of a playback that is repeated because its clearance between
-frames was not proved. A larger value proves more and takes longer. Chosen.
-"""
+frames was not proved. A larger value proves more and takes longer. Chosen."""
 ASSUMED_FIGURES: Final = PlanFigures(
     fold_time_s=None, peak_torque_nm=None, clearance_bound=None, frames=1, seconds=0.0
 )
 """Placeholder figures of a plan that is not judged yet. With one frame it counts as short enough to
-be smoothed.
-"""
+be smoothed."""
 VERIFIED: Final = "verified"
 
 

@@ -43,12 +43,10 @@ from planner.robot.smoothed import before_and_after, check_smoothable, smoothed_
 
 TABLE_MOTOR_RESERVE: Final = 1.5
 """Torque limit of the motors on a table, as a multiple of the largest static torque in the record.
-A larger value lets the chain accelerate more, so that it folds faster. Chosen.
-"""
+A larger value lets the chain accelerate more, so that it folds faster. Chosen."""
 MIN_SIZING_TORQUE_WP: Final = 1.0
 """Smallest static torque that the limit of the motors on a table is computed from, in w·p (module
-weight × pitch). Below it, hardly any torque would be left to accelerate the chain. Chosen.
-"""
+weight × pitch). Below it, hardly any torque would be left to accelerate the chain. Chosen."""
 Sink = Callable[[Motion], None]
 
 

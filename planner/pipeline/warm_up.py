@@ -50,12 +50,10 @@ from planner.simulation.robot import Robot, RobotBody
 
 BACKGROUND_NICENESS: Final = 10
 """Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the
-processor to folds. Chosen.
-"""
+processor to folds. Chosen."""
 PEELED_BOX_CELLS: Final = (2, 4, 5)
 """Cells of the box along x, y and z that the warm-up peels: more modules than one release group, so
-that both a group and the last ones are released.
-"""
+that both a group and the last ones are released."""
 
 
 def warm_up(

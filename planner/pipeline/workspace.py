@@ -20,7 +20,7 @@ import numpy as np
 
 from planner.certificate.certificate import Certificate
 from planner.certificate.measure import write_figures
-from planner.certificate.table_forces import FILE as FORCES
+from planner.certificate.table_forces import FORCES
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import stopped
 from planner.exports import mjcf
@@ -43,12 +43,10 @@ from planner.robot import RECORDED_PLAN
 
 MAX_PLANS_BYTES: Final = 64 * 2**20
 """Maximum size of the stored plans of a fold that were not chosen, in bytes; plans beyond it are
-removed and cannot be played. Chosen.
-"""
+removed and cannot be played. Chosen."""
 _UNWANTED: Final = "unwanted-"
 """Prefix of a directory that is being removed, so that a partly removed one does not pass for an
-attempt.
-"""
+attempt."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,18 +10,15 @@ import numpy as np
 
 SINGLE_PRECISION_ATOL_RAD: Final = 1e-6
 """Absolute tolerance, in rad, for joint errors that a timeline stores in single precision: their
-rounding below 16 rad. A larger value would hide changed errors.
-"""
+rounding below 16 rad. A larger value would hide changed errors."""
 FIGURES_RTOL: Final = 1e-7
 """Relative tolerance between a certificate's figures and the same figures computed again. See
-``FIGURES_ATOL``.
-"""
+``FIGURES_ATOL``."""
 FIGURES_ATOL: Final = 1e-9
 """Absolute tolerance between these figures, in their units. Sums over a thousand modules at
 positions of a thousand pitches lose 1e-12 in double precision, and another processor's sines differ
 in the last digit. Smaller values would refuse good plans, larger ones accept altered figures.
-Chosen.
-"""
+Chosen."""
 Differences = Iterator[str]
 MAX_VALUE_CHARACTERS: Final = 60
 """Maximum length, in characters, of a value that a message about a difference quotes. Chosen."""

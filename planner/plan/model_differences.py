@@ -16,12 +16,10 @@ from planner.simulation.mujoco import mujoco
 
 MODEL_RTOL: Final = 5e-7
 """Relative tolerance between the numbers of two compiled MuJoCo models. MJCF holds six significant
-digits; smaller differences are its rounding, larger ones are changes of the model.
-"""
+digits; smaller differences are its rounding, larger ones are changes of the model."""
 MODEL_ATOL: Final = 2e-7
 """Absolute tolerance between these numbers, in the model's units (pitch, rad, module mass), for
-those near 0. See ``MODEL_RTOL``.
-"""
+those near 0. See ``MODEL_RTOL``."""
 ELEMENTS_BY_PREFIX: Final = {
     "body": ("body", "nbody"),
     "jnt": ("joint", "njnt"),
@@ -31,8 +29,8 @@ ELEMENTS_BY_PREFIX: Final = {
     "exclude": ("exclude", "nexclude"),
     "eq": ("equality", "neq"),
 }
-"""Kind of element and the field with its count, by the first word of the names of MuJoCo's arrays.
-"""
+"""Kind of element and the field with its count, by the first word of the names of MuJoCo's
+arrays."""
 UNNAMED_ELEMENTS: Final = ("exclude", "equality")
 """Kinds of elements that messages number, as they have no names."""
 IGNORED_PREFIXES: Final = ("_", "name", "nnames", "text")

@@ -38,15 +38,13 @@ ARRAY_FILES: Final = ("record.npz", "playback.npz", "plan.npz", "start.npz")
 ROOT_STEPS: Final = {"root_position": 2.0**-20, "root_wxyz": 2.0**-30}
 """Quantisation of a root's position (pitches) and quaternion in a packed fold. Larger steps make
 packed folds smaller and less exact; the chain's far end magnifies an error of the quaternion.
-Chosen.
-"""
+Chosen."""
 ROOT_ARRAYS: Final = tuple(ROOT_STEPS)
 CLEARANCE_STEP_PITCH: Final = 2.0**-10
 """Quantisation of the clearances that plots show, in pitches. Chosen."""
 DIFFERENCE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
 """Order of the differences over time by which an array of angles is coded: the order with the
-smallest numbers, so that the packed file is smallest. Measured.
-"""
+smallest numbers, so that the packed file is smallest. Measured."""
 TIMELINE_ARRAYS: Final = ("time_s", "phase", "joint_angles_rad", *ROOT_ARRAYS, "joint_error_rad")
 PLAN_FRAME_COLUMNS: Final = ("phase", "time_s", "joint_angles_rad", *ROOT_ARRAYS, "max_error_rad")
 """Columns of ``plan.json`` with one value for each frame."""

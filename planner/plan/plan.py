@@ -47,8 +47,7 @@ EARLIER_FORMATS: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windo
 """Formats of earlier versions that are still read, and the kind of motion that each holds."""
 MAX_DENSE_ANGLES: Final = 2**25
 """Maximum number of joint angles (frames × hinges) of a plan in one array: 256 MiB. A windowed plan
-with more cannot be read as dense frames. Chosen.
-"""
+with more cannot be read as dense frames. Chosen."""
 DEFLATE_LEVEL: Final = 6
 """Compression level of a plan's files, from 1 (fast) to 9 (small). Chosen."""
 

@@ -21,8 +21,7 @@ from planner.pathfinding.options import PathOptions
 
 PREPARED: Final = "prepared.json"
 """Name of the file with an input's stored chains, in the directory of a preview and of a fold that
-has not read its input yet.
-"""
+has not read its input yet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

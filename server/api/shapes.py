@@ -18,7 +18,7 @@ from fastapi.responses import Response
 from planner.pipeline.request import MAX_SEED
 from planner.pipeline.request import Request as Asked
 from server.api.folds import (
-    ID,
+    OPTIONAL_ID,
     Bearer,
     GalleryShape,
     Here,
@@ -29,7 +29,7 @@ from server.api.folds import (
     problems,
     token_of,
 )
-from server.api.schemas import LONGEST_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
+from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
 from server.errors import NotFound, Unusable
 from server.files.previews import ShapeOptions
 from server.store.folds import hash_of
@@ -37,7 +37,9 @@ from server.store.owned import note_preview
 from server.store.tables import PreviewRow
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
-LOOK_EVERY_S: Final = 0.1
+DISCONNECT_POLL_S: Final = 0.1
+"""Time between two checks whether the client of a preview has disconnected, in s. A larger value
+computes longer for nobody. Chosen."""
 
 
 @router.get("", summary="List the gallery shapes")
@@ -62,7 +64,7 @@ async def post_preview(
         str | None,
         Form(
             max_length=64,
-            pattern=ID,
+            pattern=OPTIONAL_ID,
             description="Or: the id of an earlier preview, with other options.",
         ),
     ] = None,
@@ -115,7 +117,7 @@ async def post_offers(
     context: Here,
     options: PathOptions,
     preview: Annotated[
-        str, Form(max_length=64, pattern=ID, description="The id of an earlier preview.")
+        str, Form(max_length=64, pattern=OPTIONAL_ID, description="The id of an earlier preview.")
     ],
     seed: Annotated[int, Form(ge=0, le=MAX_SEED)] = 0,
 ) -> TableOffers:
@@ -165,7 +167,7 @@ def preview_row(
     return PreviewRow(
         id=preview_id,
         owner=hash_of(token),
-        name=str(report["name"])[:LONGEST_NAME],
+        name=str(report["name"])[:MAX_FOLD_NAME],
         modules=int(report["modules"]),
         module=str(report["module"]),
         key=options.key,
@@ -182,7 +184,7 @@ async def leaving(request: Request) -> AsyncGenerator[Callable[[], bool]]:
 
     async def watch() -> None:
         while not await request.is_disconnected():
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(DISCONNECT_POLL_S)
         gone.set()
 
     watching = asyncio.create_task(watch())

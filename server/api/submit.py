@@ -28,7 +28,7 @@ from server.files.previews import ShapeOptions
 from server.files.uploads import Upload
 from server.limits.queue_room import Waiting, check_room
 from server.processes.children import ChildError
-from server.processes.read_task import LARGEST_DRAWING
+from server.processes.read_task import MAX_STORED_CELLS
 from server.settings import Settings
 from server.store.fold_files import size_of, sync
 from server.store.folds import cost_of, hash_of, new_id
@@ -37,7 +37,7 @@ from server.store.tables import FoldRow
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Submission:
-    """What somebody wants folded."""
+    """Validated request for a fold."""
 
     upload: Upload
     shape: str | None
@@ -62,7 +62,7 @@ class Submission:
 
     @property
     def public(self) -> bool:
-        """Whether anybody may find it: a gallery shape, folded as everybody else would."""
+        """True if everyone may find it: a gallery shape, folded with the default options."""
         plain = Request()
         return (
             self.shape is not None
@@ -74,7 +74,7 @@ class Submission:
 
     @property
     def refolds(self) -> BaseFold | None:
-        """What it begins folded as."""
+        """Name of the shape that a refold starts as."""
         return self.beginning if self.beginning and self.beginning.use == "refold" else None
 
     @property
@@ -111,7 +111,7 @@ class Submission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """What the visitor gets for it; a token only for a fold that he has asked for himself."""
+    """Answer to a submission; it holds a token only for a fold of the visitor's own."""
 
     row: FoldRow
     token: str | None
@@ -216,7 +216,7 @@ def _no_input() -> NotFound:
 
 
 def noted(directory: Path) -> tuple[ShapeOptions, list[list[int]] | None]:
-    """How a fold's input was to become a chain, and cells for a drawing if there are some.
+    """Return a preview's options for its path, and its cells for a drawing if there are any.
 
     Raises:
         NotFound: When they are not there any more.
@@ -241,7 +241,7 @@ class _Found:
 
 
 def _title(context: Context, shape: str | None) -> str | None:
-    """What people call a gallery shape."""
+    """Return the title of a gallery shape."""
     found = None if shape is None else context.gallery.shape(shape)
     return None if found is None else found.title
 
@@ -326,7 +326,7 @@ def _write(directory: Path, submission: Submission) -> None:
 
 def _note(directory: Path, submission: Submission) -> None:
     """Store what a preview has found: cells for the page's first drawing, and chains."""
-    if submission.cells and len(submission.cells) <= LARGEST_DRAWING:
+    if submission.cells and len(submission.cells) <= MAX_STORED_CELLS:
         (directory / "cells.json").write_text(json.dumps(submission.cells))
     if submission.prepared is not None:
         with contextlib.suppress(FileNotFoundError):  # the preview was just deleted

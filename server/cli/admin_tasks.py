@@ -1,4 +1,4 @@
-"""What operators do to folds and see of them, apart from what visitors and workers do."""
+"""Tasks of operators on folds, and their view of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from planner.pipeline.fold_layout import DESCRIBED
 from planner.verification.integrity import damaged_among
-from server.api.base_folds import BROUGHT
+from server.api.base_folds import COPIED_NAMES
 from server.jobs.queue import APPLICATION, Jobs
 from server.processes.scratch import Scratch
 from server.settings import Settings
@@ -26,8 +26,8 @@ from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, engine_of
 DAY_S: Final = 86400.0
 MOVING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
 """States of a job that a worker has, or will have."""
-INPUTS: Final = ("input", "request.json", "cells.json", *BROUGHT)
-"""Files of a fold that were there before anything was computed."""
+INPUT_FILES: Final = ("input", "request.json", "cells.json", *COPIED_NAMES)
+"""Files of a fold that exist before anything is computed."""
 
 
 class AdminError(Exception):
@@ -224,11 +224,11 @@ class AdminTasks:
             for path in shown.iterdir():
                 if path.is_dir():
                     shutil.rmtree(path, ignore_errors=True)
-                elif path.name not in INPUTS:
+                elif path.name not in INPUT_FILES:
                     path.unlink(missing_ok=True)
             return size_of(shown)
         with Scratch(self._settings.scratch_dir).directory() as aside:
-            for name in INPUTS:
+            for name in INPUT_FILES:
                 if (shown / name).exists():
                     shutil.copy2(shown / name, aside / name)
             size = size_of(aside)

@@ -45,10 +45,10 @@ from server.cli.options import (
     settings_text_of,
 )
 from server.pages import certificate_words
-from server.pages.choice_words import COLUMNS, Choice, choice_of
+from server.pages.choice_words import PLAN_COLUMNS, Choice, choice_of
 from server.pages.quantities import sentence
 
-WORDS = {
+STAGE_VERBS = {
     "explode": "Exploding",
     "play_back": "Folding",
     "certify": "Checking",
@@ -161,7 +161,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
     ):
         stage: str | None = STAGES[1]
         while stage is not None:
-            bar = bars.add_task({**WORDS, **words}[stage], total=1.0, note="")
+            bar = bars.add_task({**STAGE_VERBS, **words}[stage], total=1.0, note="")
 
             def report(progress: StageProgress, bar: Any = bar) -> None:
                 bars.update(bar, completed=progress.fraction)
@@ -182,7 +182,7 @@ def show_choice(choice: Choice | None) -> None:
     if choice is None:
         return
     console = Console(highlight=False)
-    table = Table(*COLUMNS, box=None, pad_edge=False)
+    table = Table(*PLAN_COLUMNS, box=None, pad_edge=False)
     table.columns[0].no_wrap = True
     for column in table.columns[1:]:
         column.justify = "right"
@@ -195,7 +195,7 @@ def show_choice(choice: Choice | None) -> None:
 
 
 def _steps(progress: StageProgress) -> str:
-    """How far a simulation is: ``48200 steps · 482 s simulated``."""
+    """Return the progress of a simulation: ``48200 steps · 482 s simulated``."""
     simulated = f" · {progress.simulated_s:.0f} s simulated" if progress.simulated_s else ""
     return f"{progress.steps} steps{simulated}"
 

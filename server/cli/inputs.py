@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
 TYPED_REMEDY = "for voxels in any order, use --as-voxels"
-LARGEST_FILE = 64 * 2**20
+MAX_INPUT_BYTES = 64 * 2**20
+"""Maximum size of an input file, in bytes; a larger one is refused before it is read. Chosen."""
 
 
 def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:
@@ -37,11 +38,11 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
     if not path.exists() and (example := Gallery().shape(shape)) is not None:
         return example.data, example.filename
     try:
-        if path.stat().st_size > LARGEST_FILE:
+        if path.stat().st_size > MAX_INPUT_BYTES:
             raise InputError(
                 "too-large",
                 f"got {megabytes(path.stat().st_size)}, expected at most "
-                f"{megabytes(LARGEST_FILE)}.",
+                f"{megabytes(MAX_INPUT_BYTES)}.",
                 where=path.name,
             )
         return path.read_bytes(), path.name

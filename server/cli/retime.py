@@ -30,7 +30,8 @@ from server.cli.inputs import read_plan, refuse
 from server.cli.options import AsJson, FoldDirectory
 from server.pages import certificate_words
 
-SHOWN = 10
+MAX_LISTED_JOINTS = 10
+"""Maximum number of joints in the printed table, those with the largest torques. Chosen."""
 
 
 def retime(
@@ -169,7 +170,7 @@ def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) ->
     columns = Table(box=None, pad_edge=False)
     for heading in ("Joint", "Peak, N·m", "at frame", "RMS, N·m"):
         columns.add_column(heading, justify="left" if heading == "Joint" else "right")
-    for k in np.argsort(-motors.peak_torque_nm)[:SHOWN]:
+    for k in np.argsort(-motors.peak_torque_nm)[:MAX_LISTED_JOINTS]:
         columns.add_row(
             motors.joint_names[k],
             f"{motors.peak_torque_nm[k]:.3g}",

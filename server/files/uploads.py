@@ -21,8 +21,9 @@ from server.errors import nearly_full, not_stored
 from server.settings import Settings
 from server.store.folds import new_id
 
-PIECE_BYTES: Final = 2**18
-LOCK: Final = "lock"
+UPLOAD_CHUNK_BYTES: Final = 2**18
+"""Bytes of an upload that are read and hashed at once. Chosen."""
+LOCK_FILE: Final = "lock"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +104,7 @@ def _copied(source: BinaryIO, path: Path) -> tuple[str, int]:
     """Copies a file and has the disk keep it; its digest and size."""
     digest, size = hashlib.sha256(), 0
     with open(path, "xb") as file:
-        while piece := source.read(PIECE_BYTES):
+        while piece := source.read(UPLOAD_CHUNK_BYTES):
             digest.update(piece)
             size += file.write(piece)
         file.flush()
@@ -118,7 +119,7 @@ def _made(place: Path) -> IO[str]:
     """
     aside = place.with_name(f".{place.name}")
     aside.mkdir(mode=0o700)
-    lock = open(aside / LOCK, "w")  # noqa: SIM115 (held for the life of the process)
+    lock = open(aside / LOCK_FILE, "w")  # noqa: SIM115 (held for the life of the process)
     flock(lock, LOCK_EX | LOCK_NB)
     aside.rename(place)
     return lock
@@ -136,9 +137,9 @@ def _sweep(root: Path) -> None:
 
 
 def _held(place: Path) -> bool:
-    """Whether a living process has the lock of a directory."""
+    """Return True if a living process holds the lock of a directory."""
     try:
-        with open(place / LOCK) as lock:
+        with open(place / LOCK_FILE) as lock:
             flock(lock, LOCK_EX | LOCK_NB)
     except BlockingIOError:
         return True

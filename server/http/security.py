@@ -30,7 +30,7 @@ PAGE_POLICY: Final = "; ".join(
         "object-src 'none'",
     )
 )
-HEADERS: Final = {
+SECURITY_HEADERS: Final = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "SAMEORIGIN",
     # Nor does a site that a page leads to learn its link.
@@ -41,17 +41,21 @@ HEADERS: Final = {
     # Links are secrets: no search engine tells them.
     "X-Robots-Tag": "noindex, nofollow",
 }
-LISTED: Final = {"X-Robots-Tag": "all"}
-"""Headers of answers that search engines may show: what is in the gallery, and no secret."""
-UNPRINTED: Final = re.compile(r"[\x00-\x1f\x7f]")
+INDEXED_HEADERS: Final = {"X-Robots-Tag": "all"}
+"""Headers of answers that search engines may index: those of the gallery, which hold no secret."""
+CONTROL_CHARACTERS: Final = re.compile(r"[\x00-\x1f\x7f]")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 FORM_OVERHEAD_BYTES: Final = 64 * 1024
-SMALL_BODY_BYTES: Final = 64 * 1024
-"""Bytes of a body other than a form with a file, at most: it is held in memory."""
-LISTENED_BYTES: Final = 64 * 2**20
-"""Bytes of a refused upload that are still read, and thrown away."""
-LISTENED_S: Final = 10.0
+"""Bytes that a form may have besides its file, in addition to the limit for uploads. Chosen."""
+MAX_SMALL_BODY_BYTES: Final = 64 * 1024
+"""Maximum size of a request body other than a form with a file, in bytes, as it is held in memory.
+Chosen."""
+MAX_DRAINED_BYTES: Final = 64 * 2**20
+"""Maximum number of bytes of a refused upload that are read and discarded, so that the client gets
+the answer. Chosen."""
+MAX_DRAIN_S: Final = 10.0
+"""Maximum time that a refused upload is read for that, in s. Chosen."""
 
 
 class SecurityHeaders:
@@ -69,7 +73,7 @@ class SecurityHeaders:
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                for name, value in HEADERS.items():
+                for name, value in SECURITY_HEADERS.items():
                     headers.setdefault(name, value)
                 headers.setdefault("Content-Security-Policy", PAGE_POLICY)
                 # Links are secrets: what is behind them is nothing for caches that many share.
@@ -125,7 +129,7 @@ class PrintingAddresses:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handles one request."""
-        if scope["type"] == "http" and UNPRINTED.search(scope["path"] + _query(scope)):
+        if scope["type"] == "http" and CONTROL_CHARACTERS.search(scope["path"] + _query(scope)):
             refusal = Malformed(
                 "bad-address", "got an address with characters that cannot be printed."
             )
@@ -220,7 +224,7 @@ class BodyLimit:
             return
         headers = Headers(scope=scope)
         upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
-        most = self._most_bytes if upload else min(self._most_bytes, SMALL_BODY_BYTES)
+        most = self._most_bytes if upload else min(self._most_bytes, MAX_SMALL_BODY_BYTES)
         words = (
             f"the upload is larger than {megabytes(most)}, the limit; use a coarser or shorter "
             "file."
@@ -271,8 +275,8 @@ async def forget(receive: Receive) -> None:
     """
     got = 0
     try:
-        async with asyncio.timeout(LISTENED_S):
-            while got <= LISTENED_BYTES:
+        async with asyncio.timeout(MAX_DRAIN_S):
+            while got <= MAX_DRAINED_BYTES:
                 message = await receive()
                 got += len(message.get("body", b""))
                 if not message.get("more_body", False):

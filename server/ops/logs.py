@@ -18,10 +18,10 @@ from typing import Any, Final
 
 from server.settings import Settings
 
-CHATTERS: Final = ("alembic", "dbos", "httpx", "opentelemetry", "websockets")
-ABOUT: Final = ("fold", "movie", "worker", "request")
-ACCESS: Final = ("method", "route", "path", "status", "duration_ms")
-"""Fields of the lines of ``foldback.access``, which their text holds, too."""
+QUIET_LOGGERS: Final = ("alembic", "dbos", "httpx", "opentelemetry", "websockets")
+CONTEXT_FIELDS: Final = ("fold", "movie", "worker", "request")
+ACCESS_FIELDS: Final = ("method", "route", "path", "status", "duration_ms")
+"""Fields of a line of ``foldback.access``; its text holds them, too."""
 _about: ContextVar[Mapping[str, str]] = ContextVar("about", default=MappingProxyType({}))
 
 
@@ -30,7 +30,7 @@ def about(**facts: str) -> Generator[None]:
     """Says what is logged within is about.
 
     Args:
-        facts: Some of ``ABOUT``.
+        facts: Some of ``CONTEXT_FIELDS``.
     """
     token = _about.set({**_about.get(), **facts})
     try:
@@ -40,7 +40,7 @@ def about(**facts: str) -> Generator[None]:
 
 
 def from_now_on_about(**facts: str) -> None:
-    """As ``about``, until the task or thread ends."""
+    """Set the context fields of log lines until the task or thread ends."""
     _about.set({**_about.get(), **facts})
 
 
@@ -52,10 +52,10 @@ def escaped(text: str) -> str:
 
 
 class _Formatter(logging.Formatter):
-    """What the two formats share.
+    """Common part of the two formats.
 
     Args:
-        always: What all lines of this process are about.
+        always: Context fields of all lines of this process.
     """
 
     def __init__(self, always: Mapping[str, str]) -> None:
@@ -86,7 +86,7 @@ class JsonLines(_Formatter):
             "level": record.levelname.lower(),
             "logger": record.name,
             "message": record.getMessage(),
-            **self._facts(record, ABOUT + ACCESS),
+            **self._facts(record, CONTEXT_FIELDS + ACCESS_FIELDS),
         }
         if trace := self._trace(record):
             line["exception"] = trace
@@ -98,7 +98,7 @@ class TextLines(_Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         """The line, and those of a traceback."""
-        facts = self._facts(record, ABOUT)
+        facts = self._facts(record, CONTEXT_FIELDS)
         shown = " ".join(f"{name}={escaped(str(value))}" for name, value in facts.items())
         head = f"{self._time(record)} {record.levelname.lower()} {record.name}"
         line = f"{head}{f' [{shown}]' if shown else ''}: {escaped(record.getMessage())}"
@@ -117,7 +117,7 @@ def set_up_logs(settings: Settings, *, worker: str | None = None) -> None:
     handler = logging.StreamHandler()
     handler.setFormatter(lines({"worker": worker} if worker else {}))
     logging.basicConfig(level=settings.log_level.upper(), handlers=[handler], force=True)
-    for name in CHATTERS:
+    for name in QUIET_LOGGERS:
         least = max(logging.WARNING, logging.getLogger().level)
         logging.getLogger(name).setLevel(least)
     # The job system brings a handler of its own for when there is none.

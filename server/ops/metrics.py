@@ -12,13 +12,13 @@ from prometheus_client.registry import Collector
 
 from server.store.stats import Figures
 
-MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
+METRICS_MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
 BUCKETS_S: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
 QUANTILES: Final = (0.5, 0.9, 1.0)
 
 
 class Metrics:
-    """What the web process counts.
+    """Counters of the web process.
 
     Attributes:
         in_progress: Requests that are being answered.

@@ -14,19 +14,19 @@ from fastapi.responses import HTMLResponse, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
-from server.http.security import LISTED
+from server.http.security import INDEXED_HEADERS
 from server.pages.choice_words import PREFERENCE_WORDS
-from server.pages.setting_words import ROWS, SOURCES, TABLE_ROWS
+from server.pages.setting_words import PAPER_ROWS, SOURCE_LABELS, TABLE_ROWS
 from web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
 
-THEME: Final = "js/theme.js"
-"""The one script that stands in pages: it runs before anything is painted."""
+THEME_SCRIPT: Final = "js/theme.js"
+"""The only inline script of pages; it sets the theme before anything is painted."""
 
 
 @cache
 def policy_of_pages() -> str:
-    """What a page of ours may do; of scripts that stand in it only the one that we put there."""
-    theme = base64.b64encode(hashlib.sha256(code_of(THEME).encode()).digest()).decode()
+    """Return the content security policy of pages; it permits only their own inline script."""
+    theme = base64.b64encode(hashlib.sha256(code_of(THEME_SCRIPT).encode()).digest()).decode()
     return "; ".join(
         (
             "default-src 'none'",
@@ -52,7 +52,7 @@ def icon() -> str:
 @cache
 def theme_script() -> Markup:
     """Light, dark or as the system, in the head of every page."""
-    return Markup("<script>{}</script>").format(Markup(code_of(THEME)))
+    return Markup("<script>{}</script>").format(Markup(code_of(THEME_SCRIPT)))
 
 
 @cache
@@ -71,11 +71,11 @@ def entry(page_name: str) -> Markup:
     return Markup("").join((*preloads, script))
 
 
-KNOWN: Final[dict[str, object]] = {
-    "paper_settings": ROWS,
+TEMPLATE_VALUES: Final[dict[str, object]] = {
+    "paper_settings": PAPER_ROWS,
     "table_settings": TABLE_ROWS,
     "preferences": PREFERENCE_WORDS,
-    "setting_sources": SOURCES,
+    "setting_sources": SOURCE_LABELS,
     "entry": entry,
     "icon": icon,
     "theme_script": theme_script,
@@ -97,13 +97,13 @@ def page(
     html = rendered(template, **values)
     headers = {"Content-Security-Policy": policy_of_pages(), "Cache-Control": "no-store"}
     if listed:
-        headers |= LISTED
+        headers |= INDEXED_HEADERS
     return HTMLResponse(html, status_code=status_code, headers=headers)
 
 
 def rendered(template: str, /, **values: object) -> str:
     """A template filled in."""
-    return templates().get_template(template, globals=KNOWN).render(**values)
+    return templates().get_template(template, globals=TEMPLATE_VALUES).render(**values)
 
 
 @cache

@@ -14,7 +14,7 @@ from planner.chain.path import Path as CellPath
 from planner.errors import InputError, PlannerError
 from planner.readers import read
 from server.api.context import context_of
-from server.http.security import LISTED
+from server.http.security import INDEXED_HEADERS
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.shipped import shipped_pictures
 
@@ -33,7 +33,7 @@ async def drawing_of_shape(request: Request, name: str) -> Response:
     headers = {
         "Cache-Control": "public, max-age=3600",
         "Content-Security-Policy": "default-src 'none'",
-        **LISTED,
+        **INDEXED_HEADERS,
     }
     return Response(svg, media_type="image/svg+xml", headers=headers)
 

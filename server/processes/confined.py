@@ -18,8 +18,8 @@ from typing import Any, Final
 from server.processes import landlock, seccomp
 from server.processes.landlock import Allowed
 
-PACKAGES: Final = ("planner", "web", "server")
-SYSTEM: Final = (
+OWN_PACKAGES: Final = ("planner", "web", "server")
+SYSTEM_PATHS: Final = (
     *("/usr", "/lib", "/lib32", "/lib64", "/bin", "/sbin"),
     *("/etc/ld.so.cache", "/etc/ld.so.preload", "/etc/localtime", "/etc/alternatives"),
     *("/dev/urandom", "/dev/random", "/dev/zero"),
@@ -27,30 +27,32 @@ SYSTEM: Final = (
     *("/proc/sys/vm/overcommit_memory", "/sys/devices/system"),
 )
 """Paths that programs and libraries of the machine read."""
-DRAWING: Final = (
+OPENGL_PATHS: Final = (
     *("/etc/glvnd", "/etc/egl", "/etc/drirc", "/etc/vulkan", "/etc/OpenCL", "/etc/nvidia"),
     *("/proc/driver/nvidia", "/proc/modules", "/proc/devices", "/sys"),
 )
-"""Paths that OpenGL reads as well."""
-OF_PYTHON: Final = ("bin", "lib", "lib64", "lib32", "share", "pyvenv.cfg")
-DEVICES: Final = ("/dev/dri", "/dev/kfd", "/dev/dxg")
-PLACES: Final = (
+"""Paths that OpenGL reads in addition."""
+PYTHON_PATHS: Final = ("bin", "lib", "lib64", "lib32", "share", "pyvenv.cfg")
+GPU_DEVICES: Final = ("/dev/dri", "/dev/kfd", "/dev/dxg")
+PATH_VARIABLES: Final = (
     *("NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "IMAGEIO_FFMPEG_EXE"),
     *("__EGL_VENDOR_LIBRARY_DIRS", "__EGL_VENDOR_LIBRARY_FILENAMES", "LIBGL_DRIVERS_PATH"),
 )
-"""Variables of the environment that name files to read, with colons between."""
-INSTALLED: Final = ("site-packages", "dist-packages")
-"""Names of directories that hold packages and nothing else."""
-ENDING_S: Final = 5.0
+"""Environment variables that name files to read, separated by colons."""
+PACKAGE_DIRS: Final = ("site-packages", "dist-packages")
+"""Names of directories that hold installed packages only."""
+THREAD_EXIT_S: Final = 5.0
+"""Maximum time to wait for other threads to end before a process is confined, in s: confinement
+applies to the calling thread only. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Held:
-    """What the kernel refuses a confined process.
+    """Access that the kernel denies a confined process.
 
     Attributes:
-        files: All files but those that are allowed.
-        sockets: Sockets of any kind.
+        files: True if all files but the permitted ones are denied.
+        sockets: True if sockets are denied.
     """
 
     files: bool
@@ -101,9 +103,9 @@ def end_threads() -> None:
         sys.modules["zarr.core.sync"].cleanup_resources()
     for thread in threading.enumerate():
         if thread is not threading.current_thread():
-            thread.join(ENDING_S)
+            thread.join(THREAD_EXIT_S)
     tasks = Path("/proc/self/task")
-    deadline = time.monotonic() + ENDING_S
+    deadline = time.monotonic() + THREAD_EXIT_S
     while tasks.is_dir() and (left := len(list(tasks.iterdir()))) > 1:
         # One that Python has done with takes the system another moment to end.
         if time.monotonic() > deadline:
@@ -114,11 +116,11 @@ def end_threads() -> None:
 
 
 def _with_programs(work: Allowed, *, drawing: bool) -> Allowed:
-    readable = [Path(place) for place in (*SYSTEM, *(DRAWING if drawing else ()))]
+    readable = [Path(place) for place in (*SYSTEM_PATHS, *(OPENGL_PATHS if drawing else ()))]
     devices = [Path("/dev/null")]
     if drawing:
         readable += _ffmpeg()
-        devices += [*map(Path, DEVICES), *Path("/dev").glob("nvidia*")]
+        devices += [*map(Path, GPU_DEVICES), *Path("/dev").glob("nvidia*")]
     return Allowed(
         readable=(*readable, *_programs(work), *work.readable),
         writable=(*devices, *work.writable),
@@ -126,13 +128,15 @@ def _with_programs(work: Allowed, *, drawing: bool) -> Allowed:
 
 
 def _programs(work: Allowed) -> list[Path]:
-    """Where Python, its packages and ours are, with what is compiled of them."""
+    """Return the paths of Python, its packages, ours, and their compiled files."""
     ours = [
-        Path(str(sys.modules[name].__file__)).parent for name in PACKAGES if name in sys.modules
+        Path(str(sys.modules[name].__file__)).parent for name in OWN_PACKAGES if name in sys.modules
     ]
     prefixes = {sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix}
-    python = [Path(prefix) / part for prefix in prefixes for part in OF_PYTHON]
-    named = [place for name in PLACES for place in os.environ.get(name, "").split(os.pathsep)]
+    python = [Path(prefix) / part for prefix in prefixes for part in PYTHON_PATHS]
+    named = [
+        place for name in PATH_VARIABLES for place in os.environ.get(name, "").split(os.pathsep)
+    ]
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     kernels = Path(caches) / "numba"
     # Ours may lie in a checkout that data lie in, too: not all of that is for it.
@@ -140,7 +144,7 @@ def _programs(work: Allowed) -> list[Path]:
     added = [
         place
         for place in map(Path, filter(None, (*sys.path, *named)))
-        if place.name in INSTALLED or not any(p.is_relative_to(place.resolve()) for p in closed)
+        if place.name in PACKAGE_DIRS or not any(p.is_relative_to(place.resolve()) for p in closed)
     ]
     return [*ours, *python, kernels, *added]
 

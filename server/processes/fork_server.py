@@ -24,20 +24,20 @@ from typing import Any, BinaryIO, Final, Literal
 from server.processes.limits import ChildLimits, environment_of_child
 
 Kind = Literal["stages", "reader", "preparer", "movies", "retimer", "pictures"]
-USUAL: Final = {
+CHILD_ENVIRONMENT: Final = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "MUJOCO_GL": "off",
     "SPT_NOENV": "1",
 }
-"""Threads of linear algebra cost memory and bring nothing at these sizes. Only movies are drawn; to
-others MuJoCo need not bring what opens windows. Who looks at a child's environment sees it, and not
-the name that the child goes by in its place."""
+"""Environment variables of every computing process. Threads of linear algebra cost memory and bring
+nothing at these sizes. Only movies are drawn; for others MuJoCo's OpenGL is not loaded.
+``SPT_NOENV`` keeps a process's title out of its environment."""
 
 
 def environment_with(more: Mapping[str, str]) -> dict[str, str]:
-    """What a computing process, or what forks it, has for its environment; ``more`` besides."""
-    return {**environment_of_child(os.environ), **USUAL, **more}
+    """Return the environment of a computing process or its fork server, with ``more``."""
+    return {**environment_of_child(os.environ), **CHILD_ENVIRONMENT, **more}
 
 
 class Forked:
@@ -60,12 +60,12 @@ class Forked:
 
     @property
     def begun(self) -> bool:
-        """Whether it is forked."""
+        """True once the process is forked."""
         return self._pid is not None
 
     @property
     def told(self) -> dict[str, Any] | None:
-        """What the fork server is about while the child has to wait for it; a progress event."""
+        """Progress event of the fork server while the child waits for it."""
         return self._server.told
 
     def poll(self) -> int | None:
@@ -143,7 +143,7 @@ class _Running:
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
+        """True while the process runs."""
         return not self._failed and self._process.poll() is None
 
     def fork(self, kind: Kind, limits: ChildLimits) -> Forked | None:

@@ -28,12 +28,14 @@ from planner.progress import Progress
 from server.processes.child import Task, serve, task_of
 from server.processes.confined import end_threads, load_kernels
 
-MOST_BYTES: Final = 65536
-MOST_PIPES: Final = 64
+MAX_REQUEST_BYTES: Final = 65536
+"""Maximum size of a request to the fork server that is received at once, in bytes. Chosen."""
+MAX_PIPES: Final = 64
+"""Maximum number of file descriptors that come along with it. Chosen."""
 
 
 class _Requests:
-    """What is asked, with the pipes that came along, and the answers."""
+    """Requests to fork, with their pipes, and the answers."""
 
     def __init__(self, control: socket.socket) -> None:
         self._control = control
@@ -41,8 +43,8 @@ class _Requests:
         self._pipes: deque[int] = deque()
 
     def receive(self) -> list[dict[str, Any]]:
-        """What is asked now; ends the process when nobody can ask any more."""
-        data, pipes, _, _ = socket.recv_fds(self._control, MOST_BYTES, MOST_PIPES)
+        """Return the next request; end the process once no further one can come."""
+        data, pipes, _, _ = socket.recv_fds(self._control, MAX_REQUEST_BYTES, MAX_PIPES)
         self._pipes.extend(pipes)
         if not data:
             os._exit(0)
@@ -50,7 +52,7 @@ class _Requests:
         return [json.loads(line) for line in lines]
 
     def pipes(self) -> tuple[int, int]:
-        """Where the next child that is asked for reads, and where it writes."""
+        """Return the input and the output pipe of the next child."""
         return self._pipes.popleft(), self._pipes.popleft()
 
     def answer(self, **values: object) -> None:
@@ -106,7 +108,7 @@ class _Forks:
             ready, _, _ = select.select([control, self._woken], [], [])
             if self._woken in ready:
                 with suppress(BlockingIOError):
-                    os.read(self._woken, MOST_BYTES)
+                    os.read(self._woken, MAX_REQUEST_BYTES)
                 self._reap()
             if control in ready:
                 for asked in self._requests.receive():

@@ -13,9 +13,9 @@ from planner.parameters.parameters import FLOATING
 from server.processes.children import Child, ChildError
 from server.processes.limits import ChildLimits
 
-BACKENDS: Final = ("egl", "osmesa")
+GL_BACKENDS: Final = ("egl", "osmesa")
 GL_SETTING: Final = "MUJOCO_GL"
-OFF: Final = ("disable", "disabled", "off", "false", "0")
+OFF_WORDS: Final = ("disable", "disabled", "off", "false", "0")
 NO_GL: Final = (
     "there is no OpenGL that draws without a screen. Install it on the service's machine: on "
     "Debian or Ubuntu 'apt-get install libegl1 libgl1 libgl1-mesa-dri' (or 'libosmesa6')"
@@ -27,7 +27,7 @@ NO_FFMPEG: Final = (
 
 
 def is_on_table(directory: Path) -> bool:
-    """Whether the fold of a directory is one on a table; not where nobody knows."""
+    """Return True if a directory's fold is on a table; False if unknown."""
     return json_of(directory / "request.json").get("world", FLOATING) != FLOATING
 
 
@@ -91,6 +91,6 @@ def run_movie(
 def backends() -> tuple[str, ...]:
     """Those to try: the one that the operator has set, or all."""
     chosen = os.environ.get(GL_SETTING, "").lower().strip()
-    if chosen in OFF:
+    if chosen in OFF_WORDS:
         return ()
-    return (chosen,) if chosen in BACKENDS else BACKENDS
+    return (chosen,) if chosen in GL_BACKENDS else GL_BACKENDS

@@ -24,10 +24,13 @@ from planner.shapes.shape import Shape
 if TYPE_CHECKING:
     from planner.pathfinding.options import PathOptions
 
-LARGEST_DRAWING: Final = 4000
-OFFERS_FACTOR: Final = 2.0
-"""Time for offers, in times for the search of one path. Together with the last shape, which is not
-interrupted, it stays below the wall time of a preview. Chosen."""
+MAX_STORED_CELLS: Final = 4000
+"""Maximum number of cells that are stored for a page's drawing (``MAX_DRAWN_MODULES`` of
+``server.pages.fold``). Chosen."""
+OFFERS_TIME_FACTOR: Final = 2.0
+"""Time for finding variants of a shape that can fold on a table, as a multiple of the time limit of
+one path search. With the last variant, which is not interrupted, it stays below the wall time of a
+preview. Chosen."""
 PATH_OPTIONS: Final = (
     "module",
     "modules",
@@ -58,12 +61,12 @@ def options_of(request: dict[str, Any]) -> PathOptions:
 
 
 def check(directory: Path) -> dict[str, Any]:
-    """Whether the input in a directory can become a fold: ``name``, ``module``, ``modules``.
+    """Check that a directory's input can become a fold; return ``name``, ``module``, ``modules``.
 
-    Paths are searched for later, when the fold's turn has come; only what is sure by now is said.
+    The path search follows when it is the fold's turn; only certain refusals are made here.
 
     Raises:
-        InputError: When it can't.
+        InputError: The input cannot become a fold.
     """
     request = json.loads((directory / "request.json").read_bytes())
     if request.get("smooth"):
@@ -172,7 +175,7 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     found = read(data, filename=request["filename"], as_voxels=options.as_voxels)
     made: list[dict[str, Any]] = []
     if not isinstance(found, Chain | CellPath):
-        limit = OFFERS_FACTOR * request["time_limit_s"]
+        limit = OFFERS_TIME_FACTOR * request["time_limit_s"]
         search = table_offers(
             found, options, seed=request["seed"], time_limit_s=limit, cancelled=cancelled
         )
@@ -186,5 +189,5 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
 
 def _note(directory: Path, cells: NDArray[Any]) -> None:
     """Keeps cells for a drawing, so that nobody else has to read the upload for one."""
-    if len(cells) <= LARGEST_DRAWING:
+    if len(cells) <= MAX_STORED_CELLS:
         (directory / "cells.json").write_text(json.dumps(cells.astype(int).tolist()))

@@ -16,11 +16,12 @@ from planner.robot.motors import Build, motor_table
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.retiming import retimed
 from planner.robot.trajectory import Trajectory
-from server.processes.scratch import MOTORS, PLAN
+from server.processes.scratch import MOTORS_FILE, PLAN
 
-CLEARANCE_CPU_S: Final = 5.0
-"""Processor seconds for the clearance of an export's rows. Beyond it the clearance counts as not
-proved: a chain of 160 modules takes less than one second, one of 1000 about fifteen. Chosen."""
+MAX_CLEARANCE_CPU_S: Final = 5.0
+"""Maximum processor time for the clearance of an export's rows, in s. Beyond it the clearance
+counts as not proved: a chain of 160 modules takes less than one second, one of 1000 about fifteen.
+Chosen."""
 
 
 def warm_up() -> None:
@@ -61,7 +62,7 @@ def clearance(directory: Path) -> dict[str, Any]:
     request = _request(directory)
     plan, trajectory = _retimed(directory, request)
     size, rate_hz = plan.certificate.module_size, request["rate_hz"]
-    end = time.process_time() + CLEARANCE_CPU_S
+    end = time.process_time() + MAX_CLEARANCE_CPU_S
 
     def late() -> bool:
         return time.process_time() > end
@@ -95,7 +96,7 @@ def motors(directory: Path) -> dict[str, Any]:
     )
     table = motor_table(chain, trajectory, build, motor_torque_nm=request["motor_torque_nm"])
     text = table.as_csv() if request["form"] == "csv" else json.dumps(table.as_dict())
-    (directory / MOTORS).write_text(text)
+    (directory / MOTORS_FILE).write_text(text)
     return {}
 
 

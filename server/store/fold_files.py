@@ -24,21 +24,25 @@ from planner.files import temporary_path, write_whole
 from planner.pipeline.fold_layout import TIMELINE, result
 from server.errors import NoSuch
 from server.settings import Settings
-from server.store.object_store import INDEX, Storage, open_storage
+from server.store.object_store import FETCHED_INDEX, Storage, open_storage
 from server.store.tables import FoldRow
 
-LOOK_EVERY_S: Final = 0.4
-"""Seconds that a copy of what still grows may be old."""
-TIDY_EVERY_S: Final = 60.0
-IN_USE_S: Final = 600.0
-EPOCH: Final = ".epoch"
-GOING: Final = ".going-"
-"""Prefix of copies that are being removed."""
+COPY_CACHE_S: Final = 0.4
+"""Maximum age of the local copy of a growing fold, in s, before the object store is asked again. A
+larger value shows frames later. Chosen."""
+CACHE_SWEEP_S: Final = 60.0
+"""Minimum time between two sweeps of the local copies, in s. Chosen."""
+MIN_COPY_AGE_S: Final = 600.0
+"""Time since its last use for which a local copy is not removed, in s, as somebody may be reading
+it. Chosen."""
+EPOCH_FILE: Final = ".epoch"
+REMOVED_PREFIX: Final = ".going-"
+"""Prefix of directories that are being removed."""
 MOVIES: Final = "movies"
 EXPORTS_DIR: Final = "exports"
-"""Folder for what is made of a fold's files when somebody asks, beside them."""
-DERIVED: Final = (EXPORTS_DIR, MOVIES)
-"""Folders that count apart from the fold's own files."""
+"""Directory, beside a fold's own files, for files that are computed from them on request."""
+DERIVED_DIRS: Final = (EXPORTS_DIR, MOVIES)
+"""Directories that count separately from the fold's own files."""
 
 
 class NoSuchFoldError(NoSuch):
@@ -82,7 +86,7 @@ class Folders:
             self.storage.check()
 
     def place(self, fold_id: str) -> Path:
-        """Where a fold is computed; ids are checked before they become a path.
+        """Return a fold's work directory; ids are checked before they become a path.
 
         Raises:
             NoSuchFoldError: When this is not an id.
@@ -104,11 +108,11 @@ class Folders:
             return self.place(row.id)
         copy = self._settings.cache_dir / f"{row.id}-{row.kept}"
         with self._lock_of(copy.name):
-            at, whole = self._looked.get(copy.name, (-LOOK_EVERY_S, False))
+            at, whole = self._looked.get(copy.name, (-COPY_CACHE_S, False))
             now = time.monotonic()
             # A copy from before the end lacks files; of one that grows, a recent copy will do.
-            enough = whole if row.over else now - at < LOOK_EVERY_S
-            if not (enough and (copy / INDEX).is_file()):
+            enough = whole if row.over else now - at < COPY_CACHE_S
+            if not (enough and (copy / FETCHED_INDEX).is_file()):
                 self.storage.fetch(_key(row.id, row.kept), copy)
                 self._looked[copy.name] = (now, row.over)
             with suppress(OSError):
@@ -238,15 +242,15 @@ class Folders:
     # For who computes it
 
     def bring(self, fold_id: str, known: int, epoch: int) -> Path:
-        """Where a fold is computed under an epoch, with all that was kept under an earlier one.
+        """Return a fold's work directory for an epoch, with all files of the earlier one.
 
         Args:
             fold_id: The fold.
-            known: The epoch under which the last stage that is over was computed.
-            epoch: The one that holds now.
+            known: Epoch of the last stage that has ended.
+            epoch: Current epoch.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: The storage does not answer.
         """
         place = self.place(fold_id)
         if self.storage is None:
@@ -257,7 +261,7 @@ class Folders:
                 shutil.rmtree(place, ignore_errors=True)
                 self.storage.fetch(_key(fold_id, known), place)
             place.mkdir(parents=True, exist_ok=True)
-            write_whole(place / EPOCH, str(epoch).encode())
+            write_whole(place / EPOCH_FILE, str(epoch).encode())
         return place
 
     def keep(self, fold_id: str, epoch: int) -> int:
@@ -268,7 +272,7 @@ class Folders:
         """
         place = self.place(fold_id)
         if self.storage is None:
-            return size_of(place, but=DERIVED)
+            return size_of(place, but=DERIVED_DIRS)
         return self.storage.keep(_key(fold_id, epoch), place)
 
     def leave(self, fold_id: str, epoch: int) -> None:
@@ -290,7 +294,7 @@ class Folders:
         """Drops the copies that nobody looked at for longest when there are too many."""
         now = time.time()
         with self._lock:
-            if 0 <= now - self._tidied < TIDY_EVERY_S:
+            if 0 <= now - self._tidied < CACHE_SWEEP_S:
                 return
             self._tidied = now
         copies: list[tuple[float, int, Path]] = []
@@ -303,13 +307,13 @@ class Folders:
         for used, size, copy in copies:
             if total <= self._settings.cache_bytes:
                 return
-            if now - used > IN_USE_S:
+            if now - used > MIN_COPY_AGE_S:
                 self._drop(copy)
                 total -= size
 
     def _drop(self, copy: Path) -> None:
         """Drops a copy at once: nobody sees half of it, or brings files into what is going."""
-        going = copy.with_name(f"{GOING}{copy.name}-{secrets.token_hex(4)}")
+        going = copy.with_name(f"{REMOVED_PREFIX}{copy.name}-{secrets.token_hex(4)}")
         with self._lock_of(copy.name):
             self._looked.pop(copy.name, None)
             with suppress(OSError):
@@ -348,7 +352,7 @@ def _movie_key(fold_id: str, name: str) -> str:
 
 def _epoch_of(place: Path) -> int | None:
     try:
-        return int((place / EPOCH).read_bytes())
+        return int((place / EPOCH_FILE).read_bytes())
     except (OSError, ValueError):
         return None
 

@@ -24,7 +24,7 @@ from planner.pipeline.expected_cost import ExpectedCost, expected_cost
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.pipeline.request import Request
 from planner.progress import COMPILING
-from server.limits.fair_queue import QUICK_S, is_quick, network_of, slice_s, ticks, turn_of
+from server.limits.fair_queue import QUICK_FOLD_S, is_quick, network_of, slice_s, ticks, turn_of
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
 from server.store.shown import Found, ShownFold
@@ -40,16 +40,22 @@ from server.store.tables import (
 
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token", "rows_of"]
 
-WAITING = ("queued", "running")
-LOOKED_EVERY_S: Final = 900.0
-"""Seconds to which the time of the last look at a fold is exact. A smaller value writes more."""
-TURN: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
-SOON_S: Final = 1.0
-"""Seconds in which a fold whose slice is over makes room: a look at the queue and a step's end."""
-DROPPED_S: Final = 3600.0
+UNFINISHED_STATUSES = ("queued", "running")
+ACCESS_RESOLUTION_S: Final = 900.0
+"""Resolution of the time of the last access to a fold, in s. A smaller value writes more often.
+Chosen."""
+TURN_COUNTER: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
+SLICE_END_S: Final = 1.0
+"""Time in which a fold whose slice has ended makes room, in s: a look at the queue and the end of a
+step. Estimates of waiting times use it. Measured."""
+CANCELLATION_MEMORY_S: Final = 3600.0
+"""Time for which a visitor who has cancelled a gallery fold loses the first place for the next one,
+in s. Chosen."""
 DAY_S: Final = 86400.0
-DURATION_SAMPLES: Final = 40
-"""Latest folds from which it is estimated how fast this machine is."""
+"""Seconds in a day."""
+PACE_SAMPLES: Final = 40
+"""Number of latest folds from which this machine's speed is estimated. A larger value is steadier
+and follows changes later. Chosen."""
 
 
 def new_id() -> str:
@@ -64,7 +70,7 @@ def new_token() -> str:
 
 
 def hash_of(token: str) -> str:
-    """What is kept of a token."""
+    """Return the stored hash of a token."""
     return hashlib.sha256(token.encode()).hexdigest()
 
 
@@ -115,7 +121,7 @@ class Store:
             connection.execute(sa.select(1))
 
     def directory(self, fold_id: str) -> Path:
-        """Where the files of a fold are, as readers see them.
+        """Return the directory with a fold's files as readers see them.
 
         Raises:
             NoSuchFoldError: When this is not an id, or, where files are kept elsewhere, when there
@@ -191,14 +197,16 @@ class Store:
         return (row.seen_at or row.ended_at or row.created_at) + self._keep_days * DAY_S
 
     def owns(self, fold_id: str, token: str) -> bool:
-        """Whether a fold is the token's holder's own; one of the gallery is nobody's."""
+        """Return True if a token owns a fold; a gallery fold has no owner."""
         with self._sessions() as session:
             row = session.get(FoldRow, fold_id)
         return row is not None and not row.public and row.owner == hash_of(token)
 
     def waiting(self) -> list[tuple[str, float]]:
         """Return the visitor and the expected cost of each fold that is queued or running."""
-        query = sa.select(FoldRow.visitor, FoldRow.cost_s).where(FoldRow.status.in_(WAITING))
+        query = sa.select(FoldRow.visitor, FoldRow.cost_s).where(
+            FoldRow.status.in_(UNFINISHED_STATUSES)
+        )
         with self._sessions() as session:
             return [(visitor, cost_s) for visitor, cost_s in session.execute(query)]
 
@@ -237,7 +245,9 @@ class Store:
     def unfinished(self) -> Sequence[FoldRow]:
         """All folds that are queued or running."""
         with self._sessions() as session:
-            return session.scalars(sa.select(FoldRow).where(FoldRow.status.in_(WAITING))).all()
+            return session.scalars(
+                sa.select(FoldRow).where(FoldRow.status.in_(UNFINISHED_STATUSES))
+            ).all()
 
     def ahead(self, row: FoldRow) -> Ahead:
         """Return what a queued fold waits for, in its lane."""
@@ -262,7 +272,7 @@ class Store:
                 cheaper = row.cost_s < cost_s
                 room_s = slice_s(cost_s, pauses, self._first_slice_s, for_cheaper=cheaper) - spent_s
                 expected_s = max(0.2 * factor * cost_s, factor * cost_s - spent_s)
-                left += min(expected_s, max(SOON_S, room_s))
+                left += min(expected_s, max(SLICE_END_S, room_s))
         compiled = [
             float(told["fraction"])
             for *_, told in computed
@@ -278,12 +288,12 @@ class Store:
 
     @staticmethod
     def _duration_factor(session: Session) -> float:
-        """How much longer recent folds took than they were expected to; 1 when nobody knows."""
+        """Return the median ratio of actual and expected time of recent folds; 1 if unknown."""
         recent_folds = (
             sa.select(FoldRow.ended_at - FoldRow.started_at, FoldRow.cost_s)
             .where(FoldRow.status == "verified", FoldRow.cost_s > 0, FoldRow.pauses == 0)
             .order_by(FoldRow.created_at.desc())
-            .limit(DURATION_SAMPLES)
+            .limit(PACE_SAMPLES)
         )
         taken = cost = 0.0
         for took, expected in session.execute(recent_folds):
@@ -325,10 +335,10 @@ class Store:
     @staticmethod
     def _turn(session: Session, row: FoldRow) -> int:
         waiting = session.execute(
-            sa.select(FoldRow.visitor, FoldRow.turn).where(FoldRow.status.in_(WAITING))
+            sa.select(FoldRow.visitor, FoldRow.turn).where(FoldRow.status.in_(UNFINISHED_STATUSES))
         ).all()
         if not waiting:
-            session.execute(TURN.values(value=0))  # virtual time begins anew
+            session.execute(TURN_COUNTER.values(value=0))  # virtual time begins anew
         now = session.scalar(sa.select(CounterRow.value).where(CounterRow.name == "turn")) or 0
         network = network_of(row.visitor)
         sharers = {visitor for visitor, _ in waiting if network_of(visitor) == network}
@@ -340,7 +350,7 @@ class Store:
                     FoldRow.public,
                     FoldRow.visitor == row.visitor,
                     FoldRow.status == "cancelled",
-                    FoldRow.created_at > row.created_at - DROPPED_S,
+                    FoldRow.created_at > row.created_at - CANCELLATION_MEMORY_S,
                 )
             )
         return turn_of(
@@ -369,7 +379,7 @@ class Store:
     def looked(self, row: FoldRow) -> None:
         """Notes that somebody looks at a fold, now and then; no harm is done when it fails."""
         now = time.time()
-        if abs(now - (row.seen_at or 0.0)) > LOOKED_EVERY_S:
+        if abs(now - (row.seen_at or 0.0)) > ACCESS_RESOLUTION_S:
             with suppress(SQLAlchemyError):
                 self._change(row.id, seen_at=now)
 
@@ -401,7 +411,7 @@ class Store:
         with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
-                .where(*own, FoldRow.status.in_(WAITING))
+                .where(*own, FoldRow.status.in_(UNFINISHED_STATUSES))
                 .values(
                     status=sa.case((queued, "cancelled"), else_=FoldRow.status),
                     ended_at=sa.case((queued, time.time()), else_=FoldRow.ended_at),
@@ -468,7 +478,7 @@ class Store:
                 sa.update(FoldRow)
                 .where(
                     FoldRow.id == fold_id,
-                    FoldRow.status.in_(WAITING),
+                    FoldRow.status.in_(UNFINISHED_STATUSES),
                     FoldRow.cancel_requested.is_(False),
                 )
                 .values(
@@ -483,7 +493,7 @@ class Store:
             ).first()
             if begun is None:
                 return None
-            session.execute(TURN.where(CounterRow.value < begun[1]).values(value=begun[1]))
+            session.execute(TURN_COUNTER.where(CounterRow.value < begun[1]).values(value=begun[1]))
             return begun[0]
 
     def pause(self, fold_id: str, epoch: int, *, spent_s: float) -> bool:
@@ -615,9 +625,9 @@ def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
 
 def _in_lane(cost_s: float) -> sa.ColumnElement[bool]:
     """Return the condition that a fold is in the lane of one with this expected cost."""
-    return FoldRow.cost_s <= QUICK_S if is_quick(cost_s) else FoldRow.cost_s > QUICK_S
+    return FoldRow.cost_s <= QUICK_FOLD_S if is_quick(cost_s) else FoldRow.cost_s > QUICK_FOLD_S
 
 
 def rows_of(result: sa.Result[Any]) -> int:
-    """How many rows a statement has changed."""
+    """Return the number of rows that a statement has changed."""
     return result.rowcount if isinstance(result, sa.CursorResult) else 0

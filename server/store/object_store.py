@@ -24,13 +24,16 @@ from server.settings import Settings
 if TYPE_CHECKING:  # the extra `storage`
     from obstore.store import ObjectStore
 
-HEAD: Final = "timeline.zarr/zarr.json"
-"""File that tells a timeline's length: stored last, fetched last."""
-PRIVATE: Final = frozenset({"exports"})
-"""Directories that each machine makes for itself."""
-INDEX: Final = ".fetched.json"
-AT_ONCE: Final = 8
-TRIES: Final = 5
+TIMELINE_HEAD: Final = "timeline.zarr/zarr.json"
+"""File with a timeline's length: stored last, and fetched last."""
+LOCAL_DIRS: Final = frozenset({"exports"})
+"""Directories that are not stored, as each machine computes its own."""
+FETCHED_INDEX: Final = ".fetched.json"
+TRANSFERS_AT_ONCE: Final = 8
+"""Number of files that are transferred to or from the object store at the same time. Chosen."""
+MAX_FETCH_ATTEMPTS: Final = 5
+"""Maximum number of attempts to fetch a consistent state of a timeline that changes meanwhile.
+Chosen."""
 log = logging.getLogger("foldback.storage")
 Answer = TypeVar("Answer")
 
@@ -64,7 +67,7 @@ class Storage:
         self._name = name
         self._lock = threading.Lock()
         self._known: dict[str, dict[str, tuple[int, int]]] = {}
-        self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="storage")
+        self._threads = ThreadPoolExecutor(TRANSFERS_AT_ONCE, thread_name_prefix="storage")
 
     def check(self) -> None:
         """Writes, reads, lists and removes a small file.
@@ -94,15 +97,19 @@ class Storage:
         with self._lock:
             known = self._known.setdefault(key, {})
         # Read before all else: what it promises is there by the time it is kept.
-        head = _read(directory / HEAD)
+        head = _read(directory / TIMELINE_HEAD)
         found = dict(_files(directory))
-        changed = [name for name, mark in found.items() if known.get(name) != mark and name != HEAD]
+        changed = [
+            name
+            for name, mark in found.items()
+            if known.get(name) != mark and name != TIMELINE_HEAD
+        ]
         with self._storage_errors():
             self._each(changed, lambda name: self._put(key, name, _read(directory / name)))
             known.update({name: found[name] for name in changed})
-            if head is not None and known.get(HEAD) != (mark := (hash(head), len(head))):
-                self._put(key, HEAD, head)
-                known[HEAD] = mark
+            if head is not None and known.get(TIMELINE_HEAD) != (mark := (hash(head), len(head))):
+                self._put(key, TIMELINE_HEAD, head)
+                known[TIMELINE_HEAD] = mark
             gone = [name for name in known if name not in found]
             self._each(gone, lambda name: self._delete(f"{key}/{name}"))
         for name in gone:
@@ -120,34 +127,34 @@ class Storage:
         Raises:
             StorageError: When the storage does not answer; the copy is as it was, or newer.
         """
-        marks: dict[str, str] = json.loads(_read(directory / INDEX) or b"{}")
+        marks: dict[str, str] = json.loads(_read(directory / FETCHED_INDEX) or b"{}")
         with self._storage_errors():
-            for _ in range(TRIES):
-                head, listed = self._get(f"{key}/{HEAD}"), list(self._list(key))
+            for _ in range(MAX_FETCH_ATTEMPTS):
+                head, listed = self._get(f"{key}/{TIMELINE_HEAD}"), list(self._list(key))
                 if not listed:
                     return False
                 directory.mkdir(parents=True, exist_ok=True)
                 wanted = [
                     file
                     for file in listed
-                    if file.name != HEAD
+                    if file.name != TIMELINE_HEAD
                     and (marks.get(file.name) != file.mark or not (directory / file.name).exists())
                 ]
                 self._each(wanted, lambda file: self._write(key, file.name, directory))
                 marks.update({file.name: file.mark for file in wanted})
-                after = self._get(f"{key}/{HEAD}")
+                after = self._get(f"{key}/{TIMELINE_HEAD}")
                 if _identity(head) == _identity(after):
                     break
             else:
                 raise StorageError(f"{key} in {self._name} changes faster than it can be read.")
         # One that is the same stays as old as it is: things that were made of it are so, too.
-        if head is not None and _read(directory / HEAD) != head:
-            _write_whole(directory / HEAD, head)
+        if head is not None and _read(directory / TIMELINE_HEAD) != head:
+            _write_whole(directory / TIMELINE_HEAD, head)
         names = {file.name for file in listed}
         for name in [name for name in marks if name not in names]:
             _remove(directory / name, directory)
             del marks[name]
-        write_whole(directory / INDEX, json.dumps(marks).encode())
+        write_whole(directory / FETCHED_INDEX, json.dumps(marks).encode())
         return True
 
     def read(self, key: str) -> bytes | None:
@@ -226,7 +233,7 @@ class Storage:
         return [prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]]
 
     def ages(self, key: str) -> dict[str, tuple[float, int]]:
-        """What there is under each of the names below a key.
+        """Return the last change and the size of everything under a key.
 
         Returns:
             By name: when it last changed, in seconds since 1970, and its bytes.
@@ -342,7 +349,7 @@ def _files(directory: Path) -> Iterator[tuple[str, tuple[int, int]]]:
     for path in sorted(directory.rglob("*")):
         name = path.relative_to(directory).as_posix()
         parts = name.split("/")
-        if parts[0] in PRIVATE or path.suffix == ".partial":
+        if parts[0] in LOCAL_DIRS or path.suffix == ".partial":
             continue
         if any(part.startswith(".") for part in parts):
             continue

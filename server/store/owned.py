@@ -18,8 +18,8 @@ from sqlalchemy.exc import SQLAlchemyError
 from server.store.folds import Store, hash_of, rows_of
 from server.store.tables import FoldRow, MovieRow, PreviewRow
 
-MOST_PREVIEWS: Final = 50
-"""Previews in a list, at most."""
+MAX_LISTED_PREVIEWS: Final = 50
+"""Maximum number of previews in an owner's list; older ones are left out. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +136,7 @@ def previews_made(store: Store, token: str, *, keep_s: float) -> Sequence[Previe
         sa.select(PreviewRow)
         .where(PreviewRow.owner == hash_of(token), PreviewRow.seen_at > time.time() - keep_s)
         .order_by(PreviewRow.seen_at.desc(), PreviewRow.id)
-        .limit(MOST_PREVIEWS)
+        .limit(MAX_LISTED_PREVIEWS)
     )
     with store.reading() as session:
         return session.scalars(wanted).all()

@@ -25,7 +25,7 @@ class Cache(Generic[Thing]):
         self._things: LRUCache[Hashable, Thing] = LRUCache(most_bytes, size)
 
     def get(self, key: Hashable) -> Thing | None:
-        """What is kept under a key, or None."""
+        """Return the value stored under a key, or None."""
         with self._lock:
             return self._things.get(key)
 

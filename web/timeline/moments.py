@@ -17,7 +17,7 @@ from web.timeline.view import Snapshot, chain_errors
 
 
 class Moments(Protocol):
-    """What is asked of a motion to show it. A ``web.timeline.view.TimelineView`` has it all."""
+    """Motion that can be shown, such as a ``web.timeline.view.TimelineView``."""
 
     @property
     def id(self) -> str:

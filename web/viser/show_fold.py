@@ -16,8 +16,10 @@ from web.timeline.view import TimelineView
 from web.timeline.views import TimelineViews
 from web.viser.shown import Shown
 
-HOST: Final = "127.0.0.1"
-PORT: Final = 8080
+DEFAULT_HOST: Final = "127.0.0.1"
+DEFAULT_PORT: Final = 8080
+"""TCP port that ``show`` serves its view on; the next free one if it is taken. Chosen: viser's
+own."""
 LAST_STAGE: Final = "export"
 
 
@@ -70,14 +72,14 @@ class Live(Shown):
 
 
 class Show:
-    """What ``show`` is: ``show(plan)`` of what is there, ``show.live()`` of what is computed."""
+    """Type of ``show``: ``show(plan)`` shows a plan, ``show.live()`` a fold being computed."""
 
     def __call__(
         self,
         fold: Plan | Timeline | str | FilePath,
         *,
-        port: int = PORT,
-        host: str = HOST,
+        port: int = DEFAULT_PORT,
+        host: str = DEFAULT_HOST,
         open_browser: bool = False,
     ) -> Shown:
         """Shows a fold in a viser server of its own.
@@ -116,7 +118,9 @@ class Show:
             )
         return Shown(now, host=host, port=port, open_browser=open_browser)
 
-    def live(self, *, port: int = PORT, host: str = HOST, open_browser: bool = False) -> Live:
+    def live(
+        self, *, port: int = DEFAULT_PORT, host: str = DEFAULT_HOST, open_browser: bool = False
+    ) -> Live:
         """Shows a fold while it is computed: ``fold(shape, progress=show.live())``.
 
         Args:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
-from web.pictures.colours import SELECTED, error_colours, ramp_colours
+from web.pictures.colours import SELECTED_RGB, error_colours, ramp_colours
 from web.timeline.moments import Moments
 from web.timeline.view import Snapshot
 from web.viser.cameras import Cameras
@@ -32,19 +32,27 @@ from web.viser.scene_bundle import quiet
 if TYPE_CHECKING:
     import viser
 
-WHOLE_S: Final = 20.0
-"""Seconds that a motion takes at speed 1, about."""
-SLOWEST_FPS: Final = 12.0
-FASTEST_FPS: Final = 240.0
-DRAW_EVERY_S: Final = 1 / 30
-LOOK_EVERY_S: Final = 0.1
-"""Seconds between two looks for new frames."""
+DEFAULT_DURATION_S: Final = 20.0
+"""Approximate time in which a motion is played at speed 1, in s. Chosen."""
+MIN_PLAYED_FPS: Final = 12.0
+"""Minimum number of the fold's frames that pass per second at speed 1; shorter motions end sooner.
+Chosen."""
+MAX_PLAYED_FPS: Final = 240.0
+"""Maximum number of the fold's frames that pass per second at speed 1; longer motions take longer.
+Chosen."""
+DRAW_INTERVAL_S: Final = 1 / 30
+"""Time between two drawn pictures while a motion plays, in s. A smaller value is smoother and sends
+more to the browser. Chosen."""
+FRAME_POLL_S: Final = 0.1
+"""Time between two looks for new frames while nothing plays, in s. Chosen."""
 SPEEDS: Final = {"0.25×": 0.25, "0.5×": 0.5, "1×": 1.0, "2×": 2.0, "4×": 4.0}
-BY_ERROR: Final = "Joint error"
-ALONG: Final = "Along the chain"
-LAST_PORT: Final = 65_535
-GROUND_S: Final = 10.0
-"""Long enough for the ground to be where the chain wants it."""
+COLOUR_BY_ERROR: Final = "Joint error"
+COLOUR_ALONG_CHAIN: Final = "Along the chain"
+MAX_PORT: Final = 65_535
+"""Largest number of a TCP port."""
+GROUND_SETTLING_S: Final = 10.0
+"""Time, in s, for which the ground is moved at once after a jump, long enough to reach its place
+under the chain. Chosen."""
 
 
 class Shown:
@@ -116,7 +124,7 @@ class Shown:
         return f"<{type(self).__name__} at {self.url}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """Return the HTML of the view for a notebook."""
         address = html.escape(self.url, quote=True)
         return (
             f'<iframe src="{address}" title="A fold in viser" width="100%" height="480" '
@@ -165,7 +173,9 @@ class Shown:
         self._slider = gui.add_slider("Frame", min=0, max=1, step=1, initial_value=0)
         self._button = gui.add_button("Play")
         self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1×")
-        self._colours = gui.add_dropdown("Colours", (BY_ERROR, ALONG), initial_value=BY_ERROR)
+        self._colours = gui.add_dropdown(
+            "Colours", (COLOUR_BY_ERROR, COLOUR_ALONG_CHAIN), initial_value=COLOUR_BY_ERROR
+        )
         self._follow = gui.add_checkbox(
             "Follow", True, hint="Keep the chain in view for all viewers."
         )
@@ -200,7 +210,7 @@ class Shown:
         """Plays, and looks for new frames, until it is closed."""
         drawn = time.monotonic()
         while not self._closed:
-            self._wake.wait(DRAW_EVERY_S if self._playing else LOOK_EVERY_S)
+            self._wake.wait(DRAW_INTERVAL_S if self._playing else FRAME_POLL_S)
             self._wake.clear()
             now = time.monotonic()
             with self._lock:
@@ -235,7 +245,7 @@ class Shown:
     def _play_on(self, passed_s: float) -> None:
         if not self._playing:
             return
-        per_second = min(max(self._last / WHOLE_S, SLOWEST_FPS), FASTEST_FPS)
+        per_second = min(max(self._last / DEFAULT_DURATION_S, MIN_PLAYED_FPS), MAX_PLAYED_FPS)
         self._place += passed_s * per_second * SPEEDS.get(self._speed.value, 1.0)
         if (frame := min(int(self._place), self._last)) != self._frame:
             self._go(frame)
@@ -273,7 +283,7 @@ class Shown:
             return  # it is being replaced: what is shown stays until that is there
         with self.server.atomic():
             scene.show(snapshot, self._painted(snapshot, moments.error_scale_rad))
-            scene.move_ground(GROUND_S)
+            scene.move_ground(GROUND_SETTLING_S)
             self._slider.value = self._frame
             self._told = _told(snapshot, self._last, moments.error_scale_rad)
             self._write()
@@ -290,12 +300,12 @@ class Shown:
             self._text.content = text
 
     def _painted(self, snapshot: Snapshot, scale_rad: float) -> NDArray[np.uint8]:
-        if self._colours.value == ALONG:
+        if self._colours.value == COLOUR_ALONG_CHAIN:
             colours = ramp_colours(np.linspace(0.0, 1.0, len(snapshot.positions)))
         else:
             colours = error_colours(snapshot.module_error_rad, scale_rad)
         if self._selected is not None:
-            colours[self._selected] = SELECTED
+            colours[self._selected] = SELECTED_RGB
         return colours
 
 
@@ -340,7 +350,7 @@ def _server(host: str, port: int) -> viser.ViserServer:
         raise InputError(
             "no-such-address",
             f"got {host!r:.80} and port {port}, expected an address of this machine and a port of "
-            f"0 to {LAST_PORT}, as 127.0.0.1 and 8080 ({error}).",
+            f"0 to {MAX_PORT}, as 127.0.0.1 and 8080 ({error}).",
         ) from error
 
 
@@ -357,7 +367,7 @@ def _free(kind: socket.AddressFamily, address: str, port: int) -> int:
                 tried.bind((address, port))
                 return port
             except OSError as error:
-                if error.errno != errno.EADDRINUSE or not 0 < port < LAST_PORT:
+                if error.errno != errno.EADDRINUSE or not 0 < port < MAX_PORT:
                     raise
         port += 1
 
