@@ -110,7 +110,7 @@ ROUTERS: Final = (
 def create_app(
     settings: Settings | None = None, *, fork_server: ForkServer | None = None
 ) -> FastAPI:
-    """The application with the given settings, or those of the environment.
+    """Return the application with the given settings, or those of the environment.
 
     Args:
         settings: The settings.
@@ -195,7 +195,7 @@ def create_app(
 
 
 async def _warm_up(context: Context) -> None:
-    """Starts and loads what the first visitors would wait for."""
+    """Start and load what the first visitors would wait for."""
     # In a thread: starting a process takes a moment that the first answer need not wait for.
     if context.fork_server is not None:
         await asyncio.to_thread(context.fork_server.start)

@@ -47,7 +47,7 @@ class Unusable(ServiceError):
 
     @classmethod
     def of(cls, error: InputError) -> Self:
-        """Why the planner cannot use an input."""
+        """Return the error that the planner cannot use an input."""
         return cls(error.code, error.detail, where=error.where)
 
 

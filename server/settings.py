@@ -494,7 +494,7 @@ class Settings(BaseSettings):
 
 
 def unknown_names(names: Iterable[str]) -> dict[str, str | None]:
-    """Names that look like settings and are none, each with the nearest one that is."""
+    """Return names that resemble settings but are none, each with the most similar setting."""
     known = [name.upper() for name in Settings.model_fields]
     found: dict[str, str | None] = {}
     for name in sorted(names):

@@ -18,7 +18,7 @@ SCRIPT_IMPORT: Final = re.compile(
 
 
 def text_of(name: str) -> str:
-    """The text of a file, by its path below ``static``."""
+    """Return the text of a file, by its path below ``static``."""
     return (STATIC / name).read_text(encoding="utf-8")
 
 
@@ -31,7 +31,7 @@ COMMENT_LINES: Final = re.compile(
 
 
 def code_of(name: str) -> str:
-    """A script without its comments, a quarter of it, which no browser needs."""
+    """Return a script without its comments, a quarter of it, which no browser needs."""
     return COMMENT_LINES.sub("", text_of(name))
 
 
@@ -49,13 +49,13 @@ def scripts_version() -> str:
 
 
 def imported(name: str, address: str) -> str:
-    """The path of the script that ``name`` imports from a relative address."""
+    """Return the path of the script that ``name`` imports from a relative address."""
     return normpath(str(PurePosixPath(name).parent / address))
 
 
 @cache
 def scripts_of(entry: str, *, later: bool = True) -> tuple[str, ...]:
-    """The paths of all scripts that one needs, itself first, none twice.
+    """Return the paths of all scripts that one needs, itself first, none twice.
 
     Args:
         entry: The one.

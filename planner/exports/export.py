@@ -50,7 +50,7 @@ class Export:
 
 
 def require_frames(plan: Plan) -> None:
-    """Refuses a plan whose chain never moved.
+    """Refuse a plan whose chain never moved.
 
     Raises:
         InputError: ``no-frames``.
@@ -93,12 +93,12 @@ def rising(times: NDArray[np.generic]) -> NDArray[np.intp]:
 
 
 def write_json(plan: Plan) -> bytes:
-    """The plan as JSON text, in the format ``foldback-plan/3``."""
+    """Return the plan as JSON text, in the format ``foldback-plan/3``."""
     return plan.json_bytes()
 
 
 def write_npz(plan: Plan) -> bytes:
-    """The arrays that ``Plan.save_npz`` writes; needs no pickle to read."""
+    """Return the arrays that ``Plan.save_npz`` writes; needs no pickle to read."""
     import numpy as np
 
     file = BytesIO()

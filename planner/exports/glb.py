@@ -69,7 +69,7 @@ class Buffer:
     accessors: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
 
     def add(self, values: Single, *, target: int | None = None) -> list[int]:
-        """Adds (A, K, …) values in one view; A accessors of K elements each."""
+        """Add (A, K, …) values in one view; A accessors of K elements each."""
         view: dict[str, Any] = {
             "buffer": 0,
             "byteOffset": len(self.data),

@@ -47,7 +47,7 @@ class Key:
 
 
 def write(plan: Plan) -> bytes:
-    """The plan's chain as MJCF, with keys on the way besides ``straight`` and ``folded``."""
+    """Return the plan's chain as MJCF, with keys on the way besides ``straight`` and ``folded``."""
     text = mjcf(plan.chain, module_size=plan.certificate.module_size, keys=keys_of(plan))
     return text.encode()
 
@@ -72,7 +72,7 @@ def keys_of(plan: Plan) -> tuple[Key, ...]:
 
 
 def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
-    """The chain as MJCF text that plain MuJoCo loads.
+    """Return the chain as MJCF text that plain MuJoCo loads.
 
     Joints are named as in ``Chain.joint_names``, their values are the plan's angles. The free joint
     ``root`` is that of the root module. The site ``module_<i>`` sits at the centre of module i.
@@ -108,7 +108,7 @@ def named_bodies(text: str) -> str:
 
 
 def _ends(chain: Chain) -> tuple[Key, Key]:
-    """The keys ``straight`` and ``folded``."""
+    """Return the keys ``straight`` and ``folded``."""
     folded = chain.folded_poses
     upright = wxyz_from_matrix(folded.rotations[chain.root])
     straight = Key(

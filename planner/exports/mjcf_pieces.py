@@ -35,7 +35,7 @@ def starts_of(chain: Chain) -> list[int]:
 
 
 def pieces(chain: Chain, *, module_size: float) -> str:
-    """The model without its keys and without the end of its root element."""
+    """Return the model without its keys and without the end of its root element."""
     return "\n".join(_lines(chain, module_size)) + "\n"
 
 

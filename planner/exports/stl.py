@@ -16,7 +16,7 @@ STL_HEADER: Final = b"foldback: the outer solid of one module, in millimetres".l
 
 
 def write(plan: Plan) -> bytes:
-    """The module's hull at the size that the plan was verified for, as binary STL.
+    """Return the module's hull at the size that the plan was verified for, as binary STL.
 
     It is centred as the module's frame is. It has no joints: how a hinge is made is up to who
     builds it.
@@ -28,7 +28,7 @@ def write(plan: Plan) -> bytes:
 
 
 def hull_of(module: Module, size: float) -> Trimesh:
-    """The outside of a module, its triangles counter-clockwise seen from outside.
+    """Return the outside of a module, its triangles counter-clockwise seen from outside.
 
     Args:
         module: The kind of module.

@@ -15,7 +15,7 @@ ROOT_COLUMNS = ("root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_
 
 
 def write(plan: Plan) -> bytes:
-    """The frames as CSV text with one header line; the columns' names end in their units.
+    """Return the frames as CSV text with one header line; the columns' names end in their units.
 
     Columns: ``time_s``, ``phase``, the root module's centre in metres and its unit quaternion,
     every hinge angle as ``<joint>_rad``, ``max_error_rad`` (empty where there was no simulation).

@@ -148,7 +148,7 @@ def export(
     clear: tuple[float, float] | None = None,
     rate_hz: float | None = None,
 ) -> Iterator[bytes]:
-    """A trajectory in parts.
+    """Return a trajectory in parts.
 
     Args:
         trajectory: What to write.

@@ -71,7 +71,7 @@ def inward(module: Module) -> Side:
 
 
 def centre_of(chain: Chain, index: int) -> Array:
-    """(3,) where the link ``module_<index>`` has its module's centre, in metres."""
+    """Return (3,) the module's centre in the frame of link ``module_<index>``, in metres."""
     if index == chain.root:
         return np.zeros(3)
     module = chain.module

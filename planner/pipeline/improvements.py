@@ -65,7 +65,7 @@ class Improvements:
         return None
 
     def _ways(self, tried: Sequence[Attempt], first: Trial, best: Trial) -> Iterator[Trial]:
-        """All that may be tried, the most promising first."""
+        """Yield all possible improvements, the most promising first."""
         explosions = {attempt.trial for attempt in tried if attempt.trial.smooths is None}
         if len(explosions) < MAX_EXPLOSIONS:
             yield from self._explosions(first, best)
@@ -80,7 +80,7 @@ class Improvements:
                 yield replace(best, candidate=candidate)
 
     def _smoothings(self, tried: Sequence[Attempt]) -> Iterator[Trial]:
-        """The best plan of each strategy smoothed, and less of it where that was refused.
+        """Yield smoothings of each strategy's best plan, and weaker ones if those were refused.
 
         How much a plan gains by it depends on how it was let go, too: the second best may win.
         """
@@ -111,7 +111,7 @@ class Improvements:
 
 
 def best_of(tried: Sequence[Attempt], prefer: Preference) -> int | None:
-    """The verified attempt that serves a preference best, the earlier of equal ones; None of none.
+    """Return the best verified attempt for a preference, the earlier of equal ones, or None.
 
     Args:
         tried: All attempts of the fold, or some of them.
@@ -134,7 +134,7 @@ def score_of(attempt: Attempt, prefer: Preference) -> float:
 
 
 def expected_seconds_of(trial: Trial, modules: int) -> float:
-    """About how long a try takes with its playback and certificate: runs of 64 to 4096 modules.
+    """Return the expected seconds of an attempt, its playback and certificate; measured.
 
     Args:
         trial: The try.

@@ -31,7 +31,7 @@ Digests = dict[str, dict[str, str]]
 
 
 def digests_of(directory: FilePath, names: Sequence[str] = DESCRIBED) -> Digests:
-    """The digest of each field of each file that is there; of one that can't be read, of its bytes.
+    """Return digests of each file's fields; of an unreadable file, the digest of its bytes.
 
     Fields of JSON files are their keys, of ``.npz`` and zarr files their arrays; ``plan.…`` are the
     keys of the text in a plan's ``.npz`` file, ``attributes.…`` those of a zarr group.
@@ -62,7 +62,7 @@ def digests_of_texts(texts: dict[str, str]) -> dict[str, str]:
 
 
 def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
-    """Writes the manifest of a directory.
+    """Write the manifest of a directory.
 
     Args:
         directory: Of the fold.

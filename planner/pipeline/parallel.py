@@ -63,7 +63,7 @@ class Tries:
         self.close()
 
     def close(self) -> None:
-        """Ends all processes and drops what they made."""
+        """End all processes and discard their results."""
         for beside in self._beside.values():
             beside.end()
         self._beside = {}
@@ -74,11 +74,11 @@ class Tries:
             rmtree(self._exchange, ignore_errors=True)
 
     def rest(self) -> None:
-        """Ends what runs; what is made already is kept."""
+        """End running attempts; results of finished ones stay."""
         self._keep([])
 
     def come_to(self, choice: RetryPolicy, tried: Sequence[Attempt], here: Trial) -> None:
-        """Says what is to be made now. After a failure the next ones are begun at once."""
+        """Set the current attempt. After a failure the next ones are started at once."""
         before = tuple(tried)
         self._here, self._eager = here, bool(tried)
         self._ahead = lambda: choice.lookahead(before, here, self._known())
@@ -87,7 +87,7 @@ class Tries:
             self._begin()
 
     def watched(self, progress: Report) -> Report:
-        """A report that also has the next ones begun when the one at hand seems to be stuck."""
+        """Return a report that also starts the next attempts if the current one stalls."""
 
         def told(now: Progress) -> None:
             progress(now)
@@ -129,7 +129,7 @@ class Tries:
         return {trial: attempt for trial, attempt in found.items() if attempt is not None}
 
     def _keep(self, wanted: Sequence[Trial]) -> None:
-        """Ends what runs and is not wanted, or is one too many, the least likely first."""
+        """End running attempts that are not needed or exceed the limit, least likely first."""
         room = self._workers - (self._here not in self._beside)
         running = [trial for trial, beside in self._beside.items() if beside.running]
         kept = [trial for trial in (self._here, *wanted) if trial in running][:room]
@@ -138,7 +138,7 @@ class Tries:
                 self._beside.pop(trial).end()
 
     def _begin(self) -> None:
-        """Begins what may come next, as many as there is room for."""
+        """Start the likely next attempts, as many as there are processors for."""
         room = self._workers - (self._here not in self._beside)
         room -= sum(beside.running for beside in self._beside.values())
         if room <= 0 or self._exchange is None:
@@ -200,13 +200,13 @@ class _Beside:
         return None if self.attempt() is None else Record.load(self.place / RECORD)
 
     def stop(self) -> None:
-        """Has it write down what it has, and waits for that."""
+        """Stop the process, and wait until it has written its result."""
         self._hang_up()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(2.0 * ATTEMPT_STOP_GRACE_S)
 
     def end(self) -> None:
-        """Ends it at once and drops what it made."""
+        """Kill the process and discard its result."""
         self._process.kill()
         self._process.wait()
         self._hang_up()
@@ -222,6 +222,6 @@ def _read(path: FilePath) -> dict[str, Any] | None:
 
 
 def write_made(place: FilePath, record: Record, attempt: Attempt) -> None:
-    """Writes what a try came to; the attempt last, so that all is there when it is."""
+    """Write the result of an attempt; its description last, which marks it as complete."""
     record.save(place / RECORD)
     write_json(place / "attempt.json", attempt.as_dict())

@@ -25,7 +25,7 @@ from planner.progress import Progress
 
 
 def main() -> None:
-    """Makes the try that its argument says."""
+    """Run the attempt in its argument."""
     unwanted = threading.Event()
     threading.Thread(target=_listen, args=(unwanted,), daemon=True).start()
     place = FilePath.cwd()

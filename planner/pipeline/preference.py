@@ -35,7 +35,7 @@ class PlanFigures:
 
     @classmethod
     def of(cls, certificate: CertificateFigures, *, before_s: float = 0.0) -> PlanFigures:
-        """Those of a plan.
+        """Return the figures of a plan.
 
         Args:
             certificate: Of the plan, as plain values.
@@ -73,7 +73,7 @@ class PlanFigures:
 
 
 def preference_named(name: str) -> Preference:
-    """The preference of that name.
+    """Return the preference of that name.
 
     Raises:
         InputError: ``unknown-prefer``.

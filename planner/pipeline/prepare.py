@@ -128,7 +128,7 @@ class Preparation:
         )
 
     def report(self, *, full: bool = True) -> dict[str, Any]:
-        """Everything a page shows of it, as plain JSON values; its mesh only when ``full``."""
+        """Return all that a page shows of it, as plain JSON values; its mesh only if ``full``."""
         voxels = self.voxels
         cells = self.cells
         return {
@@ -193,7 +193,7 @@ class Preparation:
         }
 
     def _mesh(self) -> dict[str, Any] | None:
-        """The solid in the folded chain's space."""
+        """Return the solid in the folded chain's space."""
         solid, voxels = self.solid, self.voxels
         if solid is None or voxels is None or self.filled is None:
             return None
@@ -216,7 +216,7 @@ def prepare(
     time_limit_s: float = PATH_SEARCH_LIMIT_S,
     searching: bool = True,
 ) -> Preparation:
-    """Reads a file and finds the chains that may fold into what is in it.
+    """Read a file and find the chains that may fold into what is in it.
 
     Args:
         data: The whole file.
@@ -281,7 +281,7 @@ def prepare_in_any_order(
 
 
 def check_for_table(chain: Chain) -> None:
-    """Refuses a chain that cannot fold on a table.
+    """Refuse a chain that cannot fold on a table.
 
     Raises:
         InputError: ``unsuited-world`` for other modules than cubes, ``not-for-a-table`` for its

@@ -88,7 +88,7 @@ class Request:
 
     @classmethod
     def of(cls, **given: Any) -> Request:
-        """A request of what somebody typed: its numbers and its cell may still be texts.
+        """Return a request of typed values: numbers and the cell may still be texts.
 
         Raises:
             InputError: When one of them cannot be read.
@@ -108,7 +108,7 @@ class Request:
         return cls(**read)
 
     def check(self) -> None:
-        """Refuses what cannot be asked for, in the same words wherever it was asked.
+        """Refuse an invalid request, with the same message for every interface.
 
         Raises:
             InputError: Naming the parameter in ``where``.
@@ -138,7 +138,7 @@ class Request:
             raise _placed(error) from None
 
     def _check_table(self) -> None:
-        """Refuses what cannot be had on a table.
+        """Refuse options that are not possible on a table.
 
         Raises:
             InputError: ``unsuited-world``.
@@ -218,7 +218,7 @@ class Request:
         )
 
     def parameters(self, *, smoothed: bool = False) -> Parameters:
-        """The parameters it asks for.
+        """Return the parameters of the request.
 
         Args:
             smoothed: Whether they are for a plan that is smoothed, though others are not.
@@ -251,13 +251,13 @@ class Request:
 
 
 def _placed(error: InputError) -> InputError:
-    """The same refusal, saying which parameter it is about: codes end in its name."""
+    """Return the refusal with the parameter that it is about: codes end in its name."""
     where = error.code.partition("-")[2].replace("-", "_")
     return InputError(error.code, error.detail, where=where)
 
 
 def _bad(name: str, got: str) -> InputError:
-    """The refusal of a number."""
+    """Return the refusal of a number."""
     low, high = MODULE_SIZE_RANGE
     detail = {
         "seed": f"got the seed {got}, expected a whole number from 0 to {MAX_SEED}.",

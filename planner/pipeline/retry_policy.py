@@ -176,7 +176,7 @@ class RetryPolicy:
 
 
 def _failed(trial: Trial, reason: Reason) -> Attempt:
-    """An attempt that fails for a reason."""
+    """Return an attempt that fails for a reason."""
     if reason == "refused":
         return Attempt(trial=trial, status="straight")
     return Attempt(trial=trial, status="stalled", diagnosis=Diagnosis(kind=reason, modules=()))

@@ -188,7 +188,7 @@ def play_back(
 
 
 def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: Watch) -> Playback:
-    """Folds the chain on the table, with motors that give a little more than standing asks."""
+    """Fold the chain on the table, with motors slightly stronger than standing needs."""
     assert isinstance(record.frames, Windows)
     assert record.table is not None
     # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.

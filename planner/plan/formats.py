@@ -17,7 +17,7 @@ ROWS_PER_LINE = 8
 
 
 def write_path(path: Path, *, title: str | None = None) -> bytes:
-    """A path as ``foldback-path/1``.
+    """Return a path as ``foldback-path/1``.
 
     Args:
         path: What to write.
@@ -33,7 +33,7 @@ def write_path(path: Path, *, title: str | None = None) -> bytes:
 def write_chain(
     chain: Chain, *, title: str | None = None, tags: Sequence[str] | None = None
 ) -> bytes:
-    """The folded configuration of a chain as ``foldback-chain/1``.
+    """Return the folded configuration of a chain as ``foldback-chain/1``.
 
     Args:
         chain: What to write.
@@ -61,7 +61,7 @@ def write_chain(
 
 
 def write_shape(shape: Shape) -> bytes:
-    """A shape as ``foldback-voxels/1``."""
+    """Return a shape as ``foldback-voxels/1``."""
     head: dict[str, object] = {
         "format": VOXELS_FORMAT,
         "name": shape.name,

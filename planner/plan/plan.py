@@ -101,7 +101,7 @@ class Plan:
         attempts: tuple[dict[str, Any], ...] = (),
         start: Chain | None = None,
     ) -> Plan:
-        """A plan from the results of the stages."""
+        """Return a plan from the results of the stages."""
         motion: Motion = Frames.none(len(chain.folded_rad))
         errors = np.zeros(0)
         if playback is not None:
@@ -164,11 +164,11 @@ class Plan:
         return self.whole().root_wxyz
 
     def part(self, start: int, stop: int) -> Frames:
-        """Some of its frames with all their angles."""
+        """Return some frames with all their angles."""
         return self.motion.dense(self.chain, start, stop)
 
     def whole(self) -> Frames:
-        """All of its frames with all their angles.
+        """Return all frames with all their angles.
 
         Raises:
             InputError: ``plan-too-long`` when they are too many.
@@ -186,7 +186,7 @@ class Plan:
         return self.motion.dense(self.chain)
 
     def unfolding(self) -> Unfolding:
-        """The way back; of a plan that is a refold itself, that of its second half.
+        """Return the unfolding motion; of a refold, that of its second half.
 
         Raises:
             InputError: ``refold-not-folded`` when it does not lead from straight to folded.
@@ -305,7 +305,7 @@ class Plan:
         return columns, planes
 
     def save_json(self, path: FilePath) -> dict[str, str]:
-        """Writes the JSON form; the file is either whole or not there.
+        """Write the JSON form; the file is either whole or not there.
 
         Returns:
             The text of each of its values, by key.
@@ -315,7 +315,7 @@ class Plan:
         return texts
 
     def json_bytes(self) -> bytes:
-        """The JSON form as text."""
+        """Return the JSON form as text."""
         return _json_of(self._json_texts())
 
     def _json_texts(self) -> dict[str, str]:
@@ -345,7 +345,7 @@ class Plan:
 
     @classmethod
     def load(cls, path: FilePath) -> Plan:
-        """Reads a plan from its JSON or ``.npz`` form.
+        """Read a plan from its JSON or ``.npz`` form.
 
         Raises:
             InputError: ``not-a-plan``, ``wrong-format``.
@@ -354,7 +354,7 @@ class Plan:
 
     @classmethod
     def of_values(cls, values: dict[str, Any], name: str) -> Plan:
-        """The plan that a file holds.
+        """Return the plan that a file holds.
 
         Args:
             values: From ``read_values``.
@@ -517,7 +517,7 @@ def _versions() -> dict[str, str]:
 
 
 def _json_of(texts: dict[str, str]) -> bytes:
-    """The object whose values have these texts."""
+    """Return the object whose values have these texts."""
     return f"{{{','.join(f'{json.dumps(key)}:{text}' for key, text in texts.items())}}}".encode()
 
 

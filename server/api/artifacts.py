@@ -207,7 +207,7 @@ for _name in PLAN_MEDIA_TYPES:
 
 
 def _finished(context: Context, fold_id: str) -> FoldRow:
-    """The row of a fold that has a plan."""
+    """Return the row of a fold that has a plan."""
     row = context.store.fold(fold_id)
     context.store.looked(row)
     if not row.over or not (context.store.directory(fold_id) / "plan.npz").is_file():
@@ -221,7 +221,7 @@ def _download(row: FoldRow, name: str) -> str:
 
 
 def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
-    """The problem that a fold has not made something, or not yet."""
+    """Return the problem that a fold does not have a file, or not yet."""
     if row.over:
         reason = f" ({row.error['detail']})" if row.error else ""
         return NotFound("no-such-artifact", f"This fold finished without its {what}{reason}.")
@@ -233,7 +233,7 @@ def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
 
 
 def _short(values: NDArray[Any]) -> Any:
-    """Values as JSON numbers, to a precision that nobody can see or measure."""
+    """Return values as JSON numbers, rounded beyond any visible or measurable precision."""
     return values.round(9).tolist()
 
 

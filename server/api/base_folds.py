@@ -49,13 +49,13 @@ class BaseFold:
     digest: str
 
     def copy(self, directory: Path) -> None:
-        """Copies its files into another fold's directory, so that the fold may be deleted."""
+        """Copy its files into another fold's directory, so that the fold may be deleted."""
         for name, path in self.files.items():
             shutil.copyfile(path, directory / name)
 
 
 def beginning_of(context: Context, fold_id: str, use: Use) -> BaseFold:
-    """A finished fold, as what another one is made of.
+    """Return a finished fold as the base of another one.
 
     Raises:
         NoSuchFoldError: When there is no such fold.

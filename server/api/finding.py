@@ -64,5 +64,5 @@ def find_now(request: Request, fold_id: str) -> Found | None:
 
 
 async def find_fold(request: Request, fold_id: str) -> Found | None:
-    """The fold of that id, or None."""
+    """Return the fold of that id, or None."""
     return await asyncio.to_thread(find_now, request, fold_id)

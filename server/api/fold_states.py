@@ -38,7 +38,7 @@ class FoldStates:
         self._ending = asyncio.Event()
 
     def end(self) -> None:
-        """Lets all who follow go, so that the service can end; browsers come back by themselves."""
+        """End all event streams, so that the service can stop; browsers reconnect by themselves."""
         self._ending.set()
 
     def close(self) -> None:
@@ -46,7 +46,7 @@ class FoldStates:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     async def state(self, fold_id: str) -> dict[str, Any]:
-        """The fold's progress, at most ``STATE_CACHE_S`` old.
+        """Return the fold's progress, at most ``STATE_CACHE_S`` old.
 
         Raises:
             NoSuchFoldError: When there is no such fold.

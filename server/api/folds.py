@@ -321,7 +321,7 @@ def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
 
 
 async def follower(request: Request, fold_id: str, context: Here) -> AsyncIterator[None]:
-    """A place among those who follow a fold, for as long as the answer lasts."""
+    """Hold a place among a fold's event streams for as long as the answer lasts."""
     await context.fold_states.state(fold_id)
     with context.streams.enter(address_of(request)):
         yield
@@ -422,7 +422,7 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
 
 
 def checked(asked: Asked, options: ShapeOptions) -> None:
-    """Refuses what cannot be asked for, in the planner's words.
+    """Refuse an invalid request with the planner's error.
 
     Raises:
         Unusable: When it is so.
@@ -486,7 +486,7 @@ def input_of(
 def _previewed(
     context: Context, preview: str | None, options: ShapeOptions
 ) -> list[list[int]] | None:
-    """The cells that a preview has found, so that the fold's page can draw them at once."""
+    """Return the cells that a preview has found, so that the fold's page can draw them at once."""
     return None if preview is None else context.previews.cells(preview, options)
 
 
@@ -497,14 +497,14 @@ def clean_filename(name: str | None) -> str | None:
 
 
 def token_of(credentials: HTTPAuthorizationCredentials | None) -> str | None:
-    """The token, if there is one; a short one is none, for it could be guessed."""
+    """Return the token, or None; a short one could be guessed and counts as none."""
     if credentials is None or not 24 <= len(credentials.credentials) <= 200:
         return None
     return credentials.credentials
 
 
 def needed(credentials: HTTPAuthorizationCredentials | None) -> str:
-    """The token.
+    """Return the token.
 
     Raises:
         Unidentified: When there is none.

@@ -50,7 +50,7 @@ async def view(request: Request) -> Response:
 
 @cache
 def view_page() -> Asset:
-    """Viser's client, as browsers are sent it."""
+    """Return viser's client."""
     return Asset.of(client().html, "text/html")
 
 
@@ -167,7 +167,7 @@ def _kept(request: Request, data: bytes) -> Response:
 
 
 def _nothing() -> Response:
-    """There is nothing to see yet."""
+    """Return the answer while there are no frames yet."""
     return Response(status_code=204, headers={"Cache-Control": "no-store"})
 
 

@@ -49,7 +49,7 @@ class MoviesMade(BaseModel):
 
 
 async def holder(request: Request, response: Response, context: Here, credentials: Bearer) -> str:
-    """The token of who asks, which is all that says who that is; nobody keeps the answer."""
+    """Return the owner token of the request; the answer must not be cached."""
     response.headers["Cache-Control"] = "no-store"
     token = needed(credentials)
     context.take_list(request)

@@ -271,7 +271,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
 def _wanted(
     context: Context, fold_id: str, max_speed: float, max_acceleration: float
 ) -> tuple[FoldRow, Wanted]:
-    """The row of a finished fold, and which trajectory of its plan is wanted."""
+    """Return the row of a finished fold, and which trajectory of its plan is wanted."""
     row = context.store.fold(fold_id)
     path = context.store.directory(fold_id) / "plan.npz"
     try:
@@ -333,7 +333,7 @@ class _Hand:
         )
 
     async def play(self) -> None:
-        """Until the end, a stop, or the robot's leaving."""
+        """Play until the end, a stop, or the robot's disconnection."""
         from planner.exports.trajectory import largest_chord_error
 
         ask, trajectory = self._ask, self._trajectory
@@ -369,7 +369,7 @@ class _Hand:
             return
 
     async def _speak(self) -> None:
-        """Sends a target at every tick, once the robot is where the motion begins.
+        """Send a target at every tick, once the robot is where the motion begins.
 
         One that is late is left out, not sent afterwards.
         """
@@ -424,7 +424,7 @@ class _Hand:
         )
 
     async def _listen(self) -> None:
-        """Does what the robot says."""
+        """Process the robot's messages."""
         joints = len(self._trajectory.joint_names)
         window, count = 0, 0
         while True:
@@ -461,7 +461,7 @@ class _Hand:
         return message.get("text") or message.get("bytes") or b""
 
     def _error_of(self, report: Report) -> float:
-        """The largest joint error that a report tells of."""
+        """Return the largest joint error in a report."""
         import numpy as np
 
         measured = report.joint_angles_rad
@@ -504,14 +504,14 @@ _ECHOED_SETTINGS: Final = (
 
 
 async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> None:
-    """Says what is wrong, and closes."""
+    """Send the error, and close."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.send_text(ENCODER.encode(Wrong(code=word, detail=detail)).decode())
     await _close(websocket, code, word)
 
 
 async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
-    """Closes a socket that may be closed already; what still comes in must not hold that up."""
+    """Close a socket that may be closed already, without waiting for incoming messages."""
 
     async def drain() -> None:
         while (await websocket.receive())["type"] != "websocket.disconnect":

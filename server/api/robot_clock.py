@@ -57,12 +57,12 @@ class RobotClock:
         self._last = now
 
     def report(self, error_rad: float, now: float) -> None:
-        """Notes the robot's largest joint error."""
+        """Note the robot's largest joint error."""
         self.error_rad = error_rad
         self.heard = now
 
     def waiting(self, now: float) -> Reason | None:
-        """Why the clock stands or slows down; None when it runs."""
+        """Return the reason why the clock stands or slows down; None while it runs."""
         if self.paused:
             return "pause"
         if self.error_rad is None:
@@ -76,7 +76,7 @@ class RobotClock:
         return None
 
     def advance(self, now: float) -> None:
-        """Lets time pass up to ``now``."""
+        """Let time pass up to ``now``."""
         step = min(max(0.0, now - self._last), MAX_CLOCK_STEP_S)
         self._last = now
         wanted = self._speed if self.waiting(now) is None else 0.0

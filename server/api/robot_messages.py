@@ -133,7 +133,7 @@ ENCODER: Final = msgspec.json.Encoder()
 
 
 def schema() -> dict[str, Any]:
-    """JSON Schema of the question and of the messages of both directions."""
+    """Return JSON Schema of the question and of the messages of both directions."""
     kinds = (Ask, Incoming, Outgoing)
     (ask, incoming, outgoing), found = msgspec.json.schema_components(
         kinds, ref_template="#/$defs/{name}"

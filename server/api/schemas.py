@@ -112,7 +112,7 @@ class ExportList(BaseModel):
 
 
 def export_href(fold_id: str, export: Export) -> str:
-    """The address of an export."""
+    """Return the address of an export."""
     return f"/api/folds/{fold_id}/exports/{export.name}"
 
 
@@ -564,7 +564,7 @@ def moment(seconds: None) -> None: ...
 @overload
 def moment(seconds: float | None) -> datetime | None: ...
 def moment(seconds: float | None) -> datetime | None:
-    """A time of the clock with its time zone; None when there is none."""
+    """Return a time of the clock with its time zone; None when there is none."""
     return None if seconds is None else datetime.fromtimestamp(seconds, UTC)
 
 
@@ -574,7 +574,7 @@ def _message(row: FoldRow, reported: str) -> str:
 
 
 def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
-    """The progress of a fold, as its events tell it."""
+    """Return the progress of a fold, as its events tell it."""
     # What the stage before has said is not of the one that begins.
     told = row.progress if row.progress.get("stage") in (None, row.stage) else {}
     outlook = remaining.of(row)

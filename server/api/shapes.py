@@ -158,7 +158,7 @@ def bounded(options: ShapeOptions, max_modules: int) -> ShapeOptions:
 def preview_row(
     preview_id: str, token: str, options: ShapeOptions, report: dict[str, Any]
 ) -> PreviewRow:
-    """A preview as its owner looks at it now."""
+    """Return a preview's row for its list, as its owner accesses it now."""
     now = time.time()
     asked = {**options.changed(), **({"seed": options.seed} if options.seed else {})}
     if options.start is not None:
@@ -179,7 +179,7 @@ def preview_row(
 
 @asynccontextmanager
 async def leaving(request: Request) -> AsyncGenerator[Callable[[], bool]]:
-    """Tells whether the one who asked has gone away meanwhile."""
+    """Yield a function that returns True once the client has disconnected."""
     gone = threading.Event()
 
     async def watch() -> None:

@@ -91,7 +91,7 @@ class Submission:
         return self.key_of(hash_of(self.token))
 
     def key_of(self, owner: str | None) -> str:
-        """The content key that it has, or would have if it was another's."""
+        """Return its content key, also if it belongs to a visitor."""
         parameters = {
             "format": "foldback-fold/1",
             "version": version("foldback"),
@@ -247,7 +247,7 @@ def _title(context: Context, shape: str | None) -> str | None:
 
 
 def _known(context: Context, submission: Submission) -> Receipt | None:
-    """The fold that is there already: one's own, one of the gallery, or the very one of a link."""
+    """Return the existing fold: the visitor's own, one of the gallery, or that of a link."""
     key, again = submission.content_key, submission.again
     if again is not None and again.content_key == (theirs := submission.key_of(again.owner)):
         key = theirs

@@ -194,7 +194,7 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
 
 
 def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
-    """Does it to each; what is refused does not keep the others from it."""
+    """Apply a task to each fold; a refusal does not stop the others."""
     from server.cli.admin_tasks import AdminError
     from server.store.folds import NoSuchFoldError
 

@@ -53,13 +53,13 @@ class LazyCommands(TyperGroup):
     def resolve_command(
         self, ctx: Context, args: list[str]
     ) -> tuple[str | None, Command | None, list[str]]:
-        """The command that is called, imported, with what its arguments are."""
+        """Return the command that is called, imported, with what its arguments are."""
         name, command, rest = super().resolve_command(ctx, args)
         return name, command if name is None else _imported(name), rest
 
 
 def application() -> typer.Typer:
-    """The command line."""
+    """Return the command line."""
     app = typer.Typer(cls=LazyCommands, no_args_is_help=True, pretty_exceptions_show_locals=False)
 
     @app.callback()
@@ -82,7 +82,7 @@ def _not_imported() -> None:
 
 
 def _imported(name: str) -> Command:
-    """The command of this name, from the module of this name."""
+    """Return the command of this name, from the module of this name."""
     found: typer.Typer | Callable[..., None] = getattr(import_module(f"server.cli.{name}"), name)
     if isinstance(found, typer.Typer):
         return get_command(found)
@@ -119,7 +119,7 @@ def main() -> None:
 
 
 def _leave(code: int) -> None:
-    """Ends the process, if nothing else runs in it.
+    """Exit the process, unless something else runs in it.
 
     Python would first take apart all that was imported, module by module, which takes 0.2 s.
     """

@@ -127,7 +127,7 @@ def finish(
     as_json: bool,
     more: Callable[[dict[str, Any]], None] | None = None,
 ) -> NoReturn:
-    """Prints a plan's figures, for people with ``more`` of them, and exits 0 verified, 3 not."""
+    """Print a plan's figures, with ``more`` for people; exit with 0 if verified, else 3."""
     if as_json:
         print(json.dumps(summary), flush=True)
     else:
@@ -138,7 +138,7 @@ def finish(
 
 
 def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
-    """Runs the stages after reading, with a bar for each; the plan's figures.
+    """Run the stages after reading, with a bar for each; the plan's figures.
 
     Args:
         out: The fold's directory.
@@ -178,7 +178,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
 
 
 def show_choice(choice: Choice | None) -> None:
-    """Prints what was tried when a plan was chosen among several, for people."""
+    """Print the plans that were tried for a preference."""
     if choice is None:
         return
     console = Console(highlight=False)
@@ -201,7 +201,7 @@ def _steps(progress: StageProgress) -> str:
 
 
 def show(summary: dict[str, Any], out: Path) -> None:
-    """Prints a plan's figures for people."""
+    """Print a plan's figures for people."""
     certificate, playback = summary["certificate"], summary["playback"]
     strategy = summary["explosion"].get("strategy")
     console = Console(highlight=False)

@@ -24,7 +24,7 @@ MAX_INPUT_BYTES = 64 * 2**20
 
 
 def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:
-    """The bytes and name of a file, of the example of that name, or of typed angles.
+    """Return the bytes and name of a file, of the example of that name, or of typed angles.
 
     Raises:
         InputError: When there is neither or both, or the file is too large.
@@ -56,7 +56,7 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
 
 
 def read_plan(directory: Path) -> Plan:
-    """The plan in a fold's directory.
+    """Return the plan in a fold's directory.
 
     Raises:
         InputError: Where there is none, or it cannot be read.
@@ -74,7 +74,7 @@ def read_plan(directory: Path) -> Plan:
 
 
 def make_directory(out: Path) -> None:
-    """Makes a directory for results.
+    """Make a directory for results.
 
     Raises:
         InputError: When that cannot be done.
@@ -88,7 +88,7 @@ def make_directory(out: Path) -> None:
 
 
 def refuse(error: InputError, as_json: bool) -> NoReturn:
-    """Says what is wrong with the input and exits with 2."""
+    """Print the error of the input and exit with 2."""
     error = InputError(
         error.code, error.detail.replace(READ_AS_VOXELS, TYPED_REMEDY), where=error.where
     )

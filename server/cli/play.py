@@ -45,7 +45,7 @@ class FolderStore:
         self._directory = directory
 
     def find(self, fold_id: str) -> Found | None:
-        """The one fold, under its one id."""
+        """Return the only fold, by its id."""
         return Found(self.fold(fold_id), self._directory) if fold_id == PLAYED_FOLD_ID else None
 
     def fold(self, fold_id: str) -> ShownFold:
@@ -73,7 +73,7 @@ class FolderContext:
 
 
 def row_of(directory: Path) -> ShownFold:
-    """The row of a fold's directory.
+    """Return the row of a fold's directory.
 
     Raises:
         TimelineError: When there is no timeline in it.
@@ -117,7 +117,7 @@ def row_of(directory: Path) -> ShownFold:
 
 
 def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
-    """An application with the viewer of one directory."""
+    """Return an application with the viewer of one directory."""
     store = FolderStore(directory)
 
     @contextlib.asynccontextmanager

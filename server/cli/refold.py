@@ -101,7 +101,7 @@ def refold(
 
 
 def _plan(name: str) -> Plan | None:
-    """The plan in a directory; None when this is none."""
+    """Return the plan in a directory; None when this is none."""
     return Plan.load(Path(name) / "plan.npz") if Path(name).is_dir() else None
 
 

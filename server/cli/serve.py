@@ -157,7 +157,7 @@ def server_of(
 
 
 def _allow_files(count: int) -> None:
-    """Lets the process have as many files and connections open, as far as it may."""
+    """Raise the limit of open files and connections as far as permitted."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     most = count if hard == resource.RLIM_INFINITY else min(count, hard)
     if soft != resource.RLIM_INFINITY and soft < most:

@@ -127,7 +127,7 @@ def offer_words(offer: Offer) -> str:
 
 
 def path_file(prepared: Preparation) -> bytes:
-    """The best path as foldback-path/1, or the chain of other modules as foldback-chain/1."""
+    """Return the best path as foldback-path/1; of other modules the chain as foldback-chain/1."""
     if not prepared.chain.module.fills_cell:
         return write_chain(prepared.chain)
     return write_path(
@@ -136,7 +136,7 @@ def path_file(prepared: Preparation) -> bytes:
 
 
 def no_path(prepared: Preparation) -> str:
-    """Why there is no path, in words."""
+    """Return the reason why there is no path, in words."""
     try:
         prepared.chain  # noqa: B018
     except InputError as error:
@@ -145,7 +145,7 @@ def no_path(prepared: Preparation) -> str:
 
 
 def show(report: dict[str, Any], out: Path) -> None:
-    """Prints what became of the input."""
+    """Print the result of reading the input."""
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_row("Input", report["kind"])
     table.add_row("Modules", str(report["modules"]))

@@ -83,7 +83,7 @@ def directory(settings: Settings) -> Finding:
 
 
 def _nearest(path: Path) -> Path:
-    """The directory itself, or the nearest above it that is there."""
+    """Return the directory, or its nearest existing parent."""
     while not path.exists() and path != path.parent:
         path = path.parent
     return path
@@ -203,13 +203,13 @@ def _check_storage(settings: Settings) -> None:
 
 
 def _not_there(url: str) -> str | None:
-    """The file of a SQLite database that is not there yet, or None."""
+    """Return the path of a SQLite database that does not exist yet, or None."""
     path = sa.make_url(url).database if url.startswith("sqlite") else None
     return path if path and not Path(path).exists() else None
 
 
 def _readonly(url: str) -> sa.Engine:
-    """An engine that changes nothing: a check must not make a database, nor repair one."""
+    """Return a read-only engine: a check must neither create nor repair a database."""
     made = sa.make_url(url)
     if made.get_backend_name() == "sqlite":
         return read_only_engine(url)
@@ -229,7 +229,7 @@ def _ahead_s(connection: sa.Connection, schema: Schema) -> float:
 
 
 def _shown(url: str) -> str:
-    """The address without its password."""
+    """Return the address without its password."""
     return sa.make_url(url).render_as_string(hide_password=True)
 
 

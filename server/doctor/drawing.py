@@ -90,7 +90,7 @@ def kernels(settings: Settings) -> Finding:
 def run_python(
     code: str, *arguments: str, environment: dict[str, str] | None = None
 ) -> tuple[int, str]:
-    """Runs Python; its exit code and the last thing it said."""
+    """Run Python; return its exit code and its last line."""
     try:
         done = subprocess.run(
             [sys.executable, "-P", "-c", code, *arguments],

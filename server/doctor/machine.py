@@ -39,7 +39,7 @@ PROBE_TIMEOUT_S: Final = 5.0
 
 
 def python(settings: Settings) -> Finding:
-    """The interpreter, and the packages that foldback needs."""
+    """Check the interpreter and the packages that foldback needs."""
     del settings
     name = "python"
     wrong: list[str] = []

@@ -27,7 +27,7 @@ class Folds(Protocol):
     """Store that derived files are computed from."""
 
     def fold(self, fold_id: str, /) -> object:
-        """The row of a fold."""
+        """Return the row of a fold."""
         ...
 
     def directory(self, fold_id: str, /) -> Path:
@@ -66,7 +66,7 @@ class Artifacts:
         )
 
     def close(self) -> None:
-        """Begins nothing any more."""
+        """Start no further computation."""
         self._flight.close()
 
     async def get_or_make(

@@ -70,7 +70,7 @@ def count_apart(store: Store) -> None:
 
 
 def drop_derived(store: Store, lacking: int) -> int:
-    """Makes room, beginning with folds that nobody has looked at for longest.
+    """Remove derived files of the least recently used folds until there is room.
 
     Args:
         store: Rows and files.

@@ -78,7 +78,7 @@ def _written(path: Path, export: Export) -> bytes:
 
 
 def _unpacked(path: Path) -> int:
-    """Bytes of a plan's arrays; 0 when it cannot be read, which ``Plan.load`` says better."""
+    """Return the size of a plan's arrays; 0 if unreadable, which ``Plan.load`` reports better."""
     try:
         return unpacked_bytes(path)
     except (OSError, BadZipFile):

@@ -44,7 +44,7 @@ class PreviewScenes:
         )
 
     def close(self) -> None:
-        """Begins nothing any more."""
+        """Start no further computation."""
         self._flight.close()
 
     async def scene(

@@ -100,7 +100,7 @@ class ShapeOptions:
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
     def changed(self) -> dict[str, Any]:
-        """Those that are not as they would be anyway, without the seed."""
+        """Return the options that differ from their defaults, without the seed."""
         plain = asdict(ShapeOptions())
         return {k: v for k, v in asdict(self).items() if k != "seed" and v != plain[k]}
 
@@ -138,7 +138,7 @@ class Previews:
         visitors."""
 
     def add(self, upload: Upload, visitor: str) -> str:
-        """Moves an upload of a visitor here; its id, which nobody can guess.
+        """Move a visitor's upload here; return its id, which cannot be guessed.
 
         Raises:
             NoRoom: When the disk has no room for it.
@@ -337,7 +337,7 @@ class Previews:
         self._sweep_soon()
 
     def cells(self, preview_id: str, options: ShapeOptions) -> list[list[int]] | None:
-        """The cells of cubes that came of an upload with these options, if that has been computed.
+        """Return the cube cells of an upload with these options, if they have been computed.
 
         Raises:
             NoSuchPreviewError: When there is no such upload.
@@ -421,7 +421,7 @@ def _option_sets(directory: Path, *, of_strangers: bool) -> int:
 
 
 def read_report(place: Path) -> dict[str, Any] | None:
-    """The report in a directory of options, if it is there."""
+    """Return the report in a directory of options, if it exists."""
     return _json_at(place / "report.json")
 
 

@@ -58,7 +58,7 @@ def superfluous(
     *,
     now: float,
 ) -> list[str]:
-    """Names of the previews that go: old ones, and the oldest of whoever holds too much.
+    """Return the previews to remove: expired ones, and the oldest of visitors with too many.
 
     Where all together are too many, the one who holds most loses his own first.
 
@@ -111,7 +111,7 @@ def noted(about: bytes | None) -> dict[str, Any]:
 
 
 def visitor_noted(about: bytes | None) -> str:
-    """Whose upload it is, as ``upload.json`` has it; nobody's of one that is older."""
+    """Return the visitor of an upload in ``upload.json``; None of older uploads."""
     return str(noted(about).get("visitor", ""))
 
 
@@ -132,7 +132,7 @@ class StoredPreviews:
         """Whose those in the storage are, as far as it was asked for."""
 
     def keep(self, preview_id: str, directory: Path) -> None:
-        """Keeps an upload; its directory is gone when that fails.
+        """Store an upload; remove its directory if that fails.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -145,7 +145,7 @@ class StoredPreviews:
                 raise
 
     def keep_report(self, place: Path) -> None:
-        """Keeps what came of an upload's options; others compute it anew if that fails."""
+        """Store the report of an upload's options; if that fails, others compute it again."""
         if self._storage is not None:
             try:
                 self._keep(f"{PREVIEWS_KEY}/{place.parent.name}/{place.name}", place)
@@ -153,7 +153,7 @@ class StoredPreviews:
                 log.warning("a preview's report could not be stored: %s", error)
 
     def fetch(self, preview_id: str, directory: Path) -> bool:
-        """Brings an upload and its reports here, whole or not at all; False when there is none.
+        """Fetch an upload and its reports, whole or not at all; False if there is none.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -183,7 +183,7 @@ class StoredPreviews:
         return self._storage.read(f"{PREVIEWS_KEY}/{preview_id}/{UPLOAD_FILE}") is not None
 
     def remove(self, preview_id: str) -> None:
-        """Forgets an upload, as soon as other web processes have lost their copies.
+        """Remove an upload once other web processes have dropped their copies.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -192,7 +192,7 @@ class StoredPreviews:
             self._storage.remove(f"{PREVIEWS_KEY}/{preview_id}")
 
     def fetch_report(self, place: Path) -> None:
-        """Brings what came of an upload's options here, if that is known elsewhere.
+        """Fetch the report of an upload's options, if it is stored elsewhere.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -201,7 +201,7 @@ class StoredPreviews:
             self._storage.fetch(f"{PREVIEWS_KEY}/{place.parent.name}/{place.name}", place)
 
     def touch(self, directory: Path) -> None:
-        """Notes now and then that somebody looks at a preview, so that it is kept."""
+        """Record from time to time that a preview is used, so that it does not expire."""
         if self._storage is None:
             return
         upload = directory / UPLOAD_FILE
@@ -216,7 +216,7 @@ class StoredPreviews:
             log.warning("a preview's time of use could not be updated: %s", error)
 
     def sweep_soon(self) -> None:
-        """Sweeps in a thread of its own, unless that was done lately."""
+        """Sweep in a separate thread, unless that was done recently."""
         with self._lock:
             now = time.monotonic()
             if self._storage is None or now - self._swept < STORED_SWEEP_S:
@@ -225,7 +225,7 @@ class StoredPreviews:
         threading.Thread(target=self._sweep, name="previews", daemon=True).start()
 
     def sweep(self) -> None:
-        """Forgets what is old, and the oldest while there is too much.
+        """Remove expired previews, and the oldest while there are too many.
 
         Raises:
             StorageError: When the storage does not answer.

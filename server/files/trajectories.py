@@ -65,7 +65,7 @@ class Wanted:
 
     @classmethod
     def of(cls, plan: Path, max_speed: float, max_acceleration: float) -> Wanted:
-        """Looks at the plan's file.
+        """Return the request for a plan's file, with its current size and time.
 
         Raises:
             OSError: When there is none.
@@ -167,12 +167,12 @@ class Trajectories:
         return sum(shared.values()) + sum(t.nbytes - t.path.frames.nbytes for t in found)
 
     def close(self) -> None:
-        """Ends the children."""
+        """End the children."""
         self._flight.close()
         self._pool.close()
 
     async def of(self, wanted: Wanted, visitor: str) -> Retimed:
-        """The trajectory that is wanted; worked out once for all who want it.
+        """Return the requested trajectory; it is computed once for all concurrent requests.
 
         Raises:
             ServiceError: When it takes too much, too many wait or are in use, or
@@ -197,7 +197,7 @@ class Trajectories:
         return known
 
     async def motors(self, wanted: Wanted, motors: MotorsWanted, visitor: str) -> bytes:
-        """The torques that a trajectory needs, as ``planner.robot.motors.MotorTable`` writes them.
+        """Return the torques that a trajectory needs, as ``MotorTable`` writes them.
 
         Raises:
             ServiceError: As ``of``.
@@ -247,7 +247,7 @@ class Trajectories:
         return told["min_clearance"], told["clearance_bound"]
 
     def stream(self, address: str) -> Permit:
-        """A permit to send a trajectory.
+        """Return a permit to send a trajectory.
 
         Raises:
             TooMany: When as many are being sent as there may be.
@@ -294,7 +294,7 @@ class Trajectories:
 
 
 def _copy(source: Path, target: Path, most: int) -> None:
-    """Copies a file that may still grow.
+    """Copy a file that may still grow.
 
     Raises:
         TooLarge: When it has more bytes than ``most``.
@@ -307,7 +307,7 @@ def _copy(source: Path, target: Path, most: int) -> None:
 
 
 def _loaded(directory: Path, most: int) -> Trajectory:
-    """The trajectory in a directory.
+    """Return the trajectory in a directory.
 
     Raises:
         ServiceError: When it unpacks to more bytes than ``most``, or is none.

@@ -69,7 +69,7 @@ class Uploads:
         return self._place
 
     def close(self) -> None:
-        """Forgets what is left and lets go of the directory."""
+        """Remove the remaining files and release the directory."""
         if tempfile.tempdir == str(self._place):
             tempfile.tempdir = self._spooled_before
         shutil.rmtree(self._place, ignore_errors=True)
@@ -78,7 +78,7 @@ class Uploads:
 
     @contextmanager
     def stored(self, source: BinaryIO, filename: str | None) -> Generator[Upload]:
-        """Copies a file to the disk, piece by piece; forgotten at the end unless it was moved.
+        """Copy a file to the disk in chunks; remove it at the end unless it was moved.
 
         Raises:
             NoRoom: When the disk has no room for it.
@@ -101,7 +101,7 @@ class Uploads:
 
 
 def _copied(source: BinaryIO, path: Path) -> tuple[str, int]:
-    """Copies a file and has the disk keep it; its digest and size."""
+    """Copy a file durably; return its digest and size."""
     digest, size = hashlib.sha256(), 0
     with open(path, "xb") as file:
         while piece := source.read(UPLOAD_CHUNK_BYTES):
@@ -113,7 +113,7 @@ def _copied(source: BinaryIO, path: Path) -> tuple[str, int]:
 
 
 def _made(place: Path) -> IO[str]:
-    """A directory that others leave alone while its lock, which comes back, is open.
+    """Create a directory that sweeps spare while its returned lock is open.
 
     It gets its name when it is locked: nobody may find it before.
     """
@@ -126,7 +126,7 @@ def _made(place: Path) -> IO[str]:
 
 
 def _sweep(root: Path) -> None:
-    """Removes what nobody holds."""
+    """Remove directories without a lock holder."""
     for left in root.iterdir():
         if left.name.startswith("."):
             continue  # just being made

@@ -37,7 +37,7 @@ class Access:
         self._metrics = metrics
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] == "websocket":
             with self._metrics.websocket():
                 await self._app(scope, receive, send)
@@ -90,12 +90,12 @@ class Access:
 
 
 def route_of(scope: Scope) -> str:
-    """The template of the route that answered, as ``/folds/{fold_id}``, or ``UNKNOWN_ROUTE``."""
+    """Return the template of the answering route, as ``/folds/{fold_id}``, or unknown."""
     found = getattr(scope.get("route"), "path", None)
     return found if isinstance(found, str) else UNKNOWN_ROUTE
 
 
 def request_id_of(scope: Scope) -> dict[str, str]:
-    """The header that names a request, for an answer that is made outside of ``Access``."""
+    """Return the header that names a request, for an answer that is made outside of ``Access``."""
     found = scope.get("state", {}).get("request_id")
     return {REQUEST_ID_HEADER: found} if found else {}

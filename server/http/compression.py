@@ -38,7 +38,7 @@ class Asset:
 
     @classmethod
     def of(cls, data: bytes, kind: str) -> Self:
-        """Packs something."""
+        """Return the asset with its compressed form."""
         packed = gzip.compress(data, mtime=0)
         return cls(
             data=data,
@@ -48,7 +48,7 @@ class Asset:
         )
 
     def response(self, request: Request, headers: Mapping[str, str] | None = None) -> Response:
-        """The answer to somebody, who may have it already; ``headers`` besides its own."""
+        """Return the answer, or 304 if the client has it; with ``headers`` besides its own."""
         takes = "gzip" in request.headers.get("accept-encoding", "")
         packed = self.packed if takes else None
         told = {

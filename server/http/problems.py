@@ -105,7 +105,7 @@ class Problem:
         )
 
     def body(self) -> dict[str, Any]:
-        """The JSON object."""
+        """Return the JSON object."""
         return {
             "type": "about:blank",
             "title": HTTPStatus(self.status).phrase,
@@ -117,7 +117,7 @@ class Problem:
         }
 
     def response(self) -> JSONResponse:
-        """The HTTP answer."""
+        """Return the HTTP answer."""
         return JSONResponse(
             self.body(),
             status_code=self.status,
@@ -127,7 +127,7 @@ class Problem:
 
 
 def response_of(error: ServiceError) -> JSONResponse:
-    """The answer of what stands before the application and its handlers."""
+    """Return the answer of middleware outside of the application's error handlers."""
     return Problem.of(error).response()
 
 
@@ -142,7 +142,7 @@ def answer_of(
 
 
 def of_trouble(error: BaseException | None) -> ServiceError | None:
-    """The error that the database does not answer or the disk is full, if it is one."""
+    """Return the error that the database does not answer or the disk is full, or None."""
     if isinstance(error, OperationalError) and "disk is full" in str(error.orig):
         return _disk()
     if isinstance(error, OperationalError) and "readonly database" in str(error.orig):
@@ -170,7 +170,7 @@ def _disk() -> NoRoom:
 
 
 def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
-    """Makes the application answer every error as a problem.
+    """Make the application answer every error as a problem.
 
     Args:
         app: The application.

@@ -33,7 +33,7 @@ class RequestRate:
         self._buckets = TokenBuckets(rate, burst)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] not in ("http", "websocket") or scope["path"] == EXEMPT_PATH:
             await self._app(scope, receive, send)
             return

@@ -42,7 +42,7 @@ class _Answer:
 
 
 def mark(request: HTTPConnection, row: Any) -> None:
-    """Says that the answer to a request shows a fold and nothing else; of verified ones alone."""
+    """Mark an answer as cacheable: it depends on one verified fold only."""
     if row.status == "verified":
         setattr(request.state, CACHEABLE_FOLD, id_of_fold(row.id))
 
@@ -64,7 +64,7 @@ class ResponseCache:
         )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
         elif scope["method"] == "GET":

@@ -65,7 +65,7 @@ class SecurityHeaders:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -96,7 +96,7 @@ class AllowedHosts:
         self._any = "*" in self._hosts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] in ("http", "websocket"):
             host = host_name(Headers(scope=scope).get("host", ""))
             if not self._any and not self._allowed(host):
@@ -128,7 +128,7 @@ class PrintingAddresses:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] == "http" and CONTROL_CHARACTERS.search(scope["path"] + _query(scope)):
             refusal = Malformed(
                 "bad-address", "got an address with characters that cannot be printed."
@@ -143,7 +143,7 @@ def _query(scope: Scope) -> str:
 
 
 def host_name(host: str) -> str:
-    """The name in a Host header, without the port, in lower case."""
+    """Return the name in a Host header, without the port, in lower case."""
     host = host.strip().lower()
     if host.startswith("["):
         return host.partition("]")[0].removeprefix("[")
@@ -151,7 +151,7 @@ def host_name(host: str) -> str:
 
 
 def hosts_of(host: str, allowed: Iterable[str] = ()) -> tuple[str, ...]:
-    """The names that a service answers to.
+    """Return the names that a service answers to.
 
     Args:
         host: The address it listens on.
@@ -174,7 +174,7 @@ class SameOrigin:
         self._origins = frozenset(origins)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         acts = scope["type"] == "websocket" or (
             scope["type"] == "http" and scope["method"] not in SAFE_METHODS
         )
@@ -218,7 +218,7 @@ class BodyLimit:
         self._idle_s = idle_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] != "http" or scope["method"] in SAFE_METHODS:
             await self._app(scope, receive, send)
             return
@@ -263,13 +263,13 @@ class BodyLimit:
 
 
 def announced(headers: Headers) -> int:
-    """Bytes that a request says will come, 0 when it doesn't say."""
+    """Return the content length that a request states, or 0."""
     length = headers.get("content-length", "")
     return int(length) if length.isascii() and length.isdigit() and len(length) < 21 else 0
 
 
 async def forget(receive: Receive) -> None:
-    """Takes in the rest of a body that is refused, for a while.
+    """Read the rest of a refused body, within limits.
 
     Clients read the answer only when they could send.
     """

@@ -41,7 +41,7 @@ class UploadsAtOnce:
         )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] != "http" or not _is_form(scope):
             await self._app(scope, receive, send)
             return
@@ -55,7 +55,7 @@ class UploadsAtOnce:
             await response_of(refusal)(scope, receive, send)
 
     def _check_room(self, scope: Scope) -> None:
-        """Refuses what the disk would not hold before any of it has come."""
+        """Refuse an upload that would not fit on the disk before any of it is read."""
         length = Headers(scope=scope).get("content-length", "")
         coming = int(length) if length.isdecimal() and len(length) < 16 else 0
         settings = self._settings

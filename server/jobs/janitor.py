@@ -66,7 +66,7 @@ class Janitor:
         """Files without a row in the last round, and in this one."""
 
     def sweep(self) -> int:
-        """Sweeps once; how many folds were forgotten."""
+        """Sweep once; return the number of removed folds."""
         if not self._counted_apart:
             count_apart(self._store)
             self._counted_apart = True
@@ -81,7 +81,7 @@ class Janitor:
         return gone
 
     def _make_room(self) -> None:
-        """Drops what can be made again when it takes too much, or the disk is nearly full."""
+        """Remove derived files if they exceed their limit or the disk is nearly full."""
         settings = self._settings
         lacking = 0
         if settings.storage_bytes is not None:
@@ -98,7 +98,7 @@ class Janitor:
                 log.warning("no storage could be freed: %s", error)
 
     def _forget_superseded(self) -> int:
-        """Forgets folds of the gallery that failed by the service's fault and were done again."""
+        """Remove gallery folds that failed through the service's fault and were repeated."""
         later = aliased(FoldRow)
         failed = sa.select(FoldRow.id, FoldRow.seen_at).where(
             FoldRow.public,

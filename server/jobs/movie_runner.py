@@ -44,7 +44,7 @@ class MovieJobs:
         self._scratch.sweep()
 
     def make(self, fold_id: str, movie_id: str, job: str) -> None:
-        """Makes one movie. What goes wrong is noted in its row; nothing is raised."""
+        """Make one movie. Errors are stored in its row; none is raised."""
         about = {"fold": fold_id, "movie": movie_id}
         try:
             self._make(fold_id, job, about)
@@ -97,7 +97,7 @@ class MovieJobs:
             return session.scalar(sa.select(MovieRow).where(MovieRow.job == job))
 
     def _kept(self, fold_id: str, job: str, movie: Movie, path: Path) -> bool:
-        """Puts a movie where readers find it, and says that it is there; False if unwanted."""
+        """Publish a finished movie; False if it is no longer wanted."""
         size = path.stat().st_size
 
         def keep() -> bool:
@@ -128,7 +128,7 @@ class MovieJobs:
         patiently(fail)
 
     def _clear_up(self, fold_id: str, job: str) -> None:
-        """Leaves nothing of a movie, or of a fold, that was deleted meanwhile."""
+        """Remove the files of a movie, or of a fold, that was deleted meanwhile."""
 
         def clear() -> None:
             if self._row(job) is not None:
@@ -158,7 +158,7 @@ class _Progress:
         self._done = int(event["steps"])
 
     def report(self) -> bool:
-        """Reports how far it is; False when nobody wants it any more."""
+        """Report the progress; False if the movie is no longer wanted."""
         done = self._done
         if done == self._told:
             with self._store.reading() as session:
@@ -176,7 +176,7 @@ def _making(job: str) -> sa.Select[str]:
 
 
 def _update(session: Session, job: str, **values: Any) -> bool:
-    """Changes the row of a movie that is being made; False when there is none."""
+    """Change the row of a running movie; False if there is none."""
     changed = sa.update(MovieRow).where(
         MovieRow.job == job, MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES)
     )

@@ -100,7 +100,7 @@ class Movies:
         of_owner: bool = False,
         token: str | None = None,
     ) -> tuple[MovieState, str | None]:
-        """Has a movie made, unless it is there or on its way. One that failed is tried again.
+        """Request a movie, unless it exists or is being made. A failed one is tried again.
 
         Args:
             fold_id: The fold.
@@ -184,7 +184,7 @@ class Movies:
             return [(movie, fold) for movie, fold in session.execute(wanted)]
 
     def file(self, fold_id: str, movie_id: str) -> Path | None:
-        """The file of a movie, once it is there.
+        """Return the path of a finished movie.
 
         Raises:
             NoSuchMovieError: When there is no such movie.
@@ -199,7 +199,7 @@ class Movies:
         return path
 
     def delete(self, fold_id: str, movie_id: str) -> None:
-        """Forgets a movie, and stops the work on it.
+        """Delete a movie, and stop its job.
 
         Raises:
             NoSuchMovieError: When there is no such movie.
@@ -256,7 +256,7 @@ class Movies:
             log.warning("files of older movies could not be deleted: %s", error)
 
     def _check_room(self, session: Session, visitor: str) -> None:
-        """Counts what is being made, with what was just added."""
+        """Check the limits of unfinished movies, with the one just added."""
         settings = self._settings
         making = session.scalars(
             sa.select(MovieRow.visitor).where(MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES))
@@ -286,7 +286,7 @@ class Movies:
             raise NoRoom("no-room", "The disk of the service is nearly full; try again later.")
 
     def _settle(self, making: Iterable[MovieRow]) -> None:
-        """Sees to movies that nobody works on, whatever their rows say."""
+        """Correct the rows of movies that no job works on."""
         rows = list(making)
         going = self._jobs.going([row.job for row in rows]) if rows else {}
         for row in rows:
@@ -304,7 +304,7 @@ class Movies:
             )
 
     def _take_over(self, fold_id: str, movie_id: str) -> None:
-        """Makes a movie the owner's: who had asked for it before does not delete it any more."""
+        """Hand a movie to the owner; the visitor who requested it can no longer delete it."""
         with self._store.changing() as session:
             session.execute(
                 sa.update(MovieRow)
@@ -313,12 +313,12 @@ class Movies:
             )
 
     def _delete(self, session: Session, *which: sa.ColumnElement[bool]) -> list[tuple[str, str]]:
-        """Deletes rows; the fold and the job of each."""
+        """Delete rows; return the fold and the job of each."""
         deleted = sa.delete(MovieRow).where(*which).returning(MovieRow.fold_id, MovieRow.job)
         return [(fold_id, job) for fold_id, job in session.execute(deleted)]
 
     def _clear(self, gone: Iterable[tuple[str, str]]) -> None:
-        """Clears up after rows that were deleted."""
+        """Remove the files and jobs of deleted rows."""
         for fold_id, job in gone:
             self._jobs.forget(job)
             self._store.folders.remove_movie(fold_id, movie_file(job))

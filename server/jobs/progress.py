@@ -42,7 +42,7 @@ class JobProgress:
         return not self._going
 
     def last(self) -> bool:
-        """Reports at once; False when it is not wanted any more."""
+        """Report at once; False if the task is no longer wanted."""
         self._going = self._report()
         self._at = time.monotonic()
         return self._going

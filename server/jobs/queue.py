@@ -60,7 +60,7 @@ def place_of(turn: int, cost_s: float) -> tuple[str, int]:
 
 
 def prepare(settings: Settings) -> None:
-    """Brings the tables of the job system to their newest schema and registers the queue."""
+    """Migrate the job system's tables to their newest schema and register the queues."""
     url = settings.queue_url
     if url.startswith("sqlite"):
         engine = sa.create_engine(url)
@@ -89,7 +89,7 @@ def _register(settings: Settings) -> None:
 
 @contextlib.contextmanager
 def _alone(url: str) -> Generator[None]:
-    """Holds others off who would make the same tables at the same time."""
+    """Lock out others that would create the same tables at the same time."""
     if not url.startswith("postgresql"):
         yield
         return
@@ -122,7 +122,7 @@ class Jobs:
         self._client = _client(settings)
 
     def close(self) -> None:
-        """Lets go of the database."""
+        """Close the database."""
         self._client.destroy()
 
     def enqueue(self, fold_id: str, turn: int, cost_s: float) -> None:
@@ -138,7 +138,7 @@ class Jobs:
         self._client.enqueue(options, fold_id)
 
     def forget(self, fold_id: str) -> None:
-        """Takes a fold that is not started out of the queue."""
+        """Remove a fold that has not started from the queue."""
         # One that runs is stopped by its row; here it must be left to come to its own end.
         with contextlib.suppress(Exception):
             status = self._client.retrieve_workflow(fold_id).get_status()
@@ -146,7 +146,7 @@ class Jobs:
                 self._client.cancel_workflow(fold_id)
 
     def enqueue_movie(self, job: str, fold_id: str, movie_id: str) -> None:
-        """Puts a movie into the queue, under a name of its own."""
+        """Enqueue a movie under a unique name."""
         options: EnqueueOptions = {
             "workflow_name": MOVIE_WORKFLOW,
             "queue_name": MOVIES_QUEUE,
@@ -156,7 +156,7 @@ class Jobs:
         self._client.enqueue(options, fold_id, movie_id, job)
 
     def going(self, jobs: list[str]) -> dict[str, bool]:
-        """Which of some jobs wait or are being done; those that nobody knows are left out."""
+        """Return for each known job whether it is waiting or running."""
         found = self._client.list_workflows(workflow_ids=jobs, load_input=False, load_output=False)
         return {str(job.workflow_id): job.status in ACTIVE_JOB_STATES for job in found}
 
@@ -184,7 +184,7 @@ class Jobs:
         return gone
 
     def reconcile(self, store: Store, *, older_s: float = 0.0) -> list[FoldRow]:
-        """Enqueues folds that have a row and no job, after a crash between the two.
+        """Enqueue folds that have a row and no job, after a crash between the two.
 
         Args:
             store: Where the rows are.

@@ -119,7 +119,7 @@ class Runner:
         self._stopping = threading.Event()
 
     def prewarm(self) -> None:
-        """Loads what the first fold would wait for, unless the settings keep it from that."""
+        """Load what the first fold would wait for, unless the settings forbid it."""
         if self._settings.prewarm and self._fork_server is not None:
             self._fork_server.start()
 
@@ -136,14 +136,14 @@ class Runner:
         return float(told["fraction"]) if told["message"] == COMPILING else None
 
     def stop(self) -> None:
-        """Ends all children; their folds go on elsewhere, or with the next start."""
+        """Stop all children; their folds continue elsewhere or after the next start."""
         self._stopping.set()
         self._children.close()
         if self._fork_server is not None and not self._shared:
             self._fork_server.close()
 
     def run(self, fold_id: str, stage: str, worker: str, known: int) -> Outcome:
-        """Computes one stage of a fold. Whatever goes wrong with it is an outcome.
+        """Compute one stage of a fold. Any failure of it is an outcome.
 
         Args:
             fold_id: The fold.
@@ -217,7 +217,7 @@ class Runner:
         return outcome
 
     def finish(self, fold_id: str, outcome: Outcome, worker: str) -> None:
-        """Notes the end of a fold in its row, or clears up after one that was deleted."""
+        """Store the result of a fold in its row, or clean up after a deleted one."""
         self._release(worker)
         if self._store.folders.storage is None:
             self._close(fold_id)
@@ -254,7 +254,7 @@ class Runner:
         return patiently(do, wait=self._wait)
 
     def _patiently_for(self, fold_id: str, epoch: int, do: Callable[[], Answer]) -> Answer:
-        """The same, but nobody waits for what is not wanted any more.
+        """Run ``patiently``, but give up on a cancelled fold.
 
         Raises:
             UnwantedError: When the fold was cancelled or taken over meanwhile.
@@ -273,7 +273,7 @@ class Runner:
         self._halt()
 
     def _halt(self) -> None:
-        """Never returns once the worker ends.
+        """Block this thread for good once the worker stops, so that no result is recorded.
 
         The step was cut off by us: it must not have a result, so that the job goes on later.
         """
@@ -282,7 +282,7 @@ class Runner:
 
     @staticmethod
     def failure(error: Exception, stage: str | None) -> Outcome:
-        """The outcome when the service itself went wrong."""
+        """Return the outcome of an error of the service itself."""
         return _outcome(
             "failed",
             error={
@@ -383,14 +383,14 @@ class Runner:
                 return {"status": "cancelled", "reason": "cancelled"}
 
     def _advised(self, fold_id: str, error: InputError) -> InputError:
-        """The refusal, with shapes that a refold could lead to instead."""
+        """Return the refusal, with shapes that a refold may end in instead."""
         if error.code != "refold-differs":
             return error
         start = json.loads((self._store.folders.place(fold_id) / START_CHAIN).read_bytes())
         return Gallery().advised(error, str(start["module"]), int(start["modules"]))
 
     def _stopped(self, fold_id: str, epoch: int | None) -> Outcome:
-        """The outcome of a fold that shall not go on here, and why."""
+        """Return the outcome of a fold that must not continue here, with the reason."""
         try:
             row = self.patiently(lambda: self._store.fold(fold_id))
         except NoSuchFoldError:
@@ -403,7 +403,7 @@ class Runner:
         return _outcome("cancelled", repeatable=False)
 
     def _close(self, fold_id: str) -> None:
-        """Closes the timeline of a stage that was ended before it could."""
+        """Close the timeline of a stage that was killed before it could."""
         path = result(self._store.folders.place(fold_id), TIMELINE)
         with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
             if Timeline.open(path).status == "growing":
@@ -433,7 +433,7 @@ class Runner:
 
 @contextlib.contextmanager
 def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
-    """Keeps what grows while a stage computes, so that readers elsewhere see it grow."""
+    """Upload growing files while a stage computes, so that other machines see them."""
     folders = store.folders
     if folders.storage is None:
         yield
@@ -505,7 +505,7 @@ class _Progress:
         self._waits = True
 
     def report(self) -> bool:
-        """Reports what waits; False when the fold is not wanted any more."""
+        """Send pending reports; False if the fold is no longer wanted."""
         progress = {
             **self._progress,
             "frames": frames_promised(self._place),

@@ -70,7 +70,7 @@ class Active:
 
     @contextmanager
     def working(self, job: str) -> Generator[None]:
-        """Counts a job for as long as it lasts."""
+        """Count a job for as long as it lasts."""
         with self._lock:
             self._jobs[job] += 1
         try:
@@ -96,7 +96,7 @@ class PutBack(BaseException):
 
 
 def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> None:
-    """Tells the job system what a fold is: one step a stage, then its end; and what a movie is."""
+    """Register the workflows: a fold is one step per stage and its end; and a movie."""
 
     def computed(fold_id: str, worker: str) -> Outcome:
         stage: str = STAGES[0]
@@ -145,7 +145,7 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
 
 
 def _hold_leash(on_end: Callable[[], None]) -> None:
-    """Calls back when standard input ends: whoever started this worker is gone."""
+    """Call back when standard input ends: the parent of this worker is gone."""
 
     def wait() -> None:
         while os.read(0, 1024):
@@ -180,7 +180,7 @@ class _Caretaker:
         self._swept_at = time.monotonic()
 
     def beat(self) -> None:
-        """Says that this worker lives."""
+        """Send a heartbeat of this worker."""
         at_once = self._settings.folds_per_worker
         self._leases.beat(
             self._name, host=socket.gethostname()[:200], pid=os.getpid(), folds_at_once=at_once
@@ -194,11 +194,11 @@ class _Caretaker:
             self._preparing = fraction
 
     def leave(self) -> None:
-        """Says that it ends."""
+        """Deregister this worker."""
         self._leases.leave(self._name)
 
     def look(self) -> None:
-        """Looks once."""
+        """Requeue jobs of expired workers and orphaned ones; sweep if it is due."""
         running = DBOS.list_workflows(status="PENDING", load_input=False)
         holders = {str(job.executor_id) for job in running}
         for dead in self._leases.dead(holders) - {self._name}:
@@ -220,7 +220,7 @@ class _Caretaker:
             self._jobs.sweep(time.time())
 
     def _hand_back_strays(self, own: list[str]) -> None:
-        """Has jobs done again that are ours and that nothing works on.
+        """Queue this worker's orphaned jobs again.
 
         Not even that a step is over could be noted, for the disk was full or the database away.
         """
@@ -234,7 +234,7 @@ class _Caretaker:
 
 
 def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], what: str) -> None:
-    """Does something again and again in a thread, whatever goes wrong."""
+    """Repeat a call in a thread; log its errors."""
 
     def loop() -> None:
         while not stopping.wait(every_s):
@@ -247,7 +247,7 @@ def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], w
 
 
 def work(settings: Settings, *, leashed: bool = False) -> None:
-    """Works until told to end, by a signal or by the end of who started it.
+    """Process jobs until a signal, or the end of the parent process.
 
     Told so it takes nothing new, goes on for as long as the settings let it, and hands back to the
     queue what is not over by then. Told twice it does not go on.

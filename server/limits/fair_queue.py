@@ -98,7 +98,7 @@ def turn_of(
 
 
 def wait_s(*, ahead_s: float, running_s: float, at_once: int) -> float | None:
-    """About how long a fold waits; None when nobody computes.
+    """Return the estimated wait of a fold in s; None if no worker computes.
 
     Args:
         ahead_s: What the folds before it take.

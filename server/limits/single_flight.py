@@ -50,7 +50,7 @@ class SingleFlight:
         return len(self._making)
 
     def close(self) -> None:
-        """Begins nothing any more."""
+        """Start no further computation."""
         for made, _ in self._making.values():
             made.cancel()
         self._threads.shutdown(wait=False, cancel_futures=True)

@@ -27,7 +27,7 @@ _about: ContextVar[Mapping[str, str]] = ContextVar("about", default=MappingProxy
 
 @contextmanager
 def about(**facts: str) -> Generator[None]:
-    """Says what is logged within is about.
+    """Say what is logged within is about.
 
     Args:
         facts: Some of ``CONTEXT_FIELDS``.
@@ -45,7 +45,7 @@ def from_now_on_about(**facts: str) -> None:
 
 
 def escaped(text: str) -> str:
-    """The text on one line, with nothing in it that a terminal would obey."""
+    """Return the text on one line, with nothing in it that a terminal would obey."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
@@ -80,7 +80,7 @@ class JsonLines(_Formatter):
     """One JSON object a line: ``time``, ``level``, ``logger``, ``message`` and what it is about."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line."""
+        """Return the line."""
         line: dict[str, Any] = {
             "time": self._time(record),
             "level": record.levelname.lower(),
@@ -97,7 +97,7 @@ class TextLines(_Formatter):
     """``time level logger [fold=… request=…]: message``; a traceback follows, moved in."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line, and those of a traceback."""
+        """Return the line, and those of a traceback."""
         facts = self._facts(record, CONTEXT_FIELDS)
         shown = " ".join(f"{name}={escaped(str(value))}" for name, value in facts.items())
         head = f"{self._time(record)} {record.levelname.lower()} {record.name}"
@@ -107,7 +107,7 @@ class TextLines(_Formatter):
 
 
 def set_up_logs(settings: Settings, *, worker: str | None = None) -> None:
-    """Sends what foldback has to say to standard error, and of libraries only warnings.
+    """Send what foldback has to say to standard error, and of libraries only warnings.
 
     Args:
         settings: Say the format and from which level on.

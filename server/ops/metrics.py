@@ -44,17 +44,17 @@ class Metrics:
         )
 
     def count(self, *, method: str, route: str, status: int, seconds: float) -> None:
-        """Counts one HTTP answer."""
+        """Count one HTTP answer."""
         self._seconds.labels(method, route, f"{status // 100}xx").observe(seconds)
 
     @contextmanager
     def websocket(self) -> Generator[None]:
-        """Counts a websocket for as long as it is open."""
+        """Count a websocket for as long as it is open."""
         with self._websockets.track_inprogress():
             yield
 
     def text(self, figures: Figures | None, *, streams: int, robots: int) -> bytes:
-        """All figures, in the format that Prometheus reads.
+        """Return all figures, in the format that Prometheus reads.
 
         Args:
             figures: Those of the rows; None when the database does not answer.

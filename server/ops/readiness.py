@@ -64,7 +64,7 @@ class Readiness:
         self._kept: tuple[float, str, str] | None = None
 
     def end(self) -> None:
-        """From now on it is not ready: the service is about to end."""
+        """Report the service as not ready from now on, as it is about to stop."""
         self._ending.set()
 
     def state(self) -> State:
@@ -119,7 +119,7 @@ class Readiness:
 
 
 def disk_says(settings: Settings) -> str:
-    """``ok`` when uploads can be written here and there is room for them, or what is wrong."""
+    """Return ``ok`` if uploads can be written and there is room, or the problem."""
     try:
         free = shutil.disk_usage(settings.root).free
         if free < settings.min_free_disk_bytes:
@@ -133,7 +133,7 @@ def disk_says(settings: Settings) -> str:
 
 
 def check_folder(settings: Settings) -> None:
-    """Writes, reads, lists and deletes a probe where the files of folds are kept on this machine.
+    """Write, read, list and delete a probe in this machine's directory of folds.
 
     Raises:
         OSError: When that does not work.

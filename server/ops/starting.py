@@ -34,7 +34,7 @@ MAX_QUOTED_CHARACTERS: Final = 60
 
 
 def settings_of(**given: Any) -> Settings:
-    """The settings of the environment, with what was given on the command line.
+    """Return the settings of the environment, with what was given on the command line.
 
     What they can't be ends the program with one line and the exit code 1.
     """
@@ -64,14 +64,14 @@ def _fault(one: Mapping[str, Any]) -> str:
 
 
 def warn_of_unknown_names(log: logging.Logger) -> None:
-    """Warns of variables that look like settings and are none."""
+    """Warn of variables that look like settings and are none."""
     for name, nearest in unknown_names(os.environ).items():
         log.warning("%s", unknown_words(name, nearest))
 
 
 @contextmanager
 def starting(what: str) -> Generator[None]:
-    """Turns what is not there into one line and the exit code 1.
+    """Turn a missing resource into an error on one line and the exit code 1.
 
     Args:
         what: What starts.

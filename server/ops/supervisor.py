@@ -36,11 +36,11 @@ class Supervisor:
         self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
 
     def start(self) -> None:
-        """Starts all workers."""
+        """Start all workers."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Has all workers end; their folds go on with the next start."""
+        """Stop all workers; their folds continue after the next start."""
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join()

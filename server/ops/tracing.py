@@ -38,7 +38,7 @@ def tracing(settings: Settings) -> DBOSConfig:
 
 
 def send_rest(settings: Settings) -> None:
-    """Sends what waits to be sent, within ``FLUSH_TIMEOUT_MS``; for a process that ends at once."""
+    """Send what waits to be sent, within ``FLUSH_TIMEOUT_MS``; for a process that ends at once."""
     if settings.otlp_endpoint is None:
         return
     from opentelemetry.sdk.trace import TracerProvider

@@ -181,7 +181,7 @@ class Sieve:
 
 @cache
 def cards(gallery: Gallery) -> tuple[Card, ...]:
-    """All example shapes, shortest chain first."""
+    """Return all example shapes, shortest chain first."""
     return tuple(
         Card(
             name=shape.name,
@@ -196,7 +196,7 @@ def cards(gallery: Gallery) -> tuple[Card, ...]:
 
 
 def selected(gallery: Gallery) -> list[Card]:
-    """The few that the first page shows."""
+    """Return the cards of the landing page."""
     by_name = {card.name: card for card in cards(gallery)}
     return [by_name[name] for name in FEATURED_SHAPES if name in by_name]
 

@@ -34,7 +34,7 @@ ROUNDING_PITCH: Final = 1e-9
 
 
 def headline(certificate: CertificateFigures) -> str:
-    """The verdict; of what is verified, also what clearance is proved, beside what was seen."""
+    """Return the verdict, with the proved and the seen clearance of a verified plan."""
     verdict = str(certificate.get("verdict") or "")
     told = clearance(certificate)
     return f"{verdict}: {told}" if told and verdict.startswith("verified") else verdict
@@ -167,7 +167,7 @@ def _base(table: TableCertificate) -> str:
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
-    """Which servos would do, in words and by name; if none, which ones do in larger modules."""
+    """Return the suitable servos in words and by name; if none, those for larger modules."""
     torque, casing = table.torque or 0.0, CASINGS["pla"]
     fits = who_would_do(torque, pitch_m=table.pitch_m, casing=casing)
     would = [fit.servo for fit in fits if fit.would_do]
@@ -202,7 +202,7 @@ def _torque_of(table: dict[str, Any] | None) -> str | None:
 
 
 def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | None:
-    """A torque with its friction, claiming no less than is asked."""
+    """Return a torque and its friction in words, rounded up."""
     if torque_wp is None:
         return None
     upwards = 10.0 ** (2 - math.floor(math.log10(torque_wp))) if torque_wp > 0.0 else 1.0
@@ -258,7 +258,7 @@ def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
 
 
 def linked(certificate: CertificateFigures) -> str | None:
-    """Which modules are not checked against each other, and what a real one lacks for it."""
+    """Return the unchecked pairs of modules in words, and the relief that they need."""
     exempt = certificate.get("exempt_pairs")
     if exempt is None:
         return None
@@ -303,7 +303,7 @@ def baseline(strategy: object) -> str | None:
 def _of_simulation(
     certificate: CertificateFigures, key: str, digits: int = 3, unit: str = "pitch"
 ) -> str | None:
-    """A figure of the simulated playback, or that there was none."""
+    """Return a figure of the simulated playback, or that there was none."""
     simulated = certificate.get("simulated")
     if simulated is False:
         return NOT_SIMULATED
@@ -327,7 +327,7 @@ def _at_least(value: float | None) -> str | None:
 
 
 def rounded_down(value: float, digits: int = 3) -> str:
-    """A length, down to so many decimals or, nearer to 0 than one of them, to two digits."""
+    """Return a length rounded down to some decimals; a smaller one to two digits."""
     if value == 0.0:
         return "0"
     if abs(value) < 10**-digits:

@@ -149,7 +149,7 @@ def fold_facts(
     kept: str | None = None,
     expected: Expected = expected_of_cost,
 ) -> FoldFacts:
-    """Everything that the page shows besides the timeline, as JSON.
+    """Return all that the page shows besides the timeline, as JSON values.
 
     Args:
         found: The fold.
@@ -290,7 +290,7 @@ def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
 
 
 def _published(row: ShownFold) -> Form:
-    """The fields of a form that ask for a fold's preset with its settings."""
+    """Return the fields of a form that ask for a fold's preset with its settings."""
     return {"preset": row.preset, **({"settings": row.settings} if row.settings else {})}
 
 
@@ -393,7 +393,7 @@ def _may_rest(row: ShownFold) -> bool:
 
 
 def _floating_settings(settings: str) -> str:
-    """Those of them that a fold takes which floats."""
+    """Return the settings that a floating fold has."""
     names = {setting.name for setting in TABLE_SETTINGS}
     return ",".join(s for s in settings.split(",") if s.partition("=")[0] not in names)
 
@@ -410,7 +410,7 @@ def _on_table(row: ShownFold, directory: Path) -> TableRecord | None:
 
 
 def _about(seconds: float) -> str:
-    """A time that is not known exactly: ``about a minute``."""
+    """Return a time that is not known exactly: ``about a minute``."""
     minutes = round(seconds / 60)
     if minutes > 1:
         return f"about {minutes} minutes"

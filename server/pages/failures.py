@@ -222,7 +222,7 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
 
 
 def attempts(directory: Path) -> list[AttemptWords]:
-    """The attempts of a fold, in their order: how the chain was let go, and how it ended."""
+    """Return the attempts of a fold in order: their strategies and results."""
     try:
         check(directory, "attempts.json")
         found = json.loads((directory / "attempts.json").read_bytes())

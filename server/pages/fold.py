@@ -86,7 +86,7 @@ async def facts_of_fold(request: Request, fold_id: str) -> Response:
 
 
 def drawing_in(directory: Path) -> str:
-    """The folded shape of a fold's directory; empty while nobody knows what it will be."""
+    """Return the drawing of a directory's folded shape; empty while it is unknown."""
     for path in (result(directory, CHAIN), directory / "cells.json"):
         if path.exists():
             return _drawing_of(path, path.name == CHAIN)
@@ -95,7 +95,7 @@ def drawing_in(directory: Path) -> str:
 
 @lru_cache(maxsize=256)
 def _drawing_of(path: Path, is_chain: bool) -> str:
-    """A drawing of a chain, or of the cells that were noted when the upload was read."""
+    """Return a drawing of a chain, or of the cells that were noted when the upload was read."""
     try:
         noted = json.loads(path.read_text(encoding="utf-8"))
         if is_chain:

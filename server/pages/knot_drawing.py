@@ -41,7 +41,7 @@ class KnotDrawing(TypedDict):
 
 
 def drawing_of(told: KnotFigures) -> KnotDrawing | None:
-    """The drawing of a knot's diagram; None when it has too many crossings."""
+    """Return the drawing of a knot's diagram; None when it has too many crossings."""
     count = len(told["diagram"])
     if not 0 < count <= MAX_DRAWN_CROSSINGS:
         return None
@@ -67,12 +67,12 @@ def drawing_of(told: KnotFigures) -> KnotDrawing | None:
 
 
 def _bends(arc: int, count: int) -> range:
-    """The vertices on an arc; the crossings come before them."""
+    """Return the vertices on an arc; the crossings come before them."""
     return range(count + VERTICES_PER_ARC * arc, count + VERTICES_PER_ARC * (arc + 1))
 
 
 def _faces(told: KnotFigures, passes: list[tuple[float, int, bool]]) -> list[Face]:
-    """The faces of a diagram, each as the vertices around it.
+    """Return the faces of a diagram, each as the vertices around it.
 
     A side of arc ``a`` is ``2 a`` along it and ``2 a + 1`` against it.
     """

@@ -100,7 +100,7 @@ def _featured_chain(gallery: Gallery) -> Chain:
 
 
 def _featured(store: Store) -> str | None:
-    """The fold of the shape that plays on the first page, if somebody has folded it here."""
+    """Return the fold that plays on the landing page, if its shape has been folded here."""
     rows = [
         row
         for row in store.list_public()

@@ -45,7 +45,7 @@ def policy_of_pages() -> str:
 
 @cache
 def icon() -> str:
-    """The picture in a browser's tab, as an address that holds it."""
+    """Return the picture in a browser's tab, as an address that holds it."""
     return "data:image/svg+xml," + quote(text_of("icon.svg"), safe=" =:/'")
 
 
@@ -64,7 +64,7 @@ def script_addresses(page_name: str) -> tuple[str, ...]:
 
 @cache
 def entry(page_name: str) -> Markup:
-    """The entry module of a page, and all that it needs at once, to be fetched at the same time."""
+    """Return the tags of a page's entry script and of all scripts that it needs at once."""
     first, *others = script_addresses(page_name)
     preloads = (Markup('<link rel="modulepreload" href="{}">').format(name) for name in others)
     script = Markup('<script type="module" src="{}"></script>').format(first)
@@ -86,7 +86,7 @@ TEMPLATE_VALUES: Final[dict[str, object]] = {
 def page(
     template: str, status_code: int = 200, /, *, listed: bool = False, **values: object
 ) -> Response:
-    """A page made of a template, under the policy of all pages.
+    """Return a page made of a template, under the policy of all pages.
 
     Args:
         template: Its name.
@@ -102,13 +102,13 @@ def page(
 
 
 def rendered(template: str, /, **values: object) -> str:
-    """A template filled in."""
+    """Return a template filled in."""
     return templates().get_template(template, globals=TEMPLATE_VALUES).render(**values)
 
 
 @cache
 def templates() -> Environment:
-    """All templates."""
+    """Return all templates."""
     return Environment(
         loader=PackageLoader("web", "templates"),
         autoescape=select_autoescape(),
@@ -124,6 +124,6 @@ def origin_of(request: Request) -> str:
 
 
 def script_json(value: object) -> str:
-    """JSON that may stand inside a script element."""
+    """Return JSON that may stand inside a script element."""
     text = json.dumps(value, ensure_ascii=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -188,7 +188,7 @@ def _no_picture() -> Response:
 
 
 def _stored_picture(path: Path) -> bytes | None:
-    """The picture in a fold's directory, if it is one of its chain."""
+    """Return the picture in a fold's directory, if it is one of its chain."""
     try:
         return path.read_bytes() if newer(path, result(path.parent.parent, CHAIN)) else None
     except OSError:

@@ -64,7 +64,7 @@ def who_and_how_long(settings: Settings, fold: ShownFold | None = None) -> str:
 
 
 def time_words(seconds: float) -> str:
-    """A time in its largest unit that leaves no rest of more than a tenth: ``30 days``."""
+    """Return a time in its largest unit that leaves no rest of more than a tenth: ``30 days``."""
     for length, name in TIME_UNITS:
         count = round(seconds / length)
         if count and abs(count * length - seconds) <= 0.1 * seconds:

@@ -23,7 +23,7 @@ DRAWN_CELLS: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0,
 def not_found_page(
     heading: str, text: str, *, status_code: int = 404, service: bool = True
 ) -> Response:
-    """A page that says in words why there is nothing to see.
+    """Return the page that explains why there is nothing to see.
 
     Args:
         heading: What it is about, in a few words.
@@ -38,7 +38,7 @@ def not_found_page(
 
 
 def problem_page(problem: Problem) -> Response:
-    """The same for whatever went wrong."""
+    """Return the page of any other problem."""
     heading = PROBLEM_HEADINGS.get(problem.status, "Something went wrong")
     answer = not_found_page(heading, message_for_people(problem.detail), status_code=problem.status)
     answer.headers.update(problem.headers)

@@ -174,7 +174,7 @@ def quantity(value: object, unit: str = "", digits: int = SIGNIFICANT_DIGITS) ->
 
 
 def length_m(value: object) -> str | None:
-    """A length in metres, told in millimetres when it is short."""
+    """Return a length in metres, or in millimetres if it is short."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return quantity(value * 1000, "mm") if abs(value) < 1 else quantity(value, "m")
@@ -193,12 +193,12 @@ def _parameter(name: str, value: object) -> tuple[str, str | None]:
 
 
 def _words(name: str) -> Words:
-    """The words of a parameter that has none of its own: its unit ends its name."""
+    """Return the words of a parameter that has none of its own: its unit ends its name."""
     unit = next((u for end, u in UNITS_BY_SUFFIX.items() if name.endswith(end)), "")
     stem = re.sub(f"({'|'.join(UNITS_BY_SUFFIX)})$", "", name) if unit else name
     return Words(sentence(stem.replace("_", " ")), unit)
 
 
 def sentence(text: str) -> str:
-    """A text that begins with a capital."""
+    """Return a text that begins with a capital."""
     return text[:1].upper() + text[1:]

@@ -81,7 +81,7 @@ def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
 
 
 def in_a_line(settings: str) -> str:
-    """The same for a heading: ``, Damping 0.05``."""
+    """Return the changed settings for a heading: ``, Damping 0.05``."""
     try:
         found = read_settings(settings)
     except InputError:

@@ -39,7 +39,7 @@ async def drawing_of_shape(request: Request, name: str) -> Response:
 
 
 def drawing_of(gallery: Gallery, name: str, size: int) -> str | None:
-    """The drawing of a gallery shape; None when there is no such shape, or it can't be drawn."""
+    """Return the drawing of a gallery shape; None if there is none or it cannot be drawn."""
     if gallery.shape(name) is None:
         return None
     shipped = shipped_pictures().get(f"{name}-{size}.svg")
@@ -58,7 +58,7 @@ def _svg_of(gallery: Gallery, name: str, size: int) -> str | None:
 
 
 def chain_of(shape: GalleryShape) -> Chain:
-    """The chain of a gallery shape."""
+    """Return the chain of a gallery shape."""
     match read(shape.data, filename=shape.filename):
         case Chain() as chain:
             return chain

@@ -119,7 +119,7 @@ async def recording(request: Request, fold_id: str) -> Response:
 
 
 def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[], bytes]:
-    """Makes something of a view of its own: the one that is looked at has other frames at hand."""
+    """Compute from a separate view, as the displayed one caches other frames."""
 
     def made() -> bytes:
         try:
@@ -149,7 +149,7 @@ def _table(found: Found, timeline: TimelineView) -> TableTop | None:
 
 
 def _edition(facts: FoldFacts) -> str:
-    """Changes with what a standalone page says, and with the program in it."""
+    """Return an edition that changes with a standalone page's content and scripts."""
     told = json.dumps([version("foldback"), standalone_scripts(), facts], sort_keys=True)
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 

@@ -54,7 +54,7 @@ class _Parent:
         self._cancel = threading.Event()
 
     def first_request(self) -> dict[str, Any]:
-        """The first request; waits for it without a thread, which could not be confined later."""
+        """Wait for the first request without a thread, which could not be confined later."""
         line = sys.stdin.buffer.readline()
         if not line:
             os._exit(1)
@@ -65,7 +65,7 @@ class _Parent:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def request(self) -> dict[str, Any]:
-        """The next request; waits for it."""
+        """Wait for the next request and return it."""
         self._cancel.clear()
         return self._requests.get()
 
@@ -74,7 +74,7 @@ class _Parent:
         return self._cancel.is_set()
 
     def tell(self, event: str, **values: object) -> None:
-        """Sends an event; ends the process when nobody listens."""
+        """Send an event; end the process if the parent is gone."""
         try:
             self._events.write(json.dumps({"event": event, **values}).encode() + b"\n")
             self._events.flush()
@@ -82,7 +82,7 @@ class _Parent:
             os._exit(1)
 
     def progress(self, progress: Progress) -> None:
-        """Sends progress."""
+        """Send progress."""
         self.tell(
             "progress",
             stage=progress.stage,
@@ -112,7 +112,7 @@ MAX_WRITTEN_FILE_BYTES: Final = 8 * 2**30
 
 
 def _offer() -> None:
-    """When the machine runs out of memory, this process goes before the service does."""
+    """Let the kernel kill this process before the service if memory runs out."""
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text("500")
 
@@ -134,7 +134,7 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
 
 
 def _step_back(niceness: int) -> None:
-    """Lets all others go first."""
+    """Lower this process's priority."""
     os.nice(niceness)
     # Where the sessions share the processor, that counts within one only; this is for all of it.
     with suppress(OSError):
@@ -168,7 +168,7 @@ def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
 
 
 def _load(*names: str) -> None:
-    """Loads libraries that the planner loads late; a confined process shall load no more."""
+    """Load libraries that the planner loads late; a confined process cannot load them."""
     for name in names:
         import_module(name)
 
@@ -325,7 +325,7 @@ def task_of(kind: str, *, warm: bool, progress: Report, directory: Path | None =
 
 
 def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) -> None:
-    """Serves requests until the parent is gone.
+    """Serve requests until the parent is gone.
 
     Args:
         kind: Of this child.
@@ -396,7 +396,7 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
 
 
 def main() -> None:
-    """Loads, and serves requests until the parent is gone."""
+    """Load, and serve requests until the parent is gone."""
     kind, limits = sys.argv[1], json.loads(sys.argv[2])
     serve(kind, limits, lambda progress: task_of(kind, warm=limits["warm"], progress=progress))
 

@@ -108,7 +108,7 @@ class _Spawned(subprocess.Popen[bytes]):
         )
 
     def kill_group(self) -> None:
-        """Ends it and what it has started."""
+        """Kill the child and its descendants."""
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGKILL)
 
@@ -146,7 +146,7 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """Process id."""
         return self._process.pid
 
     @property
@@ -163,7 +163,7 @@ class Child:
         on_progress: Callable[[dict[str, Any]], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
-        """Has one task done and waits for its result.
+        """Run one task and wait for its result.
 
         Args:
             task: A stage of the planner, or ``check``.
@@ -213,12 +213,12 @@ class Child:
                 return {"status": "cancelled", "reason": "cancelled"}
 
     def kill(self) -> None:
-        """Ends it at once."""
+        """Kill the child."""
         self._process.kill_group()
         self._process.wait()
 
     def close(self) -> None:
-        """Ends it and lets go of its pipes."""
+        """End the child and close its pipes."""
         self.kill()
         # Who reads may wait for room; or, where nothing is forked yet, until that is done with.
         while self._reading.is_alive() and self._process.begun:
@@ -235,7 +235,7 @@ class Child:
         on_progress: Callable[[dict[str, Any]], None] | None,
         cancelled: Callable[[], bool] | None,
     ) -> bool:
-        """Waits for imports and compiled kernels; False when cancelled meanwhile."""
+        """Wait for imports and compiled kernels; False when cancelled meanwhile."""
         deadline = time.monotonic() + MAX_START_S
         told = None
         while not self._ready:
@@ -326,7 +326,7 @@ class Child:
 
 
 def _event(line: bytes) -> dict[str, Any] | None:
-    """The event in a line; None where it is none, as of a child that was taken over."""
+    """Return the event in a line; None where it is none, as of a child that was taken over."""
     try:
         event = json.loads(line)
         told = isinstance(event.get("result", {}), dict) and EVENTS[event["event"]] <= event.keys()
@@ -353,7 +353,7 @@ class Children:
         self._closed = False
 
     def take(self) -> Child:
-        """A child of one's own; give it back with ``release``.
+        """Return a child for exclusive use; return it with ``release``.
 
         Raises:
             ChildError: When all were ended.
@@ -366,13 +366,13 @@ class Children:
             return child
 
     def release(self, child: Child) -> None:
-        """Ends a child that was taken."""
+        """End a child that was taken."""
         with self._lock:
             self._all.discard(child)
         child.close()
 
     def close(self) -> None:
-        """Ends them all."""
+        """End all children."""
         with self._lock:
             self._closed = True
             children, self._all = self._all, set()
@@ -402,7 +402,7 @@ class Pool:
     def call(
         self, task: str, directory: Path, *, cancelled: Callable[[], bool] | None = None
     ) -> dict[str, Any]:
-        """Has one task done.
+        """Run one task.
 
         Args:
             task: One that this kind of child knows.
@@ -436,7 +436,7 @@ class Pool:
         raise AssertionError("every try returns or raises")
 
     def close(self) -> None:
-        """Ends all children."""
+        """End all children."""
         self._children.close()
 
     def _take(self) -> Child:
@@ -492,7 +492,7 @@ class Reader:
         visitor: str,
         cancelled: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
-        """Has one task done in the visitor's turn; else as ``Pool.call``.
+        """Run one task when it is the visitor's turn; otherwise like ``Pool.call``.
 
         Raises:
             InputError: When the input can't be used.
@@ -503,5 +503,5 @@ class Reader:
             return self._pool.call(task, directory, cancelled=cancelled)
 
     def close(self) -> None:
-        """Ends the children."""
+        """End the children."""
         self._pool.close()

@@ -60,7 +60,7 @@ class Held:
 
 
 def confine(work: Allowed, *, drawing: bool = False) -> Held:
-    """Lets this process touch its work and its programs only; for threads that start afterwards.
+    """Confine this process to its work and its programs; applies to threads that start later.
 
     What the kernel can't hold stays as it is: ``foldback doctor`` tells it.
 
@@ -80,7 +80,7 @@ def confine(work: Allowed, *, drawing: bool = False) -> Held:
 
 
 def confine_thread(place: Path) -> None:
-    """Lets the calling thread of such a process write one directory only.
+    """Confine the calling thread's writes to one directory.
 
     It keeps what reads one upload away from those of others, not what has taken over the process.
     """
@@ -94,7 +94,7 @@ def _keep_temporary_files(place: Path) -> None:
 
 
 def end_threads() -> None:
-    """Ends the threads of libraries, which would not be confined; they begin new ones.
+    """End the threads of libraries, which would not be confined; they start new ones.
 
     Raises:
         RuntimeError: When others are left.
@@ -159,7 +159,7 @@ def _ffmpeg() -> list[Path]:
 
 
 def load_kernels() -> None:
-    """Loads all kernels."""
+    """Load all kernels."""
     from planner import kernels
 
     for module in pkgutil.iter_modules(kernels.__path__):
@@ -167,7 +167,7 @@ def load_kernels() -> None:
 
 
 def _keep_no_kernels() -> None:
-    """Keeps no kernel that is compiled from here on, and loads all.
+    """Disable the cache of kernels from here on, and load all.
 
     Kept ones are programs that other processes run. numba asks whether it could keep them as they
     are loaded, so that this comes first.

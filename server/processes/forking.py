@@ -56,18 +56,18 @@ class _Requests:
         return self._pipes.popleft(), self._pipes.popleft()
 
     def answer(self, **values: object) -> None:
-        """Tells something; ends the process when nobody listens."""
+        """Send an answer; end the process if the parent is gone."""
         try:
             self._control.sendall(json.dumps(values).encode() + b"\n")
         except (BrokenPipeError, ConnectionResetError):
             os._exit(1)
 
     def progress(self, progress: Progress) -> None:
-        """Tells what it is about before it is ready."""
+        """Send progress before it is ready."""
         self.answer(progress=asdict(progress))
 
     def refuse(self, why: str) -> NoReturn:
-        """Tells whoever asks that no child can be forked, and why; until nobody can any more."""
+        """Answer all requests with the reason why no child can be forked, until the end."""
         self.answer(failed=why)
         problem = {"event": "problem", "code": "no-start", "detail": why}
         while True:
@@ -79,7 +79,7 @@ class _Requests:
                 os.close(stdout)
 
     def close(self) -> None:
-        """Lets go of it all, in a child."""
+        """Close the sockets in a child."""
         self._control.close()
         while self._pipes:
             os.close(self._pipes.popleft())
@@ -103,7 +103,7 @@ class _Forks:
         self._running: set[int] = set()
 
     def serve(self, control: socket.socket) -> None:
-        """Answers requests until nobody can ask any more."""
+        """Answer requests until the parent is gone."""
         while True:
             ready, _, _ = select.select([control, self._woken], [], [])
             if self._woken in ready:
@@ -142,7 +142,7 @@ class _Forks:
         os.close(stdout)
 
     def _become(self, kind: str, limits: dict[str, Any], stdin: int, stdout: int) -> None:
-        """Goes on as a child."""
+        """Continue as a child."""
         os.setsid()
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -212,7 +212,7 @@ def _tasks(
 
 
 def main() -> None:
-    """Loads, and serves until the parent is gone."""
+    """Load, and serve until the parent is gone."""
     control = socket.socket(fileno=int(sys.argv[1]))
     asked = json.loads(sys.argv[2])
     requests = _Requests(control)

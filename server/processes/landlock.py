@@ -69,7 +69,7 @@ class Allowed:
 
 
 def version() -> int:
-    """The version of the kernel's interface; 0 where there is none, or none that is of use."""
+    """Return the version of the kernel's interface; 0 if there is none that suffices."""
     if sys.platform != "linux":
         return 0
     try:
@@ -80,7 +80,7 @@ def version() -> int:
 
 
 def restrict(allowed: Allowed) -> None:
-    """Refuses the calling thread, and what it starts from now on, all other files, and TCP.
+    """Deny the calling thread, and what it starts later, all other files, and TCP.
 
     Raises:
         OSError: When the kernel does not do so.

@@ -35,7 +35,7 @@ class ChildLimits:
 
     @classmethod
     def of(cls, settings: Settings, *, awaited: bool = False) -> ChildLimits:
-        """The limits that the settings say.
+        """Return the limits that the settings say.
 
         Args:
             settings: The settings.
@@ -80,7 +80,7 @@ def environment_of_child(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def keep_secrets() -> None:
-    """Has the kernel keep other processes of the same user from looking into this one.
+    """Keep other processes of the same user from reading this one's memory.
 
     Without it a computing process could read in ``/proc`` what its environment was cleared of.
     Files and sockets that are created from now on are closed to other users.

@@ -34,7 +34,7 @@ def is_on_table(directory: Path) -> bool:
 def ask_for_movie(
     place: Path, wishes: Mapping[str, Any], timeline: Path, part: str, *, on_table: bool
 ) -> None:
-    """Writes the ``request.json`` that ``run_movie`` reads.
+    """Write the ``request.json`` that ``run_movie`` reads.
 
     Args:
         place: Its directory.
@@ -55,7 +55,7 @@ def run_movie(
     on_progress: Callable[[dict[str, Any]], None],
     cancelled: Callable[[], bool],
 ) -> bool:
-    """Makes the movie that ``request.json`` in a directory asks for; False when cancelled.
+    """Make the movie that ``request.json`` in a directory asks for; False when cancelled.
 
     Each backend of OpenGL gets a process of its own: they cannot be changed within one.
 
@@ -89,7 +89,7 @@ def run_movie(
 
 
 def backends() -> tuple[str, ...]:
-    """Those to try: the one that the operator has set, or all."""
+    """Return the backends to try: the one that the operator has set, or all."""
     chosen = os.environ.get(GL_SETTING, "").lower().strip()
     if chosen in OFF_WORDS:
         return ()

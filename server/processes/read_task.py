@@ -49,7 +49,7 @@ def warm_up() -> None:
 
 
 def options_of(request: dict[str, Any]) -> PathOptions:
-    """The options in a request; those that are not there are as usual."""
+    """Return the options in a request; missing ones have their defaults."""
     from planner.pathfinding.options import PathOptions
 
     values = {name: request[name] for name in PATH_OPTIONS if name in request}
@@ -105,7 +105,7 @@ def check(directory: Path) -> dict[str, Any]:
 
 
 def _begins(directory: Path) -> Chain:
-    """The chain of a refold as it is folded at the beginning.
+    """Return the initially folded chain of a refold.
 
     Raises:
         InputError: When its plan does not lead there.
@@ -116,7 +116,7 @@ def _begins(directory: Path) -> Chain:
 
 
 def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
-    """The same for a plan that is to be smoothed."""
+    """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
     from planner.pipeline.request import Request
     from planner.plan.plan import Plan
     from planner.robot import RECORDED_PLAN
@@ -131,7 +131,7 @@ def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
 
 
 def preview(directory: Path) -> dict[str, Any]:
-    """Writes ``report.json`` beside a preview's ``request.json``.
+    """Write ``report.json`` beside a preview's ``request.json``.
 
     Raises:
         InputError: When the input above it can't be used.
@@ -188,6 +188,6 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
 
 
 def _note(directory: Path, cells: NDArray[Any]) -> None:
-    """Keeps cells for a drawing, so that nobody else has to read the upload for one."""
+    """Store cells for a drawing, so that no other process has to read the upload for it."""
     if len(cells) <= MAX_STORED_CELLS:
         (directory / "cells.json").write_text(json.dumps(cells.astype(int).tolist()))

@@ -41,7 +41,7 @@ def warm_up() -> None:
 
 
 def retime(directory: Path) -> dict[str, Any]:
-    """Writes the trajectory that ``request.json`` asks for; facts of its plan.
+    """Write the trajectory that ``request.json`` asks for; return facts of its plan.
 
     Raises:
         InputError: When the plan cannot be retimed.
@@ -80,7 +80,7 @@ def clearance(directory: Path) -> dict[str, Any]:
 
 
 def motors(directory: Path) -> dict[str, Any]:
-    """Writes the table of motors that it asks for, as JSON or CSV.
+    """Write the table of motors that it asks for, as JSON or CSV.
 
     Raises:
         InputError: When the plan cannot be retimed, or the motors cannot be built.

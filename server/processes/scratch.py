@@ -54,7 +54,7 @@ class Scratch:
             os.close(lock)
 
     def sweep(self) -> None:
-        """Removes what processes have left that died."""
+        """Remove directories of processes that died."""
         if not self._root.is_dir():
             return
         with _locked(self._root):
@@ -68,7 +68,7 @@ class Scratch:
 
 @contextmanager
 def _locked(path: Path, *, at_once: bool = False) -> Generator[None]:
-    """Holds the lock of a directory; BlockingIOError when another does and there is no waiting."""
+    """Hold the lock of a directory; raise BlockingIOError if another process holds it."""
     handle = os.open(path, os.O_RDONLY)
     try:
         flock(handle, LOCK_EX | (LOCK_NB if at_once else 0))

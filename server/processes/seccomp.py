@@ -98,7 +98,7 @@ class _Program(ctypes.Structure):
 
 
 def refuse_calls() -> bool:
-    """Refuses them to this process and all that it starts; False where that isn't known.
+    """Deny them to this process and its descendants; False on an unknown architecture.
 
     Raises:
         OSError: When the kernel does not do so.
@@ -119,7 +119,7 @@ def refuse_calls() -> bool:
 
 
 def program(mark: int, column: int) -> bytes:
-    """The filter, as instructions of classic BPF."""
+    """Return the filter, as instructions of classic BPF."""
     numbers = [number for pair in REFUSED_CALLS.values() if (number := pair[column]) is not None]
     # Jumps count the instructions that are left out, when so and when not so.
     own = [

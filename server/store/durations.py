@@ -99,7 +99,7 @@ def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | Non
 
 
 def _median(weighed: list[tuple[float, float]]) -> float:
-    """The value that half of the weight lies below."""
+    """Return the weighted median."""
     half = 0.5 * sum(weight for _, weight in weighed)
     so_far = 0.0
     for value, weight in sorted(weighed):

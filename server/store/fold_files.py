@@ -76,12 +76,12 @@ class Folders:
                 directory.mkdir(parents=True, exist_ok=True)
 
     def close(self) -> None:
-        """Lets go of the storage."""
+        """Close the storage."""
         if self.storage is not None:
             self.storage.close()
 
     def check(self) -> None:
-        """Raises StorageError when the storage does not answer."""
+        """Raise StorageError when the storage does not answer."""
         if self.storage is not None:
             self.storage.check()
 
@@ -99,7 +99,7 @@ class Folders:
     # For readers
 
     def shown(self, row: FoldRow) -> Path:
-        """The files of a fold as readers see them, brought here if they are kept elsewhere.
+        """Return the directory of a fold as readers see it; fetch it if it is stored elsewhere.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -121,7 +121,7 @@ class Folders:
         return copy
 
     def movie(self, fold_id: str, name: str) -> Path | None:
-        """The file of a movie, brought here if it is kept elsewhere; None when there is none.
+        """Return the file of a movie, fetched if it is stored elsewhere; None if there is none.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -140,7 +140,7 @@ class Folders:
         return path
 
     def copied(self) -> set[str]:
-        """The folds of whose files there are copies on this machine."""
+        """Return the folds with local copies of their files."""
         if self.storage is None:
             return set()
         names = {copy.name for copy in self._settings.cache_dir.iterdir()}
@@ -149,7 +149,7 @@ class Folders:
     # For who takes an upload in
 
     def adopt(self, aside: Path, fold_id: str) -> None:
-        """Puts the directory of a new fold in its place, whole or not at all.
+        """Move the directory of a new fold into place, whole or not at all.
 
         Raises:
             OSError: When there is no room.
@@ -165,7 +165,7 @@ class Folders:
             self.storage.forget(key)
 
     def remove(self, fold_id: str) -> None:
-        """Removes all files of a fold.
+        """Remove all files of a fold.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -180,7 +180,7 @@ class Folders:
     # For who makes a movie of it
 
     def keep_movie(self, fold_id: str, name: str, path: Path) -> None:
-        """Puts a file that is whole to where readers find it.
+        """Store a complete movie file for readers.
 
         Raises:
             NoSuchFoldError: When there is no such fold any more.
@@ -205,7 +205,7 @@ class Folders:
                 aside.unlink(missing_ok=True)
 
     def remove_movie(self, fold_id: str, name: str) -> None:
-        """Removes the file of a movie, if there is one.
+        """Remove the file of a movie, if there is one.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -219,7 +219,7 @@ class Folders:
     # For who makes room
 
     def remove_exports(self, fold_id: str, *, before: float) -> tuple[int, int]:
-        """Removes what was made of a fold's files on this machine before a time.
+        """Remove a fold's derived files on this machine that are older than a time.
 
         Args:
             fold_id: The fold.
@@ -265,7 +265,7 @@ class Folders:
         return place
 
     def keep(self, fold_id: str, epoch: int) -> int:
-        """Keeps what a fold's directory holds now; the bytes of it, without what was made of it.
+        """Store the files in a fold's directory; return their size, without derived files.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -276,7 +276,7 @@ class Folders:
         return self.storage.keep(_key(fold_id, epoch), place)
 
     def leave(self, fold_id: str, epoch: int) -> None:
-        """Clears up after a fold that is over, but for what was kept under its last epoch.
+        """Clean up after an ended fold, except for the files of its last epoch.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -291,7 +291,7 @@ class Folders:
             return self._locks.setdefault(name, threading.Lock())
 
     def _tidy(self) -> None:
-        """Drops the copies that nobody looked at for longest when there are too many."""
+        """Remove the least recently used copies if there are too many."""
         now = time.time()
         with self._lock:
             if 0 <= now - self._tidied < CACHE_SWEEP_S:
@@ -312,7 +312,7 @@ class Folders:
                 total -= size
 
     def _drop(self, copy: Path) -> None:
-        """Drops a copy at once: nobody sees half of it, or brings files into what is going."""
+        """Remove a copy atomically, so that no reader sees half of it or writes into it."""
         going = copy.with_name(f"{REMOVED_PREFIX}{copy.name}-{secrets.token_hex(4)}")
         with self._lock_of(copy.name):
             self._looked.pop(copy.name, None)
@@ -322,7 +322,7 @@ class Folders:
 
 
 def size_of(directory: Path, *, but: Collection[str] = ()) -> int:
-    """Bytes of all files in a directory, but for those in some of its folders."""
+    """Return the size of all files in a directory, without some of its subdirectories."""
     total = 0
     for path in directory.rglob("*"):
         if path.relative_to(directory).parts[0] in but:
@@ -334,7 +334,7 @@ def size_of(directory: Path, *, but: Collection[str] = ()) -> int:
 
 
 def sync(path: Path) -> None:
-    """Has a directory, or a file, reach the disk."""
+    """Flush a directory, or a file, to the disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

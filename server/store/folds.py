@@ -59,13 +59,13 @@ and follows changes later. Chosen."""
 
 
 def new_id() -> str:
-    """An id that nobody can guess: 100 random bits in letters and digits."""
+    """Return an id that cannot be guessed: 100 random bits in letters and digits."""
     alphabet = "abcdefghijkmnpqrstuvwxyz23456789"
     return "".join(secrets.choice(alphabet) for _ in range(20))
 
 
 def new_token() -> str:
-    """A token that proves ownership."""
+    """Return a token that proves ownership."""
     return secrets.token_urlsafe(24)
 
 
@@ -111,12 +111,12 @@ class Store:
         self._sessions = sessionmaker(self._engine, expire_on_commit=False)
 
     def close(self) -> None:
-        """Lets go of all connections."""
+        """Close all connections."""
         self._engine.dispose()
         self.folders.close()
 
     def check(self) -> None:
-        """Raises when the database does not answer."""
+        """Raise an error if the database does not answer."""
         with self._engine.connect() as connection:
             connection.execute(sa.select(1))
 
@@ -146,7 +146,7 @@ class Store:
     # Reading
 
     def fold(self, fold_id: str) -> FoldRow:
-        """The row of a fold.
+        """Return the row of a fold.
 
         Raises:
             NoSuchFoldError: When there is none.
@@ -158,7 +158,7 @@ class Store:
         return row
 
     def find(self, fold_id: str) -> Found | None:
-        """The fold of that id, which somebody looks at now; None when there is none."""
+        """Return a fold by its id, and record the access; None if there is none."""
         try:
             row = self.fold(fold_id)
         except NoSuchFoldError:
@@ -171,7 +171,7 @@ class Store:
         return Found(ShownFold.of(row), self.folders.shown(row), recorded)
 
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
-        """Folds of gallery shapes that nobody has cancelled, newest first."""
+        """Return the gallery folds that are not cancelled, newest first."""
         with self._sessions() as session:
             return session.scalars(
                 sa.select(FoldRow)
@@ -181,7 +181,7 @@ class Store:
             ).all()
 
     def list_owned(self, token: str, limit: int = 100) -> Sequence[FoldRow]:
-        """Folds that the holder of a token has asked for, newest first."""
+        """Return the folds of a token, newest first."""
         with self._sessions() as session:
             return session.scalars(
                 sa.select(FoldRow)
@@ -191,7 +191,7 @@ class Store:
             ).all()
 
     def kept_until(self, row: FoldRow) -> float | None:
-        """When a fold is forgotten if nobody looks at it; None when there is no such time."""
+        """Return when a fold expires without further access; None if it does not expire."""
         if self._keep_days is None or row.pinned or row.public or not row.over:
             return None
         return (row.seen_at or row.ended_at or row.created_at) + self._keep_days * DAY_S
@@ -243,7 +243,7 @@ class Store:
         return slice_s(cost_s, pauses, first_s, for_cheaper=True), slice_s(cost_s, pauses, first_s)
 
     def unfinished(self) -> Sequence[FoldRow]:
-        """All folds that are queued or running."""
+        """Return all folds that are queued or running."""
         with self._sessions() as session:
             return session.scalars(
                 sa.select(FoldRow).where(FoldRow.status.in_(UNFINISHED_STATUSES))
@@ -310,7 +310,7 @@ class Store:
     # Writing, on the side of the visitors
 
     def add(self, row: FoldRow, token: str) -> bool:
-        """Adds a fold with its owner; False when its content key is taken by another.
+        """Add a fold with its owner; False if another fold has its content key.
 
         Its turn in the queue is settled here.
         """
@@ -362,7 +362,7 @@ class Store:
         )
 
     def secret(self, name: str, made: bytes) -> bytes:
-        """A secret of the service; ``made`` becomes it when there is none yet."""
+        """Return a secret of the service; store ``made`` if there is none yet."""
         with self.reading() as session:
             known = session.get(SecretRow, name)
         if known is None:
@@ -377,14 +377,14 @@ class Store:
         return known.value
 
     def looked(self, row: FoldRow) -> None:
-        """Notes that somebody looks at a fold, now and then; no harm is done when it fails."""
+        """Record an access to a fold, at a coarse resolution; errors are ignored."""
         now = time.time()
         if abs(now - (row.seen_at or 0.0)) > ACCESS_RESOLUTION_S:
             with suppress(SQLAlchemyError):
                 self._change(row.id, seen_at=now)
 
     def ask(self, content_key: str, token: str) -> FoldRow | None:
-        """The fold with this content key, which somebody wants; None when there is none.
+        """Join the existing fold with a content key; None if there is none.
 
         One of the gallery that somebody else has asked for too is nobody's from now on, so that
         nobody stops it for the other. It counts as looked at just now.
@@ -401,7 +401,7 @@ class Store:
             return session.scalar(wanted)
 
     def cancel(self, fold_id: str, token: str) -> bool:
-        """Cancels a fold that is not over, a running one as soon as its worker sees this.
+        """Cancel an unfinished fold; a running one stops as soon as its worker sees this.
 
         Returns:
             False when the token is not its owner's.
@@ -423,7 +423,7 @@ class Store:
             return session.scalar(sa.select(FoldRow.id).where(*own)) is not None
 
     def expire(self, fold_id: str, seen: float | None) -> bool:
-        """Forgets a fold that nobody has looked at since, unless somebody wants it after all."""
+        """Delete a fold that has not been accessed since, unless it is wanted again."""
         gone = sa.delete(FoldRow).where(
             FoldRow.id == fold_id,
             FoldRow.pinned.is_(False),
@@ -434,7 +434,7 @@ class Store:
             return bool(rows_of(session.execute(gone)))
 
     def delete(self, fold_id: str, token: str | None = None) -> bool:
-        """Forgets a fold, whose directory is the caller's to remove.
+        """Delete a fold's row; the caller removes its directory.
 
         Args:
             fold_id: The fold.
@@ -451,17 +451,17 @@ class Store:
             return bool(rows_of(session.execute(gone)))
 
     def add_derived(self, fold_id: str, size: int) -> None:
-        """Counts so many bytes more, or less, of what was made of a fold."""
+        """Add to the size of a fold's derived files."""
         self._change(fold_id, derived_bytes=FoldRow.derived_bytes + size)
 
     def set_derived(self, fold_id: str, size: int) -> None:
-        """Notes how many bytes of what was made of a fold there are."""
+        """Store the size of a fold's derived files."""
         self._change(fold_id, derived_bytes=size)
 
     # Writing, on the side of the workers
 
     def begin(self, fold_id: str, stage: str, worker: str) -> int | None:
-        """Marks a stage as running.
+        """Mark a stage as running.
 
         Args:
             fold_id: The fold.
@@ -524,7 +524,7 @@ class Store:
             return True
 
     def show(self, fold_id: str, epoch: int) -> None:
-        """Has readers see what was kept in an epoch, if it lasts."""
+        """Publish the files of an epoch to readers, unless a later one owns the fold."""
         with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
@@ -533,7 +533,7 @@ class Store:
             )
 
     def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
-        """Notes what the chain of a fold is; a name of the gallery or of its owner stays."""
+        """Store the facts of a fold's chain; a name from the gallery or the owner stays."""
         unnamed = sa.and_(FoldRow.shape.is_(None), FoldRow.renamed.is_(False))
         shown = sa.case((unnamed, name[:200]), else_=FoldRow.name)
         self._change(fold_id, modules=modules, module=module, name=shown)
@@ -545,7 +545,7 @@ class Store:
         return {}
 
     def report(self, fold_id: str, epoch: int, progress: dict[str, Any] | None = None) -> bool:
-        """Notes progress, when there is news; False when the fold shall not go on here."""
+        """Store changed progress; False if the fold must not continue here."""
         going = (
             FoldRow.id == fold_id,
             FoldRow.epoch == epoch,
@@ -569,7 +569,7 @@ class Store:
         kept: int | None = None,
         size: int | None = None,
     ) -> bool:
-        """Ends a fold, once; False when it was deleted. One that was cancelled before ends so.
+        """End a fold, once; False if it was deleted. A cancelled one stays cancelled.
 
         Args:
             fold_id: The fold.

@@ -59,7 +59,7 @@ class GalleryShape:
 
 @cache
 def gallery() -> tuple[GalleryShape, ...]:
-    """All example shapes, shortest chain first; read once."""
+    """Return all example shapes, shortest chain first; read once."""
     resting = _resting()
     found = [
         _shape(entry, resting)
@@ -73,11 +73,11 @@ class Gallery:
     """The example shapes, as a service has them."""
 
     def shapes(self) -> tuple[GalleryShape, ...]:
-        """All of them, shortest chain first."""
+        """Return all examples, shortest chain first."""
         return gallery()
 
     def shape(self, name: str) -> GalleryShape | None:
-        """The one of this name, if there is one."""
+        """Return the example of this name, or None."""
         return next((shape for shape in self.shapes() if shape.name == name), None)
 
     def nearest(self, name: str) -> str:
@@ -91,11 +91,11 @@ class Gallery:
         return f"{len(names)} examples" + (f", such as {near}" if near else "")
 
     def fitting(self, module: str, modules: int) -> tuple[GalleryShape, ...]:
-        """Those that a chain of so many modules of a kind folds into."""
+        """Return the examples that a chain of a kind and length folds into."""
         return tuple(s for s in self.shapes() if (s.module, s.modules) == (module, modules))
 
     def advised(self, error: InputError, module: str, modules: int) -> InputError:
-        """The refusal to refold such a chain into a shape that differs, with some that don't."""
+        """Return the refusal to refold a chain into an unsuitable shape, with suitable ones."""
         if error.code != "refold-differs":
             return error
         names = [shape.name for shape in self.fitting(module, modules)]

@@ -86,12 +86,12 @@ class Leases:
 
     @classmethod
     def of(cls, settings: Settings, store: Store) -> Leases:
-        """Those of a service with these settings."""
+        """Return the leases of a service with these settings."""
         identities = WorkerIdentities(settings)
         return cls(store, identities, settings.lease_s, expects_workers=settings.workers > 0)
 
     def beat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
-        """Says that a worker lives."""
+        """Increment the heartbeat counter of a worker."""
         about = {"host": host, "pid": pid, "folds_at_once": folds_at_once}
         with self._store.changing() as session:
             again = sa.update(WorkerRow).where(WorkerRow.name == name, WorkerRow.pid == pid)
@@ -110,7 +110,7 @@ class Leases:
             )
 
     def leave(self, name: str) -> None:
-        """Says that a worker has ended."""
+        """Deregister a worker."""
         with self._store.changing() as session:
             session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
             session.execute(sa.delete(CounterRow).where(CounterRow.name == _preparing_key(name)))
@@ -154,14 +154,14 @@ class Leases:
         return Preparing(fraction=fraction, remaining_s=left_s)
 
     def workers(self) -> list[WorkerRow]:
-        """The workers that live, as far as anybody knows."""
+        """Return the workers that are not known to be dead."""
         with self._store.reading() as session:
             rows = list(session.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)))
         silent = self._silent({row.name: row.beat for row in rows})
         return [row for row in rows if row.name not in silent]
 
     def dead(self, holders: Iterable[str]) -> set[str]:
-        """The workers that are gone: of those with a row, and of ``holders``, who hold folds.
+        """Return the expired workers among those with a row and ``holders`` of folds.
 
         It must be asked several times a lease: after a longer pause, as when the database was away
         and nobody's beat could reach it, silence begins anew.
@@ -179,7 +179,7 @@ class Leases:
         return self._silent(beats)
 
     def at_once(self) -> int:
-        """Folds that all living workers compute at once."""
+        """Return the number of folds that all live workers compute at the same time."""
         return sum(row.folds_at_once for row in self.workers())
 
     def _silent(self, beats: dict[str, int | None]) -> set[str]:

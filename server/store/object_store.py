@@ -70,7 +70,7 @@ class Storage:
         self._threads = ThreadPoolExecutor(TRANSFERS_AT_ONCE, thread_name_prefix="storage")
 
     def check(self) -> None:
-        """Writes, reads, lists and removes a small file.
+        """Write, read, list and remove a small file.
 
         Raises:
             StorageError: When one of these fails.
@@ -86,7 +86,7 @@ class Storage:
                 self._obstore.delete(self._store, name)
 
     def keep(self, key: str, directory: Path) -> int:
-        """Brings what changed in a directory since the last time to the storage.
+        """Upload the changes in a directory since the last call.
 
         Returns:
             Bytes of all its files.
@@ -117,12 +117,12 @@ class Storage:
         return sum(size for _, size in found.values())
 
     def forget(self, key: str) -> None:
-        """Forgets what was kept of a directory, so that all of it is kept the next time."""
+        """Forget what is stored of a directory, so that the next call uploads all of it."""
         with self._lock:
             self._known.pop(key, None)
 
     def fetch(self, key: str, directory: Path) -> bool:
-        """Brings a local copy up to what the storage has; False when it has nothing.
+        """Update a local copy from the storage; False if the storage has nothing.
 
         Raises:
             StorageError: When the storage does not answer; the copy is as it was, or newer.
@@ -158,7 +158,7 @@ class Storage:
         return True
 
     def read(self, key: str) -> bytes | None:
-        """One small file; None when there is none.
+        """Return a small file's content; None if there is none.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -167,7 +167,7 @@ class Storage:
             return self._get(key)
 
     def fetch_file(self, key: str, path: Path) -> bool:
-        """Brings one file here, which may be large; False when there is none.
+        """Download one file, which may be large; False if there is none.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -189,7 +189,7 @@ class Storage:
         return True
 
     def keep_file(self, key: str, path: Path) -> None:
-        """Keeps one file.
+        """Upload one file.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -198,7 +198,7 @@ class Storage:
             self._obstore.put(self._store, key, path)
 
     def remove_file(self, key: str) -> None:
-        """Removes one file, if there is one.
+        """Remove one file, if there is one.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -207,7 +207,7 @@ class Storage:
             self._delete(key)
 
     def remove(self, key: str, *, but: str | None = None) -> None:
-        """Removes all below a key, without what is below another one.
+        """Remove all below a key, without what is below another one.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -223,7 +223,7 @@ class Storage:
                     del self._known[known]
 
     def below(self, key: str) -> list[str]:
-        """The names right below a key, as those of directories are.
+        """Return the names directly below a key.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -252,7 +252,7 @@ class Storage:
         return found
 
     def close(self) -> None:
-        """Ends its threads."""
+        """End its threads."""
         self._threads.shutdown(wait=False, cancel_futures=True)
 
     def _put(self, key: str, name: str, data: bytes | None) -> None:
@@ -305,7 +305,7 @@ class Storage:
 
 
 def open_storage(settings: Settings) -> Storage | None:
-    """The storage that the settings name; None when files are kept on this machine.
+    """Return the object store in the settings; None if files are stored on this machine.
 
     Raises:
         StorageError: If the URL is of no known kind, or obstore is not installed.
@@ -345,7 +345,7 @@ def _remove(path: Path, root: Path) -> None:
 
 
 def _files(directory: Path) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Names of the files that are kept, with what tells a changed one."""
+    """Return the stored files with what changes with their content."""
     for path in sorted(directory.rglob("*")):
         name = path.relative_to(directory).as_posix()
         parts = name.split("/")
@@ -374,5 +374,5 @@ def _write_whole(path: Path, data: bytes) -> None:
 
 
 def _identity(head: bytes | None) -> str | None:
-    """Which timeline a head belongs to."""
+    """Return the id of the timeline that a head belongs to."""
     return None if head is None else json.loads(head)["attributes"].get("id")

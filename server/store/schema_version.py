@@ -30,7 +30,7 @@ class Schema:
 
     @classmethod
     def of(cls, connection: sa.Connection) -> Schema:
-        """The schema of a database; nothing is changed.
+        """Return the schema of a database; nothing is changed.
 
         Raises:
             SQLAlchemyError: When the database does not answer.
@@ -58,7 +58,7 @@ class Schema:
         return 0 if self.newer else len(self.known) - 1 - self.known.index(self.found)
 
     def check(self) -> None:
-        """Refuses a database that a newer foldback wrote.
+        """Refuse a database that a newer foldback wrote.
 
         Raises:
             NewerSchemaError: Saying what to do.

@@ -45,7 +45,7 @@ class ShownFold:
 
     @property
     def called(self) -> str:
-        """Its name as people write it, or as its owner does."""
+        """Name for people, or the owner's name for it."""
         return self.name if self.renamed else shown_name(self.name)
 
     @property
@@ -85,12 +85,12 @@ class FoldSource(Protocol):
     """Source of folds for pages."""
 
     def find(self, fold_id: str) -> Found | None:
-        """The fold of that id, which somebody looks at now; None when there is none."""
+        """Return a fold by its id, and record the access; None if there is none."""
         ...
 
 
 def shown_name(name: str) -> str:
-    """A name as people write it: ``wrench-160`` is a wrench, its size is told beside it."""
+    """Return a name for people: ``wrench-160`` is a wrench, its size stands beside it."""
     if (sized := re.fullmatch(r"([a-z]+)-(\d+)", name)) is not None:
         return sized[1].capitalize()
     if (box := re.fullmatch(r"([a-z]+)-(\d+)x(\d+)x(\d+)", name)) is not None:

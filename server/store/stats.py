@@ -69,11 +69,11 @@ class Stats:
         self._bytes: tuple[float, int] | None = None
 
     def close(self) -> None:
-        """Lets go of the connection."""
+        """Close the connection."""
         self._engine.dispose()
 
     def figures(self) -> Figures:
-        """The figures, at most ``FIGURES_CACHE_S`` old.
+        """Return the figures, at most ``FIGURES_CACHE_S`` old.
 
         Raises:
             SQLAlchemyError: When the database does not answer.

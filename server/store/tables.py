@@ -102,7 +102,7 @@ class FoldRow(Base):
 
     @property
     def created(self) -> datetime:
-        """When it was asked for, with its time zone."""
+        """Time of the request, with its time zone."""
         return datetime.fromtimestamp(self.created_at, UTC)
 
     @property
@@ -250,7 +250,7 @@ def is_read_only(engine: sa.Engine) -> bool:
 
 
 def engine_for(url: str) -> sa.Engine:
-    """An engine; SQLite gets a write-ahead log, patience with locks, and foreign keys.
+    """Return an engine; SQLite gets a write-ahead log, a lock timeout, and foreign keys.
 
     Its connections are enough for all threads of a web process where they cost little; those to a
     server are fewer, and one that is silent is given up.
@@ -290,7 +290,7 @@ def engine_for(url: str) -> sa.Engine:
 
 
 def migrate(engine: sa.Engine) -> None:
-    """Brings the tables to the newest schema; does nothing when they are.
+    """Migrate the tables to the newest schema, if they are older.
 
     Raises:
         NewerSchemaError: When a newer foldback wrote them.

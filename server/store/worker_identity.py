@@ -42,7 +42,7 @@ class WorkerIdentities:
         self._prefix = f"{socket.gethostname()[:100]}/{here}/"
 
     def take(self) -> WorkerIdentity:
-        """The identity of the lowest number whose lock nobody holds.
+        """Take the identity of the lowest free number.
 
         Raises:
             RuntimeError: When all are taken.
@@ -56,7 +56,7 @@ class WorkerIdentities:
         )
 
     def dead(self, names: Iterable[str]) -> set[str]:
-        """Those of the names that are of this machine and that no living worker holds."""
+        """Return the names of this machine that no living worker holds."""
         found: set[str] = set()
         for name in names:
             number = name.removeprefix(self._prefix)
@@ -78,7 +78,7 @@ class WorkerIdentity:
         self._lock = lock
 
     def close(self) -> None:
-        """Gives the name back."""
+        """Release the name."""
         self._lock.close()
 
 

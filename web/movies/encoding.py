@@ -106,7 +106,7 @@ class Mp4Encoder:
     """Encode an MP4 file by ffmpeg, as ``Encoder`` has it."""
 
     def __init__(self, movie: Movie, out: Path) -> None:
-        """Starts ffmpeg.
+        """Start ffmpeg.
 
         Raises:
             EncodingError: If it cannot be started.

@@ -37,7 +37,7 @@ def make_movie(
     progress: Callable[[int], None],
     cancelled: Callable[[], bool],
 ) -> bool:
-    """Makes a movie.
+    """Make a movie.
 
     Args:
         directory: The timeline's.
@@ -84,7 +84,7 @@ def make_movie(
 
 
 def frame_numbers(timeline: TimelineView, movie: Movie) -> Array:
-    """(K,) the frame of the timeline that each picture shows, not whole between two.
+    """Return (K,) the frame of the timeline that each picture shows, not whole between two.
 
     The movie rests a moment at both ends, so that the eye has time for them.
     """

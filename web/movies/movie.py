@@ -72,7 +72,7 @@ class Movie:
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> Self:
-        """A movie with what was wished for, the rest as is plain for its format.
+        """Return a movie with what was wished for, the rest as is plain for its format.
 
         Raises:
             InputError: When it is beyond the bounds.
@@ -95,7 +95,7 @@ class Movie:
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
     def check(self) -> None:
-        """Checks the bounds.
+        """Check the bounds.
 
         Raises:
             InputError: Saying what was got and what is expected.
@@ -124,7 +124,7 @@ class Movie:
         _within("turn_deg", self.turn_deg, -MAX_TURN_DEG, MAX_TURN_DEG, "°")
 
     def frames(self, total: int, playback: int) -> tuple[int, int]:
-        """The first and the last frame of a timeline that it shows.
+        """Return the first and the last frame of a timeline that it shows.
 
         Args:
             total: Frames that there are.

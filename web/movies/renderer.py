@@ -70,7 +70,7 @@ class Stage:
     def __init__(
         self, module: Module, modules: int, *, width: int, height: int, theme: Theme, backend: str
     ) -> None:
-        """Opens an offscreen window.
+        """Open an offscreen window.
 
         Args:
             module: The kind of module.
@@ -228,7 +228,7 @@ def _shine(light: Any, towards: Array, diffuse: Array) -> None:
 
 
 def _model(module: Module, theme: Theme, *, width: int, height: int) -> Any:
-    """A model of nothing but what is drawn: meshes and textures."""
+    """Return a model of nothing but what is drawn: meshes and textures."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.quality.offsamples = SAMPLES_PER_PIXEL

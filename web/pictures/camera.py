@@ -101,7 +101,7 @@ def framing(
     elevation_rad: float = ELEVATION_RAD,
     margin: tuple[float, float] = (0.9, 0.72),
 ) -> View:
-    """The nearest view that shows all points.
+    """Return the nearest view that shows all points.
 
     A long chain is looked at from its side, on a tall window from nearer its end.
 
@@ -145,7 +145,7 @@ def framing(
 
 
 def distance_needed(points: Array, view: View, *, radius: float, aspect: float) -> float:
-    """The least distance from which a view cuts nothing off, for the target that it has."""
+    """Return the least distance from which a view cuts nothing off, for the target that it has."""
     out = _outward(view.azimuth_rad, view.elevation_rad)
     right = np.array([-np.sin(view.azimuth_rad), np.cos(view.azimuth_rad), 0.0])
     off = few_points(points) - view.target

@@ -64,7 +64,7 @@ def camera_path(
     elevation_rad: float,
     turn_rad: float,
 ) -> CameraPath:
-    """The camera of a movie.
+    """Return the camera of a movie.
 
     Args:
         pictures: K times (n, 3) centres of some or all modules.
@@ -122,7 +122,7 @@ def _smooth(values: Array, deviation: float) -> Array:
 
 
 def _above(values: Array, deviation: float) -> Array:
-    """(K,) smooth values that are nowhere below those given."""
+    """Return (K,) smooth values that are nowhere below those given."""
     reach = int(FILTER_TRUNCATION_SIGMA * deviation + 0.5)
     highest = maximum_filter1d(values, 2 * reach + 1, mode="nearest")
     return _smooth(highest, deviation)

@@ -41,12 +41,12 @@ RAMP_COLOURS: Final = 256
 
 
 def linear_from_srgb(srgb: Array) -> Array:
-    """Converts sRGB values (…) in 0 to 1 to linear light in 0 to 1."""
+    """Convert sRGB values (…) in 0 to 1 to linear light in 0 to 1."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
 def srgb_from_linear(linear: Array) -> Array:
-    """Converts linear light (…) in 0 to 1 to sRGB values in 0 to 1."""
+    """Convert linear light (…) in 0 to 1 to sRGB values in 0 to 1."""
     return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
@@ -63,7 +63,7 @@ def error_ramp(steps: int = RAMP_COLOURS) -> NDArray[np.uint8]:
 
 
 def ramp_colours(shares: Array) -> NDArray[np.uint8]:
-    """(n,) places along a chain from 0 to 1 to (n, 3) sRGB bytes of the cividis ramp."""
+    """Convert (n,) positions along a chain, 0 to 1, to (n, 3) sRGB bytes of cividis."""
     stops = np.array([[int(c[k : k + 2], 16) for k in (0, 2, 4)] for c in CIVIDIS], np.float64)
     at = np.linspace(0.0, 1.0, len(stops))
     return np.rint(np.column_stack([np.interp(shares, at, stops[:, k]) for k in range(3)])).astype(
@@ -72,7 +72,7 @@ def ramp_colours(shares: Array) -> NDArray[np.uint8]:
 
 
 def error_scale(largest_rad: float) -> float:
-    """The end of the colour scale for a largest error: 1, 2 or 5 times a power of ten, in rad."""
+    """Return the end of the colour scale in rad: 1, 2 or 5 times a power of ten."""
     if not np.isfinite(largest_rad) or largest_rad <= MIN_ERROR_SCALE_RAD:
         return MIN_ERROR_SCALE_RAD
     power = 10.0 ** np.floor(np.log10(largest_rad))
@@ -83,7 +83,7 @@ def error_scale(largest_rad: float) -> float:
 
 
 def module_errors(joint_error_rad: Array, modules: int, *, hinges: int, rigid_links: int) -> Array:
-    """The error shown on each module: the largest of the hinges of the joint that it carries.
+    """Return the error of each module: the largest of its joint's hinges.
 
     Args:
         joint_error_rad: (…, J) errors; NaN where none is recorded.
@@ -100,7 +100,7 @@ def module_errors(joint_error_rad: Array, modules: int, *, hinges: int, rigid_li
 
 
 def error_colours(errors_rad: Array, scale_rad: float) -> NDArray[np.uint8]:
-    """(n,) errors to (n, 3) sRGB bytes: the redder the larger, grey where there is none."""
+    """Convert (n,) errors to (n, 3) sRGB bytes: redder if larger, grey if unknown."""
     known = np.isfinite(errors_rad)
     share = np.clip(np.where(known, errors_rad, 0.0) / scale_rad, 0.0, 1.0)
     colours = _RAMP[np.rint(share * (RAMP_COLOURS - 1)).astype(np.int64)]

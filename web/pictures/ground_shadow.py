@@ -49,7 +49,7 @@ class GroundShadow:
 
 
 def ground_shadow(positions: Array, *, ground: float, lean: Array) -> GroundShadow:
-    """The shadow of modules on the ground.
+    """Return the shadow of modules on the ground.
 
     Each module is a square, blurred by a Gaussian as wide as its height asks for; light gets past
     all of them with the chance exp(-Σ).
@@ -74,7 +74,7 @@ def ground_shadow(positions: Array, *, ground: float, lean: Array) -> GroundShad
 
 
 def _covered(off: Array, blur: Array) -> Floats:
-    """(n, C) how much of a blurred bar of a module's width lies at these distances from it."""
+    """Return (n, C) coverage of a blurred bar of a module's width at these distances."""
     scale = 1.0 / blur[:, None]
     covered = ndtr((off + MODULE_WIDTH_PITCH / 2) * scale) - ndtr(
         (off - MODULE_WIDTH_PITCH / 2) * scale

@@ -50,7 +50,7 @@ def isometric_svg(
     odd: Collection[Cell] = (),
     added: Collection[Cell] = (),
 ) -> str:
-    """Draws cells as cubes seen from (1, 1, 1), z upward.
+    """Draw cells as cubes seen from (1, 1, 1), z upward.
 
     Args:
         cells: (n, 3) whole numbers.
@@ -91,7 +91,7 @@ def isometric_svg(
 
 
 def _stroke(tone: str) -> str:
-    """A line in the colour of the face, which rounds its corners."""
+    """Return a line in the colour of the face, which rounds its corners."""
     if tone == "gap":
         return ""
     return (

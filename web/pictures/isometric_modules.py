@@ -38,7 +38,7 @@ larger. Chosen."""
 
 
 def chain_svg(chain: Chain, *, size: int = 320, title: str | None = None) -> str:
-    """Draws a folded chain from above, z upward: cubes as cells, others face by face.
+    """Draw a folded chain from above, z upward: cubes as cells, others face by face.
 
     Args:
         chain: The chain.
@@ -57,7 +57,7 @@ def modules_svg(
     size: int = 320,
     title: str | None = None,
 ) -> str:
-    """Draws modules where they lie; see ``chain_svg``.
+    """Draw modules where they lie; see ``chain_svg``.
 
     Args:
         module: Their kind.
@@ -101,7 +101,7 @@ def modules_svg(
 
 
 def _outer(placed: Array) -> NDArray[np.bool_]:
-    """(n, F) whether a face belongs to one module only."""
+    """Return (n, F) True for faces that belong to one module only."""
     n, count = placed.shape[:2]
     keys = np.rint(placed.sum(axis=2) * 4.0).astype(np.int64).reshape(-1, 3)
     _, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)

@@ -83,12 +83,12 @@ TABLE_THEMES: Final = {
 
 
 def key_light(view: View) -> Array:
-    """(3,) unit vector towards the key light, which goes with the camera."""
+    """Return (3,) unit vector towards the key light, which goes with the camera."""
     return _beside(view, KEY_LIGHT)
 
 
 def fill_light(view: View) -> Array:
-    """(3,) unit vector towards the other light."""
+    """Return (3,) unit vector towards the other light."""
     return _beside(view, FILL_LIGHT)
 
 
@@ -127,7 +127,7 @@ def shade_colours(shadow: GroundShadow, theme: Theme) -> NDArray[np.uint8]:
 
 
 def unit(vector: Array) -> Array:
-    """A vector of length 1 in the same direction."""
+    """Return a vector of length 1 in the same direction."""
     return vector / np.linalg.norm(vector)
 
 

@@ -36,7 +36,7 @@ class Mesh:
 
 
 def module_mesh(module: Module) -> Mesh:
-    """A module's hull, shrunk to leave a gap, its edges and corners cut by a small bevel."""
+    """Return a module's hull, shrunk to leave a gap, its edges and corners cut by a small bevel."""
     from scipy.spatial import ConvexHull  # late: a service starts before anybody looks
 
     corners = module.vertices * DISPLAYED_MODULE_SIZE
@@ -47,7 +47,7 @@ def module_mesh(module: Module) -> Mesh:
 
 
 def stud_mesh() -> Mesh:
-    """A low disc along x, for marking the free end of a chain; its base is at the origin."""
+    """Return a low disc along x, for marking the free end of a chain; its base is at the origin."""
     turn = np.linspace(0.0, 2 * np.pi, STUD_SIDES, endpoint=False)
     ring = np.column_stack([np.zeros(STUD_SIDES), np.cos(turn), np.sin(turn)])
     low = ring * STUD_RADIUS
@@ -60,7 +60,7 @@ def _on(points: Array, plane: Array) -> NDArray[np.bool_]:
 
 
 def _ring(corners: Array) -> Array:
-    """The corners of one flat face in their order around it."""
+    """Return the corners of one flat face in their order around it."""
     centre = corners.mean(axis=0)
     spread = corners - centre
     _, _, axes = np.linalg.svd(spread)
@@ -70,7 +70,7 @@ def _ring(corners: Array) -> Array:
 
 
 def inset(ring: Array) -> Array:
-    """The corners of one flat face, in order, each moved along its two edges' inner bisector."""
+    """Return the corners of a flat face, in order, each moved along its inner bisector."""
     before, after = np.roll(ring, 1, axis=0) - ring, np.roll(ring, -1, axis=0) - ring
     before /= np.linalg.norm(before, axis=1, keepdims=True)
     after /= np.linalg.norm(after, axis=1, keepdims=True)

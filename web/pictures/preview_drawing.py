@@ -27,7 +27,7 @@ drawing from positive x and y."""
 
 
 def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) -> str | None:
-    """Draws the modules of a preview's report, or its cells where there is no chain.
+    """Draw the modules of a preview's report, or its cells where there is no chain.
 
     Without a path, the cells that prevent it are red, as in the 3D view.
 

@@ -44,7 +44,7 @@ def sketch_outline(module: Module, modules: int) -> dict[str, Any]:
 
 
 def _around(corners: Array, normal: Array) -> NDArray[np.int64]:
-    """The order of the corners of a flat face, turning left about its outward normal."""
+    """Return the order of the corners of a flat face, turning left about its outward normal."""
     spread = corners - corners.mean(axis=0)
     right = spread[0] / np.linalg.norm(spread[0])
     up = np.cross(normal, right)

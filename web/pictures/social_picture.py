@@ -101,7 +101,7 @@ def social_picture(
 
 
 def _ground(positions: Array, camera: Camera, theme: Theme) -> Image.Image:
-    """The ground with the shadow on it."""
+    """Return the ground with the shadow on it."""
     ground = float(positions[:, 2].min()) - 0.5 - GROUND_GAP_PITCH
     shadow = ground_shadow(
         positions, ground=ground, lean=-SHADOW_SHIFT_PER_HEIGHT * key_light(camera.view)[:2]

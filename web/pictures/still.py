@@ -73,7 +73,7 @@ def still(
 
 
 def _open_view(points: Array, radius: float, aspect: float) -> View:
-    """The usual view of points, or another one where that shows something flat by its edge."""
+    """Return the default view of points, or one that does not show a flat shape by its edge."""
     usual = framing(points, radius=radius, aspect=aspect, margin=STILL_FILL)
     sights = [(AZIMUTH_RAD + turn, up) for turn in TRIED_TURNS_RAD for up in TRIED_ELEVATIONS_RAD]
     best = max(sights, key=lambda sight: _spread(points, *sight))

@@ -49,7 +49,7 @@ class TableTop:
 
     @classmethod
     def under(cls, chain: Chain, positions: Array | None = None) -> TableTop:
-        """The table that a chain stands on when folded.
+        """Return the table that a chain stands on when folded.
 
         Args:
             chain: The chain.
@@ -93,7 +93,7 @@ class TableTop:
         return np.concatenate(parts) + np.array(self.middle)
 
     def mesh(self) -> Mesh:
-        """Its slab, the upper edge bevelled."""
+        """Return the table's slab with a bevelled upper edge."""
         ring, middle = self.outline(), np.array(self.middle)
         bevel = min(TABLE_BEVEL * self.thickness * 2.0, 0.5)
         shrunk = middle + (ring - middle) * (1.0 - 2.0 * bevel / np.array(self.sides))
@@ -117,7 +117,7 @@ class TableTop:
 
 
 def disc_mesh() -> Mesh:
-    """A flat disc of radius 1 that faces up."""
+    """Return a flat disc of radius 1 that faces up."""
     turn = np.linspace(0.0, 2 * np.pi, DISC_SIDES, endpoint=False)
     ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(DISC_SIDES)])
     here = np.arange(1, DISC_SIDES - 1)

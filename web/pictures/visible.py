@@ -22,7 +22,7 @@ with a tolerance for rounding. Chosen."""
 
 
 def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:
-    """The modules to draw, in order: those that are not buried among others, and the nearest.
+    """Return the modules to draw, in order: those not hidden among others, and the nearest.
 
     Args:
         positions: (n, 3) centres.

@@ -30,12 +30,12 @@ class Cache(Generic[Thing]):
             return self._things.get(key)
 
     def keep(self, key: Hashable, thing: Thing) -> None:
-        """Keeps a thing in place of what was under its key."""
+        """Store a value under its key."""
         with self._lock, suppress(ValueError):  # it is too large
             self._things.pop(key, None)
             self._things[key] = thing
 
     def clear(self) -> None:
-        """Keeps nothing any more."""
+        """Remove all values."""
         with self._lock:
             self._things.clear()

@@ -41,7 +41,7 @@ def encode(
     short: frozenset[str] = frozenset(),
     planes: frozenset[str] = frozenset(),
 ) -> bytes:
-    """One message of a header and named arrays.
+    """Return one message of a header and named arrays.
 
     Args:
         header: Plain JSON values.
@@ -105,7 +105,7 @@ def _countable(values: NDArray[Any], step: float) -> bool:
 
 
 def decode(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """The header and the arrays of a message made by ``encode``."""
+    """Return the header and the arrays of a message made by ``encode``."""
     length = int.from_bytes(message[:4], "little")
     header = json.loads(message[4 : 4 + length])
     return header, {c["name"]: _column(c, message, 4 + length) for c in header.pop("columns")}

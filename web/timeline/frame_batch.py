@@ -120,7 +120,7 @@ def _batch(
 
 
 def unpacked_bytes(timeline: TimelineView) -> int:
-    """About as many bytes as a batch of the whole timeline has when unpacked."""
+    """Return the approximate size of an uncompressed batch of the whole timeline, in bytes."""
     if not timeline.windowed:
         return len(timeline) * (8 * len(timeline.chain.joint_names) + 40)
     some = timeline.windows(0, len(timeline), max(1, len(timeline) // SIZE_SAMPLES))
@@ -130,7 +130,7 @@ def unpacked_bytes(timeline: TimelineView) -> int:
 
 
 def _hinge(windows: Windows) -> int:
-    """Bytes of an angle, and of its error where errors are told."""
+    """Return bytes of an angle, and of its error where errors are told."""
     return 4 if windows.errors_rad is None else 8
 
 
@@ -168,7 +168,7 @@ def _windows(
 
 
 def thinned(timeline: TimelineView, stride: int) -> bytes:
-    """A whole finished timeline in one batch: every ``stride``-th frame and the last, counted anew.
+    """Return a finished timeline in one batch: every ``stride``-th frame and the last.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -183,7 +183,7 @@ def thinned(timeline: TimelineView, stride: int) -> bytes:
 
 
 def chosen(timeline: TimelineView, frames: NDArray[np.int64]) -> bytes:
-    """Some frames of a finished timeline without windows in one batch, counted anew.
+    """Return some frames of a finished dense timeline in one batch, renumbered.
 
     Raises:
         TimelineError: When the timeline is being replaced.

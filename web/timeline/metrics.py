@@ -106,7 +106,7 @@ def curves_of(directory: Path) -> bytes:
 
 
 def stretch_of(directory: Path, part: int) -> bytes:
-    """The figures of the modules and hinges in one stretch of frames.
+    """Return the figures of the modules and hinges in one stretch of frames.
 
     Raises:
         TimelineError: When there are no figures, or no such stretch.
@@ -151,7 +151,7 @@ def table_forces(directory: Path) -> bytes | None:
 
 
 def _forces(directory: Path, timeline: Timeline) -> TableForces | None:
-    """The forces of a fold on a table; None of one that floats, or where they don't fit."""
+    """Return the forces of a fold on a table; None of one that floats, or where they don't fit."""
     path = result(directory, FORCES)
     try:
         found = path.stat()
@@ -177,7 +177,7 @@ def _at_frames(
 
 
 def _placed(values: NDArray[np.float32], start: int, stop: int, total: int) -> NDArray[np.float32]:
-    """The rows of some frames of a timeline that ends as ``values`` do; NaN before they begin."""
+    """Return the rows of some frames; ``values`` end with the timeline, NaN before they begin."""
     before = total - len(values)
     found = np.full((stop - start, values.shape[1]), np.nan, dtype=np.float32)
     first = max(before, start)
@@ -238,7 +238,7 @@ def _reference(directory: Path, timeline: Timeline) -> Array | Windows | None:
 
 
 def _plan_windows(path: Path, chain: Chain) -> Windows:
-    """The frames of a plan of windows, without what was off."""
+    """Return the frames of a plan of windows, without what was off."""
     first, offsets, angles = plan_window_angles(path, chain.folded_rad)
     count = len(first)
     return Windows(
@@ -259,7 +259,7 @@ def _position_errors(
     reference: Array | Windows | None,
     stride: int = 1,
 ) -> Array:
-    """(F, N) how far each module is from where it would be without joint errors, in pitches.
+    """Return (F, N) distances of modules from their places without joint errors, in pitches.
 
     The root is taken to be in its place. NaN where no errors are recorded.
     """

@@ -117,7 +117,7 @@ class TimelineView:
     """See the module's description. Safe to use from several threads."""
 
     def __init__(self, path: str | Path) -> None:
-        """Opens the timeline at ``path``.
+        """Open the timeline at ``path``.
 
         Raises:
             TimelineError: When there is none yet, or it is damaged.
@@ -148,12 +148,12 @@ class TimelineView:
 
     @property
     def id(self) -> str:
-        """Another one for every timeline, one that was begun anew in the same place too."""
+        """Id, different for every timeline, also for one that replaces another."""
         return self._timeline.id
 
     @property
     def edition(self) -> tuple[object, ...]:
-        """Another one for every word of the timeline's writer: what was made of it is outdated."""
+        """Edition, different after every flush of the timeline's writer; derived data expires."""
         return (self.path, self.id, self._stamp, self._summarised)
 
     @property
@@ -215,7 +215,7 @@ class TimelineView:
             return changed
 
     def snapshot(self, frame: float) -> Snapshot:
-        """The moment at ``frame``, interpolated when it is not whole.
+        """Return the moment at ``frame``, interpolated when it is not whole.
 
         Raises:
             TimelineError: When the view holds no frame yet, or its timeline is being replaced.
@@ -240,7 +240,7 @@ class TimelineView:
             return self._timeline.frames(start, min(stop, self._summarised), stride)
 
     def table(self) -> TableTop:
-        """The table under a chain that folds on one: as large as the whole motion needs.
+        """Return the table under a chain that folds on one: as large as the whole motion needs.
 
         Raises:
             TimelineError: When the timeline is being replaced.
@@ -319,7 +319,7 @@ class TimelineView:
         ]
 
     def _stamp_now(self) -> tuple[int, int] | None:
-        """Changes with every word of the writer, and costs next to nothing to look at."""
+        """Return (inode, mtime) of the timeline's metadata; it changes with every flush."""
         try:
             found = os.stat(os.path.join(self.path, "zarr.json"))
         except OSError:
@@ -419,7 +419,7 @@ class TimelineView:
         )
 
     def _given(self, frame: int) -> tuple[Array, Array]:
-        """The pose that a frame tells: that of its root, or of the first module."""
+        """Return the pose that a frame tells: that of its root, or of the first module."""
         chunk = self._chunk(frame // self._rows)
         k = frame % self._rows
         if isinstance(chunk, _WindowChunk):
@@ -473,7 +473,7 @@ def chain_errors(chain: Chain, errors: Array) -> Array:
 
 
 def _largest(errors: Array) -> Array:
-    """(F,) the largest of (F, J) errors; NaN where none is recorded."""
+    """Return (F,) the largest of (F, J) errors; NaN where none is recorded."""
     known = np.isfinite(errors)
     found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
     return np.where(known.any(axis=-1), found, np.nan)

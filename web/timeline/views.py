@@ -31,7 +31,7 @@ class TimelineViews:
         self._kept: OrderedDict[str, TimelineView] = OrderedDict()
 
     def get(self, timeline: Path) -> TimelineView | None:
-        """The view of a timeline, or None when there is none yet.
+        """Return the view of a timeline, or None when there is none yet.
 
         Raises:
             DamagedError: If it is damaged.

@@ -35,7 +35,7 @@ SINGLE_BYTE_COLUMNS: Final = frozenset({"errors_rad"})
 
 
 def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> dict[str, Any]:
-    """The columns of some snapshots of a chain that is folded at ``folded_rad``."""
+    """Return the columns of some snapshots of a chain that is folded at ``folded_rad``."""
     counts = np.diff(windows.offsets)
     changes = window_differences(
         windows.first, windows.offsets, whole_steps(windows.angles_rad), whole_steps(folded_rad)
@@ -55,7 +55,7 @@ def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> d
 
 
 def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]) -> Windows:
-    """The snapshots that ``window_columns`` told.
+    """Return the snapshots in ``window_columns``.
 
     Each angle is within half a step; errors are as they were told.
     """

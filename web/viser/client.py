@@ -53,7 +53,7 @@ class Client:
 
 @cache
 def client() -> Client:
-    """The installed viser's client, told what to show by the page that frames it.
+    """Return the installed viser's client, told what to show by the page that frames it.
 
     See ``static/js/viewer/bridge.js``; read once.
     """

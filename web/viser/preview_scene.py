@@ -59,7 +59,7 @@ IDENTITY_WXYZ: Final = (1.0, 0.0, 0.0, 0.0)
 
 
 def preview_scene_of(report: Mapping[str, Any]) -> bytes:
-    """The scene of a preview's report, as one message of ``web.timeline.columns``.
+    """Return the scene of a preview's report, as one message of ``web.timeline.columns``.
 
     The header holds the scene's ``messages`` as those of ``web.viser.scene_bundle``, a module's
     ``hull`` as ``planner.chain.module`` tells it, the ``corners`` (8, 3) of what is shown and how
@@ -247,13 +247,13 @@ class _PreviewScene:
 
 
 def _repair(report: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The repair that comes first, if there is one."""
+    """Return the repair that comes first, if there is one."""
     state = report.get("feasibility") or {}
     return next(iter(state.get("repairs", ())), {})
 
 
 def _bounds(cells: Array, mesh: Mapping[str, Any] | None) -> tuple[Array, Array]:
-    """The corners of the box around cells and solid."""
+    """Return the corners of the box around cells and solid."""
     lows, highs = [np.full(3, np.inf)], [np.full(3, -np.inf)]
     if len(cells):
         lows.append(cells.min(axis=0) - 0.5)

@@ -27,7 +27,7 @@ RECORDING_S: Final = 24.0
 
 
 def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes:
-    """The timeline as a recording of ``RECORDING_S`` seconds, thinned where it is long.
+    """Return the timeline as a recording of ``RECORDING_S`` seconds, thinned where it is long.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -48,7 +48,7 @@ def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes
 
 
 def look(server: viser.ViserServer, view: View) -> None:
-    """Moves the camera of all clients.
+    """Move the camera of all clients.
 
     It goes with the poses, through the messages to all of them: those to one client are sent
     apart, and chain and camera would not move together.
@@ -63,6 +63,6 @@ def look(server: viser.ViserServer, view: View) -> None:
 
 
 def _broadcast(server: viser.ViserServer, message: Message) -> None:
-    """Sends a message to all clients of a server, in order with what its scene sends."""
+    """Send a message to all clients of a server, in order with what its scene sends."""
     websocket: Any = server._websock_server  # pyright: ignore[reportPrivateUsage]
     websocket.queue_message(message)

@@ -169,7 +169,7 @@ class Scene:
         )
 
     def show(self, snapshot: Snapshot, colours: NDArray[np.uint8]) -> None:
-        """Draws a snapshot, its modules in (n, 3) sRGB bytes, at one moment for whoever looks."""
+        """Draw a snapshot, its modules in (n, 3) sRGB bytes, at one moment for whoever looks."""
         self._last = snapshot
         with self._server.atomic():
             self._modules.batched_positions = snapshot.positions * np.float32(self.pitch)
@@ -178,7 +178,7 @@ class Scene:
             self._place_ends(snapshot)
 
     def on_click(self, clicked: Callable[[int], None]) -> None:
-        """Has ``clicked`` called with the number of each module that somebody clicks on."""
+        """Call ``clicked`` with the number of each module that is clicked."""
 
         @self._modules.on_click
         def _(event: viser.SceneNodePointerEvent[viser.BatchedMeshHandle]) -> None:
@@ -209,7 +209,7 @@ class Scene:
         self._ends.batched_wxyzs = wxyzs.astype(np.float32)
 
     def move_ground(self, seconds: float) -> bool:
-        """Lets the ground sink and rise to just below the chain; True while it moves."""
+        """Let the ground sink and rise to just below the chain; True while it moves."""
         if self._last is None or self._table is not None:
             return False
         low = self._ground_below(self._last)

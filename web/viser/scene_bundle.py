@@ -48,7 +48,7 @@ _BINARY: Final = "__binary_index"
 
 
 def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None = None) -> bytes:
-    """The scene bundle of a fold of ``chain``, as one message of ``web.timeline.columns``.
+    """Return the scene bundle of a fold of ``chain``, as one message of ``web.timeline.columns``.
 
     The header holds the chain's geometry (``planner.chain.module`` tells the words), the scene's
     ``messages`` with ``{"column": name}`` in place of arrays, what a ``sketch`` draws, the
@@ -139,7 +139,7 @@ _QUIET_LOCK: Final = threading.RLock()
 
 @contextlib.contextmanager
 def quiet() -> Generator[None]:
-    """Keeps viser's banner off the terminal, which it prints whatever ``verbose`` says."""
+    """Keep viser's banner off the terminal, which it prints whatever ``verbose`` says."""
     console = rich.get_console()
     with _QUIET_LOCK:
         before, console.quiet = console.quiet, True

@@ -32,7 +32,7 @@ class Live(Shown):
     """
 
     def __init__(self, *, host: str, port: int, open_browser: bool) -> None:
-        """Starts the server, which has nothing to show yet; ``show.live`` does so."""
+        """Start the server, which has nothing to show yet; ``show.live`` does so."""
         self._views = TimelineViews()
         self._directory: FilePath | None = None
         self._whole: Moments | None = None
@@ -41,7 +41,7 @@ class Live(Shown):
         )
 
     def __call__(self, progress: Progress) -> None:
-        """Notes how far the fold is."""
+        """Record the progress of the fold."""
         if progress.directory is None:
             return
         directory = FilePath(progress.directory)
@@ -82,7 +82,7 @@ class Show:
         host: str = DEFAULT_HOST,
         open_browser: bool = False,
     ) -> Shown:
-        """Shows a fold in a viser server of its own.
+        """Show a fold in a viser server of its own.
 
         Args:
             fold: A plan; the directory of a fold; or a timeline, or where it is. Of a directory and
@@ -121,7 +121,7 @@ class Show:
     def live(
         self, *, port: int = DEFAULT_PORT, host: str = DEFAULT_HOST, open_browser: bool = False
     ) -> Live:
-        """Shows a fold while it is computed: ``fold(shape, progress=show.live())``.
+        """Show a fold while it is computed: ``fold(shape, progress=show.live())``.
 
         Args:
             port, host, open_browser: As of ``show`` itself.

@@ -75,7 +75,7 @@ class Shown:
         open_browser: bool,
         follows: bool = False,
     ) -> None:
-        """Starts the server.
+        """Start the server.
 
         Args:
             moments: Gives the motion as it is by now; None while there is none.
@@ -142,7 +142,7 @@ class Shown:
             self._seek(frame)
 
     def play(self) -> None:
-        """Plays on from the frame that is shown, from the first one when that is the last."""
+        """Play on from the frame that is shown, from the first one when that is the last."""
         with self._lock:
             if self._frame >= self._last and not self._growing:
                 self._go(0)
@@ -154,7 +154,7 @@ class Shown:
             self._set_playing(False)
 
     def close(self) -> None:
-        """Ends the server and frees its port; once more does nothing."""
+        """End the server and free its port; once more does nothing."""
         with self._lock:
             if self._closed:
                 return
@@ -207,7 +207,7 @@ class Shown:
             draw(event)
 
     def _run(self) -> None:
-        """Plays, and looks for new frames, until it is closed."""
+        """Play, and look for new frames, until it is closed."""
         drawn = time.monotonic()
         while not self._closed:
             self._wake.wait(DRAW_INTERVAL_S if self._playing else FRAME_POLL_S)
@@ -221,7 +221,7 @@ class Shown:
             drawn = now
 
     def _look(self) -> None:
-        """Takes what there is by now."""
+        """Read new frames."""
         found = self._find()
         if found is None or not len(found):
             return
@@ -259,7 +259,7 @@ class Shown:
         self._wake.set()
 
     def _seek(self, frame: int) -> None:
-        """Goes where somebody wants it to; to the end of what grows, to what comes after it too."""
+        """Go to a requested frame; at the end of a growing timeline, follow it."""
         self._go(frame)
         self._place = float(self._frame)
         self._follows = self._growing and self._frame >= self._last
@@ -294,7 +294,7 @@ class Shown:
         self._cameras.keep_in_view(scene.points(snapshot), scene.radius)
 
     def _write(self) -> None:
-        """Tells how far it is, and the figures of the frame."""
+        """Write the progress and the figures of the frame."""
         text = f"{self._heading}\n\n{self._told}" if self._heading else self._told
         if text != self._text.content:
             self._text.content = text
@@ -310,7 +310,7 @@ class Shown:
 
 
 def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
-    """A moment in words."""
+    """Return a moment in words."""
     known = np.abs(snapshot.joint_error_rad[np.isfinite(snapshot.joint_error_rad)])
     error = (
         f"Largest joint error {known.max():.2g} rad (full red: {scale_rad:g} rad)"
@@ -322,7 +322,7 @@ def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
 
 
 def _told_of(chain: Chain, module: int, snapshot: Snapshot) -> str:
-    """A module in words."""
+    """Return a module in words."""
     hinges = chain.module.hinges_per_joint
     joint = module - chain.module.rigid_links
     told = f"**Module {module}** of {len(chain) - 1}"
@@ -336,7 +336,7 @@ def _told_of(chain: Chain, module: int, snapshot: Snapshot) -> str:
 
 
 def _server(host: str, port: int) -> viser.ViserServer:
-    """A viser server at an address, or the next free port.
+    """Return a viser server at an address, or the next free port.
 
     Raises:
         InputError: ``no-such-address``; viser itself would wait for ever.
@@ -355,7 +355,7 @@ def _server(host: str, port: int) -> viser.ViserServer:
 
 
 def _free(kind: socket.AddressFamily, address: str, port: int) -> int:
-    """The first free port from ``port`` on; 0 for 0.
+    """Return the first free port from ``port`` on; 0 for 0.
 
     Raises:
         OSError: When there is none, or the address is not of this machine.

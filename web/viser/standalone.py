@@ -46,7 +46,7 @@ def standalone_html(
     forces: bytes | None = None,
     table: TableTop | None = None,
 ) -> bytes:
-    """The page of one finished fold.
+    """Return the page of one finished fold.
 
     Args:
         timeline: The fold's frames.
@@ -82,7 +82,7 @@ def standalone_html(
 
 @cache
 def standalone_scripts() -> str:
-    """Changes with the scripts and styles of the page: letters and digits."""
+    """Return a version that changes with the page's scripts and styles: letters and digits."""
     found = hashlib.sha256(client().html + _import_map())
     for name in (WORKER_SCRIPT, THEME_SCRIPT, *STYLES):
         found.update((STATIC / name).read_bytes())
@@ -97,7 +97,7 @@ def _import_map() -> bytes:
 
 
 def _address_of(name: str) -> str:
-    """A script as an address, its imports by name."""
+    """Return a script as an address, its imports by name."""
 
     def named(match: re.Match[str]) -> str:
         return f'{match[1]}"foldback/{imported(name, match[2])}"'
@@ -112,6 +112,6 @@ def _text(data: bytes) -> str:
 
 
 def _script_json(value: Any) -> str:
-    """JSON that may stand inside a script element."""
+    """Return JSON that may stand inside a script element."""
     text = json.dumps(value, ensure_ascii=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

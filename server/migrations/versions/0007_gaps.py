@@ -13,7 +13,7 @@ GAPS = "verified with gaps: "
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     folds = sa.table(
         "folds",
         sa.column("id", sa.String),
