@@ -20,7 +20,7 @@ from planner.motion.windows import Windows
 from planner.pipeline.fold_layout import CANDIDATES
 from planner.pipeline.workspace import Workspace
 from planner.plan.differences import (
-    SINGLE_WITHIN,
+    SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
@@ -167,7 +167,7 @@ def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
     theirs = motion_arrays(expected)
     both = f"{name} and timeline.zarr differ in"
     for column, values in motion_arrays(got).items():
-        single = SINGLE_WITHIN if column == "joint_error_rad" else 0.0
+        single = SINGLE_PRECISION_ATOL_RAD if column == "joint_error_rad" else 0.0
         if column not in theirs:
             yield f"{both} {column}: only {name} has it"
             continue

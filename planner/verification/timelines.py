@@ -16,7 +16,7 @@ from planner.motion.timeline import Timeline, chain_attributes
 from planner.motion.windows import Windows
 from planner.pipeline.workspace import Workspace
 from planner.plan.differences import (
-    SINGLE_WITHIN,
+    SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
@@ -148,7 +148,10 @@ def playback_differs(plan: Plan, playback: Playback) -> Differences:
     for name, values in columns.items():
         yield from array_difference(values, getattr(motion, name), f"{both} {name}")
     yield from array_difference(
-        played.largest_errors, plan.max_error_rad, f"{both} max_error_rad", atol=SINGLE_WITHIN
+        played.largest_errors,
+        plan.max_error_rad,
+        f"{both} max_error_rad",
+        atol=SINGLE_PRECISION_ATOL_RAD,
     )
     if not playback.simulated:
         return
@@ -160,7 +163,7 @@ def playback_differs(plan: Plan, playback: Playback) -> Differences:
         name, errors, angles = "joint_error_rad", played.joint_error_rad, played.joint_angles_rad
         reference = plan.joint_angles_rad
     yield from array_difference(
-        errors, np.abs(angles - reference), f"timeline.zarr {name}", atol=SINGLE_WITHIN
+        errors, np.abs(angles - reference), f"timeline.zarr {name}", atol=SINGLE_PRECISION_ATOL_RAD
     )
 
 
