@@ -25,10 +25,10 @@ from planner.pipeline import manifest
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.packed import CLEARANCE_STEP, ROOT_STEPS, pack, torque_step, unpack
+from planner.plan.packed import CLEARANCE_STEP_PITCH, ROOT_STEPS, pack, torque_step, unpack
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
-from server.api.finished import FOLDER
+from server.api.finished import FINISHED_FOLDS_DIR
 from server.store.gallery import Gallery
 
 SHAPES = Path(__file__).parent / "shapes"
@@ -132,7 +132,7 @@ def _round_figures(directory: Path) -> None:
     path = directory / "figures.zarr"
     figures = Figures.load(path)
     step = torque_step(figures.torque_nm.astype(float))
-    down = np.floor(figures.clearance.astype(float) / CLEARANCE_STEP) * CLEARANCE_STEP
+    down = np.floor(figures.clearance.astype(float) / CLEARANCE_STEP_PITCH) * CLEARANCE_STEP_PITCH
     figures = replace(
         figures,
         clearance=down.astype(np.float32),
@@ -157,7 +157,7 @@ def about(directory: Path, shape: str, start: str | None) -> dict[str, Any]:
 
 def main() -> None:
     """Make all of them, or those that are named."""
-    FOLDER.mkdir(exist_ok=True)
+    FINISHED_FOLDS_DIR.mkdir(exist_ok=True)
     for shape, start in FOLDS:
         name = shape if start is None else f"{start}-to-{shape}"
         if sys.argv[1:] and name not in sys.argv[1:]:
@@ -168,7 +168,7 @@ def main() -> None:
             data = pack(Path(place), about(Path(place), shape, start))
             unpack(data, Path(again))
             assert manifest.changed_fields(Path(again)) == []
-        (FOLDER / f"{name}.fold").write_bytes(data)
+        (FINISHED_FOLDS_DIR / f"{name}.fold").write_bytes(data)
         print(f"{name}: {len(data) / 1e3:.0f} kB", flush=True)
 
 

@@ -12,7 +12,7 @@ Place = str | os.PathLike[str]
 
 
 def save(answer: httpx.Response, to: Path, filename: str) -> Path:
-    """Writes an answer beside its place as it comes, and renames it when it is complete.
+    """Write an answer to a temporary file, and rename it when it is complete.
 
     Args:
         answer: Whose content is still to come.

@@ -22,7 +22,7 @@ MESSAGES: Final = (
         '"{sign}" isn\'t an angle. Use 0, + or − for each hinge.',
     ),
 )
-"""Errors that people meet most, with a sentence of their own."""
+"""Messages for the most frequent errors, by a pattern of their text."""
 
 
 def message_for_people(detail: str) -> str:

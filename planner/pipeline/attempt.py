@@ -18,7 +18,8 @@ from planner.playback.playback import Playback
 
 Reason = Kind | Literal["refused"]
 MAX_EXPLOSIONS: Final = 6
-"""Maximum number of explosions of one fold. Larger values find more plans, fail later. Chosen."""
+"""Maximum number of explosions of one fold. A larger value folds more shapes, and takes longer to
+fail. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +198,7 @@ class Attempt:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Attempt:
-        """From ``as_dict``; what an older version did not write is as it was then."""
+        """Return the attempt in ``as_dict``; values that older versions lack get defaults."""
         found = values.get("diagnosis")
         known = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
         known["diagnosis"] = found and Diagnosis.from_dict(found)

@@ -35,8 +35,8 @@ from planner.pipeline.steps import advance, finish, read_plan, read_shape, rest
 from planner.pipeline.workspace import Workspace
 from planner.progress import Cancelled, Progress, Report, never, silent
 
-JUDGING: Final = ("play_back", "certify")
-"""Stages that go on with the last attempt of ``explode``."""
+STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
+"""Stages that process the last attempt of the stage ``explode``."""
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
 
@@ -68,7 +68,7 @@ def run_stage(
     workspace.drop_manifest()  # of what is written now
     if stage == "export":
         tries.rest()  # what is written now is the end
-    if stage in JUDGING:
+    if stage in STAGES_OF_LAST_ATTEMPT:
         progress = _counting(workspace, progress)
     found = _STAGES[stage](workspace, Watch(progress=progress, cancelled=cancelled), tries)
     progress(Progress(stage=stage, fraction=1.0, message="done"))

@@ -27,7 +27,7 @@ from planner.pipeline.job import Job, Result, Search, Watch, is_smoothing
 from planner.pipeline.parallel import Tries
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.prepare import prepare
-from planner.pipeline.request import SHORT_SEED, Request
+from planner.pipeline.request import PATH_SEED_MODULUS, Request
 from planner.pipeline.search import Explode, PlayBack, Step, before_playback
 from planner.pipeline.stage_results import Reading
 from planner.plan.plan import Plan
@@ -39,12 +39,12 @@ from planner.playback.unfolding import Unfolding, check_fits
 from planner.progress import Progress
 from planner.robot.smoothed import before_and_after, check_smoothable, smoothed_record
 
-STRONGER_MOTORS: Final = 1.5
+TABLE_MOTOR_RESERVE: Final = 1.5
 """Torque limit of the motors on a table, as a multiple of the largest static torque in the record.
-A larger value folds faster. Chosen."""
-MIN_TORQUE_WP: Final = 1.0
-"""Minimum static torque that this limit is computed from, in w·p. Below it, hardly any torque would
-be left to accelerate the chain. Chosen."""
+A larger value lets the chain accelerate more, so that it folds faster. Chosen."""
+MIN_SIZING_TORQUE_WP: Final = 1.0
+"""Smallest static torque that the limit of the motors on a table is computed from, in w·p (module
+weight × pitch). Below it, hardly any torque would be left to accelerate the chain. Chosen."""
 Sink = Callable[[Motion], None]
 
 
@@ -77,7 +77,7 @@ def read_shape(
         InputError: When the input cannot be used.
     """
     if prepared is None:
-        seed = request.seed % SHORT_SEED
+        seed = request.seed % PATH_SEED_MODULUS
         prepared = prepare(data, request.filename, request.path_options(), seed=seed).prepared()
     chain, chains = prepared.chains[0], prepared.chains
     if start is not None:
@@ -186,7 +186,7 @@ def play_back(
 
 
 def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: Watch) -> Playback:
-    """Folds the chain on the table, with motors that give a little more than standing asks."""
+    """Fold the chain on the table, with motors slightly stronger than standing needs."""
     assert record.frames.is_windowed
     assert record.table is not None
     # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.
@@ -209,7 +209,7 @@ def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: 
         playback = play_on_table(
             chain,
             record.frames,
-            torque_limit_wp=STRONGER_MOTORS * max(asked, MIN_TORQUE_WP),
+            torque_limit_wp=TABLE_MOTOR_RESERVE * max(asked, MIN_SIZING_TORQUE_WP),
             friction=table.friction,
             clamped=table.held,
             start_s=float(exploded.time_s[-1]),

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.motion.record import Record
 from planner.plan.differences import Differences, array_difference, value_differences, versus_plan
-from planner.plan.plan import EARLIER, Plan
+from planner.plan.plan import EARLIER_FORMATS, Plan
 from planner.playback.playback import Playback
 
 JSON_ROUNDING: Final = 1e-9
@@ -19,7 +19,7 @@ JSON_ROUNDING: Final = 1e-9
 def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
     """Yield the differences of the two forms of a plan, and contradictions in one of them."""
     other = Plan.of_values(text, "plan.json")
-    earlier = npz["format"] in EARLIER
+    earlier = npz["format"] in EARLIER_FORMATS
     arrays = {**plan.motion.columns(), "max_error_rad": plan.max_error_rad}
     theirs = {**other.motion.columns(), "max_error_rad": other.max_error_rad}
     if plan.motion.is_windowed != other.motion.is_windowed:

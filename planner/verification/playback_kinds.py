@@ -15,7 +15,7 @@ from planner.parameters.playback import TablePlaybackParameters
 from planner.plan.differences import (
     FIGURES_ATOL,
     FIGURES_RTOL,
-    SINGLE_WITHIN,
+    SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
@@ -64,7 +64,7 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
         return
     most = float(np.nanmax(plan.max_error_rad, initial=0.0))
     if playback.status == "folded" and not most <= (playback.max_angle_error_rad or 0.0) * (
-        1 + SINGLE_WITHIN
+        1 + SINGLE_PRECISION_ATOL_RAD
     ):
         yield f"plan.npz playback.max_angle_error_rad: expected at least {most}, as in a frame"
     told = playback.summary()

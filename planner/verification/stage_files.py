@@ -18,7 +18,7 @@ from planner.motion.timeline import chain_attributes
 from planner.pipeline.fold_layout import CANDIDATES
 from planner.pipeline.workspace import Workspace
 from planner.plan.differences import (
-    SINGLE_WITHIN,
+    SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
@@ -165,7 +165,7 @@ def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
     theirs = expected.columns()
     both = f"{name} and timeline.zarr differ in"
     for column, values in got.columns().items():
-        single = SINGLE_WITHIN if column == "joint_error_rad" else 0.0
+        single = SINGLE_PRECISION_ATOL_RAD if column == "joint_error_rad" else 0.0
         if column not in theirs:
             yield f"{both} {column}: only {name} has it"
             continue

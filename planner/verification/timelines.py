@@ -14,7 +14,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline, chain_attributes
 from planner.pipeline.workspace import Workspace
 from planner.plan.differences import (
-    SINGLE_WITHIN,
+    SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
@@ -141,7 +141,10 @@ def playback_differs(plan: Plan, playback: Playback) -> Differences:
     for name in names:
         yield from array_difference(shown[name], planned[name], f"{both} {name}")
     yield from array_difference(
-        played.largest_errors, plan.max_error_rad, f"{both} max_error_rad", atol=SINGLE_WITHIN
+        played.largest_errors,
+        plan.max_error_rad,
+        f"{both} max_error_rad",
+        atol=SINGLE_PRECISION_ATOL_RAD,
     )
     if not playback.simulated:
         return
@@ -149,7 +152,9 @@ def playback_differs(plan: Plan, playback: Playback) -> Differences:
     if not played.is_windowed:
         name, errors = "joint_error_rad", played.joint_error_rad
     expected = np.abs(played.angles_rad - motion.angles_rad).reshape(errors.shape)
-    yield from array_difference(errors, expected, f"timeline.zarr {name}", atol=SINGLE_WITHIN)
+    yield from array_difference(
+        errors, expected, f"timeline.zarr {name}", atol=SINGLE_PRECISION_ATOL_RAD
+    )
 
 
 def _root_differs(plan: Plan, motion: Motion, played: Motion) -> Differences:

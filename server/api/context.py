@@ -91,7 +91,7 @@ class Context:
 
 
 def context_of(request: Request) -> Context:
-    """The context of the application that a request is for."""
+    """Return the context of the application that a request is for."""
     context: Context = request.app.state.context
     return context
 

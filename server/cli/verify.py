@@ -82,7 +82,7 @@ def verify(
 
 
 def _largest(directory: Path, found: Verification) -> tuple[float, str]:
-    """The largest size at which motions are clear, and which those are."""
+    """Return the largest module size at which motions are free of collisions, and those motions."""
     plan = Plan.load(directory / "plan.npz")
     motions = (plan.motion,)
     if (path := directory / "playback.npz").exists():

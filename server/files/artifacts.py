@@ -14,21 +14,24 @@ from server.limits.single_flight import SingleFlight
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError
 
-AT_ONCE: Final = 2
-MOST_WAITING: Final = 8
-"""Files that are being made or wait for it, at most; more are refused."""
+FILES_AT_ONCE: Final = 2
+"""Number of derived files that are computed at the same time; others wait. A larger value takes
+more memory. Chosen."""
+MAX_PENDING_FILES: Final = 8
+"""Maximum number of derived files that are computed or wait for it; more requests are refused.
+Chosen."""
 Thing = TypeVar("Thing")
 
 
 class Folds(Protocol):
-    """What making files asks of a store."""
+    """Store that derived files are computed from."""
 
     def fold(self, fold_id: str, /) -> object:
-        """The row of a fold."""
+        """Return the row of a fold."""
         ...
 
     def directory(self, fold_id: str, /) -> Path:
-        """Where the files of a fold are."""
+        """Return the directory with a fold's files."""
         ...
 
 
@@ -51,23 +54,25 @@ class Artifacts:
         min_free_disk_bytes: int = 0,
         folder: Path | None = None,
         on_stored: Callable[[str, int], None] | None = None,
-        total: int = MOST_WAITING,
-        per_visitor: int = MOST_WAITING,
+        total: int = MAX_PENDING_FILES,
+        per_visitor: int = MAX_PENDING_FILES,
     ) -> None:
         self._store = store
         self._min_free_disk_bytes = min_free_disk_bytes
         self._folder = folder
         self._on_stored = on_stored
-        self._flight = SingleFlight("files", at_once=AT_ONCE, total=total, per_visitor=per_visitor)
+        self._flight = SingleFlight(
+            "files", at_once=FILES_AT_ONCE, total=total, per_visitor=per_visitor
+        )
 
     def close(self) -> None:
-        """Begins nothing any more."""
+        """Start no further computation."""
         self._flight.close()
 
     async def get_or_make(
         self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
     ) -> Thing:
-        """As ``SingleFlight.get_or_make``, among the files."""
+        """Run ``SingleFlight.get_or_make`` with the limits of files."""
         return await self._flight.get_or_make(key, make, visitor=visitor)
 
     async def file(
@@ -80,7 +85,7 @@ class Artifacts:
         edition: str = "",
         visitor: str | None = None,
     ) -> Path:
-        """Where a file of a fold is; made unless it is there.
+        """Return the path of a derived file; compute it unless it is up to date.
 
         Args:
             fold_id: The fold.
@@ -141,7 +146,7 @@ def _size(path: Path) -> int:
 
 
 def newer(path: Path, than: Path) -> bool:
-    """Whether a file is there and was made after the other."""
+    """Return True if a file exists and was written after the other one."""
     try:
         return path.stat().st_mtime_ns >= than.stat().st_mtime_ns
     except OSError:

@@ -37,7 +37,7 @@ class Stream(StreamingResponse):
         self._longest_s = longest_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Sends it."""
+        """Send the response."""
         # Who takes it too slowly is hung up on; not to send the end does that.
         with self._permit, contextlib.suppress(TimeoutError):
             async with asyncio.timeout(self._longest_s):

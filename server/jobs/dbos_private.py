@@ -14,7 +14,7 @@ from dbos._utils import INTERNAL_QUEUE_NAME
 
 
 def hand_back(job: str, worker: str) -> None:
-    """Puts one job of a worker back into its queue.
+    """Return one job of a worker to its queue.
 
     Raises:
         DBOSWorkflowConflictIDError: When the execution that asks has lost the job to another.
@@ -48,11 +48,11 @@ def set_back(job: str, worker: str, queue: str, priority: int) -> None:
 
 
 def hand_back_all(worker: str) -> None:
-    """Puts all jobs of a worker back into their queues."""
+    """Return all jobs of a worker to their queues."""
     DBOS._recover_pending_workflows([worker])
 
 
 def take_nothing_new() -> None:
-    """Has this process take no more jobs; those that it has go on."""
+    """Stop this process from taking jobs; its current ones continue."""
     for polling in _get_dbos_instance().background_thread_stop_events:
         polling.set()

@@ -15,10 +15,10 @@ from server.files.previews import ShapeOptions
 from server.http.problems import Problem
 from server.messages import message_for_people
 from server.pages.cards import (
-    CHAINS,
-    PLURALS,
-    STATUSES,
-    WHERE,
+    CARD_STATUS_LABELS,
+    CHAIN_LABELS,
+    MODULE_PLURALS,
+    WORLD_LABELS,
     Sieve,
     Standing,
     cards,
@@ -49,10 +49,10 @@ async def gallery_page(request: Request) -> Response:
         wanted=wanted,
         sieve=sieve,
         kinds=kinds(context.gallery),
-        chains=CHAINS,
-        statuses=STATUSES,
-        where=WHERE,
-        plurals=PLURALS,
+        chains=CHAIN_LABELS,
+        statuses=CARD_STATUS_LABELS,
+        where=WORLD_LABELS,
+        plurals=MODULE_PLURALS,
         method_words=method_words,
         finished=await asyncio.to_thread(included_folds, context.store),
     )

@@ -15,16 +15,16 @@ from web.timeline.view import Snapshot, chain_errors
 
 
 class Moments(Protocol):
-    """What is asked of a motion to show it. A ``web.timeline.view.TimelineView`` has it all."""
+    """Motion that can be shown, such as a ``web.timeline.view.TimelineView``."""
 
     @property
     def id(self) -> str:
-        """Another one for every motion."""
+        """Id, different for every motion."""
         ...
 
     @property
     def chain(self) -> Chain:
-        """Whose motion it is."""
+        """Chain that moves."""
         ...
 
     stretch: int | None
@@ -43,7 +43,7 @@ class Moments(Protocol):
     def __len__(self) -> int: ...
 
     def snapshot(self, frame: float) -> Snapshot:
-        """The moment at a frame.
+        """Return the moment at a frame.
 
         Raises:
             TimelineError: When it is not there.
@@ -57,7 +57,7 @@ class MotionMoments:
     growing = False
 
     def __init__(self, chain: Chain, motion: Motion, motion_id: str | None = None) -> None:
-        """Takes a motion; ``motion_id`` is that of the timeline that it was read from, if any."""
+        """Take a motion; ``motion_id`` is that of the timeline that it was read from, if any."""
         self.id = motion_id or secrets.token_hex(8)
         self.chain = chain
         self._motion = motion
@@ -69,7 +69,7 @@ class MotionMoments:
         return len(self._motion)
 
     def snapshot(self, frame: float) -> Snapshot:
-        """The recorded moment nearest to ``frame``."""
+        """Return the recorded moment nearest to ``frame``."""
         k = min(max(round(frame), 0), len(self) - 1)
         chain, motion = self.chain, self._motion
         one = motion.dense(chain, k, k + 1)

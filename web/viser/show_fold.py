@@ -16,8 +16,10 @@ from web.timeline.view import TimelineView
 from web.timeline.views import TimelineViews
 from web.viser.shown import Shown
 
-HOST: Final = "127.0.0.1"
-PORT: Final = 8080
+DEFAULT_HOST: Final = "127.0.0.1"
+DEFAULT_PORT: Final = 8080
+"""TCP port that ``show`` serves its view on; the next free one if it is taken. Chosen: viser's
+own."""
 LAST_STAGE: Final = "export"
 
 
@@ -30,7 +32,7 @@ class Live(Shown):
     """
 
     def __init__(self, *, host: str, port: int, open_browser: bool) -> None:
-        """Starts the server, which has nothing to show yet; ``show.live`` does so."""
+        """Start the server, which has nothing to show yet; ``show.live`` does so."""
         self._views = TimelineViews()
         self._directory: FilePath | None = None
         self._whole: Moments | None = None
@@ -39,7 +41,7 @@ class Live(Shown):
         )
 
     def __call__(self, progress: Progress) -> None:
-        """Notes how far the fold is."""
+        """Record the progress of the fold."""
         if progress.directory is None:
             return
         directory = FilePath(progress.directory)
@@ -70,17 +72,17 @@ class Live(Shown):
 
 
 class Show:
-    """What ``show`` is: ``show(plan)`` of what is there, ``show.live()`` of what is computed."""
+    """Type of ``show``: ``show(plan)`` shows a plan, ``show.live()`` a fold being computed."""
 
     def __call__(
         self,
         fold: Plan | Timeline | str | FilePath,
         *,
-        port: int = PORT,
-        host: str = HOST,
+        port: int = DEFAULT_PORT,
+        host: str = DEFAULT_HOST,
         open_browser: bool = False,
     ) -> Shown:
-        """Shows a fold in a viser server of its own.
+        """Show a fold in a viser server of its own.
 
         Args:
             fold: A plan; the directory of a fold; or a timeline, or where it is. Of a directory and
@@ -116,8 +118,10 @@ class Show:
             )
         return Shown(now, host=host, port=port, open_browser=open_browser)
 
-    def live(self, *, port: int = PORT, host: str = HOST, open_browser: bool = False) -> Live:
-        """Shows a fold while it is computed: ``fold(shape, progress=show.live())``.
+    def live(
+        self, *, port: int = DEFAULT_PORT, host: str = DEFAULT_HOST, open_browser: bool = False
+    ) -> Live:
+        """Show a fold while it is computed: ``fold(shape, progress=show.live())``.
 
         Args:
             port, host, open_browser: As of ``show`` itself.

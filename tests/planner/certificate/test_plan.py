@@ -12,7 +12,7 @@ import pytest
 
 from planner.errors import InputError
 from planner.motion.angle_steps import frame_planes, plan_angles
-from planner.plan.plan import FORMAT, Plan, versions
+from planner.plan.plan import PLAN_FORMAT, Plan, versions
 from tests.planner.plans import changed
 
 EARLIER = FilePath(__file__).parent / "earlier_plans"
@@ -48,7 +48,7 @@ def test_the_json_form_is_plain_json_with_all_that_was_promised(plan: Plan) -> N
     text = json.dumps(plan.as_dict(), allow_nan=False)
     values = json.loads(text, parse_constant=no_constant)
     frames, joints = plan.joint_angles_rad.shape
-    assert values["format"] == FORMAT
+    assert values["format"] == PLAN_FORMAT
     assert len(values["time_s"]) == len(values["phase"]) == frames
     assert len(values["joint_names"]) == joints
     assert np.array(values["root_wxyz"]).shape == (frames, 4)

@@ -22,7 +22,7 @@ from planner.errors import InputError, TimelineError
 from planner.explosion.strategies import strategies_for
 from planner.exports import export_named
 from planner.exports.mjcf import keys_of, mjcf
-from planner.exports.mjcf_pieces import PIECE, coordinates, starts_of
+from planner.exports.mjcf_pieces import MODULES_PER_TREE, coordinates, starts_of
 from planner.kernels.backbite import grow
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.motion import PHASES, Motion
@@ -335,7 +335,7 @@ def test_what_needs_all_angles_says_when_they_are_too_many(
     assert frames.joint_angles_rad.shape == (len(plan.motion), len(plan.chain.folded_rad))
     rows = export_named("csv").write(plan).decode().splitlines()
     assert len(rows) == 1 + len(np.unique(plan.time_s))
-    monkeypatch.setattr(plan_module, "MOST_ANGLES", 1000)
+    monkeypatch.setattr(plan_module, "MAX_DENSE_ANGLES", 1000)
     for name in ("csv", "mcap"):
         with pytest.raises(InputError, match=r"plan\.npz") as refused:
             export_named(name).write(plan)
@@ -349,7 +349,7 @@ def test_a_long_chain_is_cut_into_trees_that_continue_each_other() -> None:
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     starts = starts_of(chain)
-    assert len(starts) == -(-len(chain) // PIECE)
+    assert len(starts) == -(-len(chain) // MODULES_PER_TREE)
     assert model.neq == len(starts) - 1
     names = {model.joint(i).name for i in range(model.njnt)}
     assert names == {*chain.joint_names, *(f"root_{start}" for start in starts)}
@@ -372,7 +372,13 @@ def test_a_long_chain_is_cut_into_trees_that_continue_each_other() -> None:
 
 
 def test_pieces_are_long_enough_to_have_a_hinge() -> None:
-    for count in (PIECE, PIECE + 1, PIECE + 2, PIECE + 3, 2 * PIECE + 1):
+    for count in (
+        MODULES_PER_TREE,
+        MODULES_PER_TREE + 1,
+        MODULES_PER_TREE + 2,
+        MODULES_PER_TREE + 3,
+        2 * MODULES_PER_TREE + 1,
+    ):
         chain = line(count)
         starts = starts_of(chain)
         assert starts[0] == 0 and count - starts[-1] >= 3

@@ -22,9 +22,9 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import preset
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
-from planner.pipeline.fold_layout import TIMELINE, TRIES
+from planner.pipeline.fold_layout import TIMELINE, TRIALS_DIR
 from planner.pipeline.job import Watch
-from planner.pipeline.parallel import STALLING, Tries
+from planner.pipeline.parallel import SPECULATION_PULSES, Tries
 from planner.pipeline.request import Request
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.stages import run_stage, run_stages
@@ -45,7 +45,7 @@ def stuck(trial: Trial, kind: Kind) -> Attempt:
 CHOICE = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
 FIRST = Trial(0, 3, "simultaneous")
 STUCK = stuck(FIRST, "joints")
-PUSHED = Progress(stage="explode", fraction=0.5, pushes=STALLING)
+PUSHED = Progress(stage="explode", fraction=0.5, pushes=SPECULATION_PULSES)
 
 
 def read(directory: FilePath, data: bytes, **values: Any) -> FilePath:
@@ -121,7 +121,7 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
         tries.come_to(CHOICE, [], FIRST)
         assert tries.take(fold / TIMELINE, told.append, never) is None
         watched = tries.watched(told.append)
-        watched(Progress(stage="explode", fraction=0.5, pushes=STALLING - 1))
+        watched(Progress(stage="explode", fraction=0.5, pushes=SPECULATION_PULSES - 1))
         assert not beside()
         watched(PUSHED)
         assert len(beside()) == 1
@@ -136,7 +136,7 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
         same_motion(mine, theirs)
     assert told[1] == PUSHED
     assert not beside()
-    assert not (fold / TRIES).exists()
+    assert not (fold / TRIALS_DIR).exists()
 
 
 def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> None:
@@ -190,7 +190,7 @@ def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(
         told(PUSHED)
         told(PUSHED)
         assert not beside()
-    assert not (fold / TRIES).exists()
+    assert not (fold / TRIALS_DIR).exists()
 
 
 def test_no_more_are_begun_than_a_fold_may_have(
@@ -284,7 +284,7 @@ def test_a_fold_that_is_cancelled_leaves_no_process(tmp_path: FilePath) -> None:
     assert "cancelled" in summary["reason"]
     assert not beside()
     assert not any(child.is_running() for child in begun)
-    assert not (place / TRIES).exists()
+    assert not (place / TRIALS_DIR).exists()
 
 
 SCRIPT = """
@@ -316,7 +316,7 @@ def test_when_the_folds_process_ends_so_do_the_others(how: int, tmp_path: FilePa
         stderr=subprocess.DEVNULL,
     )
     children: list[psutil.Process] = []
-    while not any((fold / TRIES).glob("*/timeline.zarr")):  # they are at work
+    while not any((fold / TRIALS_DIR).glob("*/timeline.zarr")):  # they are at work
         assert parent.poll() is None
         children = psutil.Process(parent.pid).children()
         time.sleep(0.05)
@@ -328,4 +328,4 @@ def test_when_the_folds_process_ends_so_do_the_others(how: int, tmp_path: FilePa
         child.kill()
     assert not alive
     if how == signal.SIGINT:
-        assert not (fold / TRIES).exists()
+        assert not (fold / TRIALS_DIR).exists()

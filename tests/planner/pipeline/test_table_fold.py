@@ -18,7 +18,7 @@ from planner.parameters.parameters import Parameters
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
-from planner.pipeline.steps import MIN_TORQUE_WP, STRONGER_MOTORS
+from planner.pipeline.steps import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.verification.own_parameters import own_parameters
@@ -43,7 +43,7 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
     assert len(table.torques) == len(plan.motion)
     assert plan.certificate.peak_torque_nm is not None
     # Motors are limited by what the record asks, which the plan's curve leaves by a little.
-    allowed = 1.05 * STRONGER_MOTORS * max(table.torque, MIN_TORQUE_WP)
+    allowed = 1.05 * TABLE_MOTOR_RESERVE * max(table.torque, MIN_SIZING_TORQUE_WP)
     assert plan.certificate.peak_torque_nm <= allowed * table.unit_nm
     assert any("No friction" in words for words in table.assumptions)
     assert len(TableForces.load(tmp_path / "table.npz")) == len(plan.motion)

@@ -13,7 +13,7 @@ from planner.progress import COMPILING
 from server.api.schemas import progress_of
 from server.jobs.remaining import Remaining, left_s
 from server.settings import Settings
-from server.store.durations import MIN_SAMPLES, Duration, typical_s
+from server.store.durations import MIN_SIMILAR_FOLDS, Duration, typical_s
 from server.store.folds import Store
 from server.store.leases import Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
@@ -54,7 +54,7 @@ def remaining(tmp_path: Path, store: Store, clock: Clock) -> Remaining:
 def ended(store: Store, name: str, *, modules: int = 160, times: float = 1.0, **how: Any) -> None:
     stage_s = {stage: times * seconds for stage, seconds in USUAL.items()}
     took = {"started_at": NOW - 100.0, "ended_at": NOW - 100.0 + sum(stage_s.values())}
-    for k in range(MIN_SAMPLES):
+    for k in range(MIN_SIMILAR_FOLDS):
         row = a_fold(f"{name} {k}", modules=modules, progress={"stage_s": stage_s}, **took, **how)
         store.add(row, "a token of somebody")
 

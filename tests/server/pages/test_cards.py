@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from server.pages.cards import (
-    CHAINS,
-    KINDS,
-    SELECTED,
+    CHAIN_LABELS,
+    FEATURED_SHAPES,
+    TAG_LABELS,
     Card,
     Sieve,
     Standing,
@@ -75,10 +75,10 @@ def test_an_address_says_which_are_wanted(query: dict[str, str], found: str) -> 
 
 def test_every_selected_shape_is_there_and_every_kind_has_a_name() -> None:
     gallery = Gallery()
-    assert [card.name for card in selected(gallery)] == list(SELECTED)
+    assert [card.name for card in selected(gallery)] == list(FEATURED_SHAPES)
     assert len(cards(gallery)) == len(gallery.shapes())
-    assert {tag for tag, _ in kinds(gallery)} <= set(KINDS)
-    assert not {text for _, text in kinds(gallery)} & set(CHAINS.values())
+    assert {tag for tag, _ in kinds(gallery)} <= set(TAG_LABELS)
+    assert not {text for _, text in kinds(gallery)} & set(CHAIN_LABELS.values())
 
 
 def test_the_best_of_several_folds_counts(store: Store) -> None:
@@ -116,7 +116,7 @@ def test_cards_say_within_what_a_shape_rests_on_a_table() -> None:
     ("preset", "world", "words"),
     [
         ("default", "floating", ""),
-        ("direct", "floating", "direct"),
+        ("direct", "floating", "direct servoing"),
         ("paper", "floating", "published method"),
         ("default", "table", "on a table"),
     ],

@@ -66,13 +66,13 @@ def test_every_parameter_has_words_of_its_own() -> None:
     kinds = (ExplosionParameters, PaperExplosionParameters, PlaybackParameters, RobotParameters)
     for kind in kinds:
         names = [field.name for field in dataclasses.fields(kind) if field.name != "robot"]
-        assert set(names) <= set(quantities.PARAMETERS)
+        assert set(names) <= set(quantities.PARAMETER_WORDS)
         labels = [label for label, _ in parameters(dict.fromkeys(names, 1.5))]
         assert len(set(labels)) == len(labels)
         assert not [label for label in labels if "_" in label]
     controllers = {preset(name).playback.controller for name in PRESETS}
-    assert controllers <= set(quantities.CONTROLLERS)
-    assert set(quantities.PRESETS) == set(PRESETS)
+    assert controllers <= set(quantities.CONTROLLER_LABELS)
+    assert set(quantities.PRESET_LABELS) == set(PRESETS)
 
 
 def test_a_parameter_without_words_shows_its_unit() -> None:
