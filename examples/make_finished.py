@@ -18,7 +18,7 @@ import numpy as np
 
 from planner.certificate.metrics import Figures, write
 from planner.motion.angle_steps import PLAN_STEP_RAD
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.pipeline import manifest
@@ -63,10 +63,9 @@ def in_steps(values: np.ndarray, step: float) -> np.ndarray:
     return np.rint(values / step) * step + 0.0
 
 
-def rounded(frames: Frames, angles_rad: np.ndarray, errors_rad: np.ndarray) -> Frames:
+def rounded(frames: Motion, angles_rad: np.ndarray, errors_rad: np.ndarray) -> Motion:
     """Return frames with other angles and errors, and roots in whole steps."""
-    return replace(
-        frames,
+    return frames.with_columns(
         joint_angles_rad=angles_rad,
         joint_error_rad=errors_rad,
         **{name: in_steps(getattr(frames, name), step) for name, step in ROOT_STEPS.items()},
@@ -78,7 +77,7 @@ def round_motion(directory: Path) -> None:
     record = Record.load(directory / "record.npz")
     playback = Playback.load(directory / "playback.npz")
     exploded, played, reference = record.frames, playback.frames, playback.reference_rad
-    assert isinstance(exploded, Frames) and isinstance(played, Frames) and reference is not None
+    assert not exploded.is_windowed and not played.is_windowed and reference is not None
     wanted = np.rint(reference / PLAN_STEP_RAD)
     reference = np.asarray(reference) + 0.0
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from planner.explosion.evidence import BudgetEvidence
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 
 SLIGHT_BEND_RAD: Final = 0.1
@@ -15,7 +15,7 @@ SLIGHT_BEND_RAD: Final = 0.1
 Chosen."""
 
 
-def budget(record: Record, last: Frames) -> BudgetEvidence | None:
+def budget(record: Record, last: Motion) -> BudgetEvidence | None:
     """Return what an explosion has used up; None if its record does not say, as earlier ones.
 
     Args:

@@ -20,7 +20,7 @@ from planner.explosion.explosion import UNREPELLED_LINKS, Reports
 from planner.explosion.recorder import FrameRecorder, Step
 from planner.kernels.pairs import near_pairs, repulsion
 from planner.motion.angle_steps import snapped
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record, RecordStatus, Spent
 from planner.parameters.published import PaperExplosionParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
@@ -60,7 +60,7 @@ def explode_as_published(
     chain: Chain,
     parameters: PaperExplosionParameters,
     *,
-    sink: Callable[[Frames], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:

@@ -43,8 +43,8 @@ from planner.kernels.window_forces import (
     window_forces,
     window_inverse_step_limit,
 )
+from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
-from planner.motion.windows import Windows
 from planner.parameters.explosion import PeelingParameters
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.anchored import Anchored, ContactFinder
@@ -93,7 +93,7 @@ def peel(
     parameters: PeelingParameters,
     *,
     seed: int = 0,
-    sink: Callable[[Windows], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
@@ -127,7 +127,7 @@ class Peeling(Explosion[WindowConfiguration, PeelingParameters]):
         chain: Chain,
         parameters: PeelingParameters,
         seed: int,
-        sink: Callable[[Windows], None] | None,
+        sink: Callable[[Motion], None] | None,
     ) -> None:
         self.chain = chain
         self.peelable = Peelable(chain)
@@ -203,7 +203,7 @@ class Peeling(Explosion[WindowConfiguration, PeelingParameters]):
         """Compute the poses of the present state."""
         self.window.place(self.state)
 
-    def motion(self) -> Windows:
+    def motion(self) -> Motion:
         """Return all snapshots."""
         return self.windows.motion()
 

@@ -31,7 +31,7 @@ from planner.explosion.explosion import (
 from planner.explosion.recorder import FrameRecorder, Step
 from planner.explosion.straightening import straightening
 from planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs, repulsion
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
@@ -83,7 +83,7 @@ def explode(
     parameters: ExplosionParameters,
     *,
     seed: int = 0,
-    sink: Callable[[Frames], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
@@ -114,7 +114,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         chain: Chain,
         parameters: ExplosionParameters,
         seed: int,
-        sink: Callable[[Frames], None] | None,
+        sink: Callable[[Motion], None] | None,
     ) -> None:
         room = 2.0 * chain.module.inner_radius * (parameters.geom_size - parameters.verify_size)
         longer = float(np.clip(len(chain) / BODY_CAP_REFERENCE_MODULES, 1.0, MAX_BODY_CAP_SCALE))
@@ -180,7 +180,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         """Return the present state as a snapshot."""
         return Step.of(self.time_s, self.state, self.engine.positions)
 
-    def motion(self) -> Frames:
+    def motion(self) -> Motion:
         """Return all snapshots."""
         return self.frames.motion()
 

@@ -29,8 +29,8 @@ from planner.explosion.peeling_window import WindowConfiguration
 from planner.explosion.table_guard import Guard
 from planner.explosion.table_way import way_out
 from planner.kernels.folded_core import FIXED
+from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
-from planner.motion.windows import Windows
 from planner.parameters.explosion import TableParameters
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.reduced import Acceleration, State
@@ -78,7 +78,7 @@ def explode_on_table(
     parameters: TableParameters,
     *,
     seed: int = 0,
-    sink: Callable[[Windows], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
@@ -135,7 +135,7 @@ class TablePeeling(Peeling):
         chain: Chain,
         parameters: TableParameters,
         seed: int,
-        sink: Callable[[Windows], None] | None,
+        sink: Callable[[Motion], None] | None,
     ) -> None:
         self.table = parameters
         rotation = matrix_from_wxyz(chain.folded_wxyz)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.exports import urdf
 from planner.exports.export import export_name, require_frames, rising
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.plan.plan import Plan
 
 Array = NDArray[np.float64]
@@ -187,7 +187,7 @@ def time_of(time_ns: int) -> dict[str, int]:
     return {"sec": seconds, "nanosec": rest}
 
 
-def root_transform(chain: Chain, frames: Frames, frame: int, time_ns: int) -> dict[str, object]:
+def root_transform(chain: Chain, frames: Motion, frame: int, time_ns: int) -> dict[str, object]:
     """Return the pose of the root module's frame in the world, as a TransformStamped."""
     turn = dict(zip("wxyz", frames.root_wxyz[frame].tolist(), strict=True))
     metres = (frames.root_position[frame] * chain.pitch_m).tolist()

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.exports.export import require_frames, rising
-from planner.motion.frames import PHASES
+from planner.motion.motion import PHASES
 from planner.plan.plan import Plan
 
 ROOT_COLUMNS = ("root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_qy", "root_qz")

@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import Diagnosis, Kind, diagnose
-from planner.motion.frames import PHASES
+from planner.motion.motion import PHASES
 from planner.motion.record import Record, RecordStatus
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.parameters.parameters import Parameters

@@ -19,7 +19,7 @@ from planner.certificate.figures import CertificateFigures
 from planner.certificate.table_forces import FORCES
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline
 from planner.pipeline.preference import judgement
 from planner.playback.unfolding import START_CHAIN, START_PLAN
@@ -91,7 +91,7 @@ def result(directory: FilePath, name: str) -> FilePath:
     return path if path.exists() else directory / name
 
 
-def last_frame(timeline: FilePath) -> tuple[Chain, Frames] | None:
+def last_frame(timeline: FilePath) -> tuple[Chain, Motion] | None:
     """Return a timeline's chain and last frame; None when it has none."""
     try:
         opened = Timeline.open(timeline)

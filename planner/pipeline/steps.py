@@ -17,11 +17,9 @@ from planner.certificate.certificate import certify
 from planner.certificate.table import table_certificate
 from planner.chain.chain import Chain
 from planner.explosion.strategies import let_go, on_lattice, strategies_for, windowed
-from planner.motion.frames import Frames
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
-from planner.motion.windows import Windows
 from planner.parameters.explosion import TableParameters
 from planner.parameters.parameters import Parameters
 from planner.pipeline.attempt import Attempt, Candidates, Trial
@@ -189,7 +187,7 @@ def play_back(
 
 def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: Watch) -> Playback:
     """Fold the chain on the table, with motors slightly stronger than standing needs."""
-    assert isinstance(record.frames, Windows)
+    assert record.frames.is_windowed
     assert record.table is not None
     # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.
     exploded = record.frames.dense(chain)
@@ -238,7 +236,7 @@ def _sink(
 def judge(result: Result, parameters: Parameters, watch: Watch, *, start: Chain | None) -> Result:
     """Return a result with its certificate, and the curves that belong to that."""
     playback, curves = result.playback, dict[str, Any]()
-    peeled = playback is not None and isinstance(playback.frames, Windows)
+    peeled = playback is not None and playback.frames.is_windowed
     certificate = certify(
         result.chain,
         result.record,
@@ -346,9 +344,4 @@ def with_joint_errors(plan: Plan, playback: Playback | None) -> Plan:
     """Return a plan with the joint errors of its playback, which its file leaves out."""
     if playback is None:
         return plan
-    motion, simulated = plan.motion, playback.frames
-    if isinstance(motion, Windows) and isinstance(simulated, Windows):
-        motion = replace(motion, errors_rad=simulated.errors_rad)
-    elif isinstance(motion, Frames) and isinstance(simulated, Frames):
-        motion = replace(motion, joint_error_rad=simulated.joint_error_rad)
-    return replace(plan, motion=motion)
+    return replace(plan, motion=replace(plan.motion, errors_rad=playback.frames.errors_rad))

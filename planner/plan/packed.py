@@ -20,7 +20,7 @@ from planner.certificate.metrics import Curves, Figures, write
 from planner.errors import InputError
 from planner.files import write_json, write_whole, zarr_group
 from planner.motion.angle_steps import PLAN_STEP_RAD, byte_planes, whole_numbers, whole_steps
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import save_npz
 from planner.motion.timeline import TimelineWriter, chain_from_attributes
 
@@ -248,4 +248,4 @@ def _write_timeline(directory: FilePath, arrays: Arrays, timeline_id: str) -> No
     with TimelineWriter.create(path, chain, timeline_id=timeline_id) as writer:
         for file in ("playback.npz",) if refold else ("record.npz", "playback.npz"):
             columns = _of_file(arrays, file)
-            writer.append(Frames(**{name: columns[name] for name in TIMELINE_ARRAYS}))
+            writer.append(Motion.from_frames(**{name: columns[name] for name in TIMELINE_ARRAYS}))

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
-from planner.clearance.sweep import check_windows
 from planner.errors import UNREADABLE, InputError, named
 from planner.explosion.diagnosis import stuck_of
 from planner.files import write_whole
@@ -32,11 +31,9 @@ from planner.motion.angle_steps import (
     window_angles,
     window_planes,
 )
-from planner.motion.frames import PHASES, Frames
-from planner.motion.motion import Motion
+from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record, save_npz
 from planner.motion.timeline import chain_attributes, chain_from_attributes
-from planner.motion.windows import Windows
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
@@ -64,7 +61,7 @@ class Plan:
         versions: Of the programs that made it.
         start: The chain as it is folded at the beginning of a refold; None when it is straight.
         motion: F snapshots from straight to folded, of a refold from the start on: what the hinges
-            should be, the pose as simulated. Frames of all angles, or windows.
+            should be, the pose as simulated. Dense or windowed.
         max_error_rad: (F,) largest joint error of the simulated playback; NaN, in JSON null, where
             there was no simulation.
         explosion: Status, reason, steps, frames and seconds of the explosion; None without one.
@@ -102,23 +99,14 @@ class Plan:
         start: Chain | None = None,
     ) -> Plan:
         """Return a plan from the results of the stages."""
-        motion: Motion = Frames.none(len(chain.folded_rad))
-        errors = np.zeros(0)
+        motion, errors = Motion.empty(len(chain.folded_rad)), np.zeros(0)
         if playback is not None:
-            motion = replace(
-                playback.frames, time_s=playback.frames.time_s - playback.frames.time_s[0]
-            )
-            errors = motion.largest_errors
-            reference = playback.reference
-            if isinstance(motion, Windows):
-                assert isinstance(reference, Windows)
-                motion = replace(motion, angles_rad=reference.angles_rad, errors_rad=None)
-            else:
-                assert not isinstance(reference, Windows)
-                if parameters.world == "table":
-                    motion = motion.planned(chain, reference, clamped=parameters.table.held)
-                else:
-                    motion = replace(motion, joint_angles_rad=reference)
+            played, motion = playback.frames, playback.reference
+            errors = played.largest_errors
+            if parameters.world == "table" and not motion.is_windowed:
+                angles = motion.joint_angles_rad
+                motion = played.planned(chain, angles, clamped=parameters.table.held)
+            motion = replace(motion, time_s=motion.time_s - motion.time_s[0])
         return cls(
             chain=chain,
             preset=parameters.preset,
@@ -163,17 +151,17 @@ class Plan:
         """(F, 4) its orientation."""
         return self.whole().root_wxyz
 
-    def part(self, start: int, stop: int) -> Frames:
+    def part(self, start: int, stop: int) -> Motion:
         """Return some frames with all their angles."""
         return self.motion.dense(self.chain, start, stop)
 
-    def whole(self) -> Frames:
+    def whole(self) -> Motion:
         """Return all frames with all their angles.
 
         Raises:
             InputError: ``plan-too-long`` when they are too many.
         """
-        if isinstance(self.motion, Frames):
+        if not self.motion.is_windowed:
             return self.motion
         count = len(self.motion) * len(self.chain.folded_rad)
         if count > MAX_DENSE_ANGLES:
@@ -259,7 +247,7 @@ class Plan:
     def rest(self) -> dict[str, Any]:
         """Return all but the joints' names and the frames, as plain JSON values."""
         motion = self.motion
-        angles = motion.angles_rad if isinstance(motion, Windows) else motion.joint_angles_rad
+        angles = motion.stored_angles_rad
         return {
             "format": PLAN_FORMAT,
             "motion": _kind(self.motion),
@@ -278,23 +266,23 @@ class Plan:
             "angles": (
                 None
                 if whole_steps(angles) is None
-                else told_of(angles.shape, windowed=isinstance(motion, Windows))
+                else told_of(angles.shape, windowed=motion.is_windowed)
             ),
         }
 
     def _columns(self) -> tuple[dict[str, NDArray[Any]], Planes | None]:
         """Return the arrays with a value a frame, by name; angles apart if in planes."""
         motion = self.motion
-        names = _columns_of(_kind(motion))
+        names, stored = _columns_of(_kind(motion)), motion.columns()
         columns = {
             "phase": np.array([PHASES[index] for index in self.phase.tolist()], dtype="<U16"),
-            **{name: getattr(motion, name) for name in names},
+            **{name: stored[name] for name in names},
             "max_error_rad": self.max_error_rad,
         }
         angles = next(name for name in names if name.endswith("angles_rad"))
         if columns[angles].size <= MAX_PLAIN_ANGLES:
             return columns, None
-        if isinstance(motion, Windows):
+        if motion.is_windowed:
             planes = window_planes(
                 motion.first, motion.offsets, motion.angles_rad, self.chain.folded_rad
             )
@@ -420,7 +408,7 @@ _VALUES: Final = (
 
 
 def _kind(motion: Motion) -> str:
-    return "windows" if isinstance(motion, Windows) else "frames"
+    return "windows" if motion.is_windowed else "frames"
 
 
 def _columns_of(kind: str) -> dict[str, tuple[tuple[int, ...], Any]]:
@@ -489,15 +477,13 @@ def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
     if len(set(counts.values())) > 1:
         raise ValueError(f"its arrays differ in their numbers of frames: {counts}")
     if windowed:
-        windows = Windows(**arrays)
+        windows = Motion.from_windows(**arrays)
         try:
-            check_windows(chain, windows)
+            windows.check(chain)
         except InputError as error:
             raise ValueError(error.detail) from error
         return windows, errors
-    # What was simulated is not told apart from what should be, so there is no error of each hinge.
-    nothing = np.broadcast_to(np.nan, (len(errors), hinges))
-    return Frames(joint_error_rad=nothing, **arrays), errors
+    return Motion.from_frames(**arrays), errors
 
 
 def versions() -> dict[str, str]:

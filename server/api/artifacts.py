@@ -109,7 +109,7 @@ def _timeline(context: Context, fold_id: str) -> Timeline:
 
 def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: bool) -> FramesBody:
     """Return a stretch of a timeline, without a link to the rest."""
-    from planner.motion.frames import PHASES
+    from planner.motion.motion import PHASES
 
     chain = timeline.chain
     frames = timeline.frames(start, until, stride)

@@ -3,9 +3,9 @@
 A message (``web.timeline.columns``) tells in its header which timeline it is of (``id``), its
 ``status`` (``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the
 stretch ``start``, ``stop`` and ``stride`` that the columns hold, and the timeline's outline. The
-columns are those of ``planner.motion.timeline.Frames``: the time is exact, joint angles are within
-half a millionth of a radian, joint errors within a half per cent, so that little has to travel. A
-windowed timeline's are those of ``web.timeline.window_columns``.
+columns are those of a dense motion: the time is exact, joint angles are within half a millionth of
+a radian, joint errors within a half per cent, so that little has to travel. A windowed timeline's
+are those of ``web.timeline.window_columns``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
-from planner.motion.windows import Windows
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 from web.timeline.view import TimelineView
@@ -129,7 +128,7 @@ def unpacked_bytes(timeline: TimelineView) -> int:
     )
 
 
-def _hinge(windows: Windows) -> int:
+def _hinge(windows: Motion) -> int:
     """Return bytes of an angle, and of its error where errors are told."""
     return 4 if windows.errors_rad is None else 8
 
@@ -150,7 +149,7 @@ def _header(
 
 def _windows(
     timeline: TimelineView, start: int, stop: int, stride: int, largest: int
-) -> tuple[Windows, int]:
+) -> tuple[Motion, int]:
     """Return the next snapshots that fit into a batch, at least one, and the frame after them."""
     parts = [timeline.windows(start, start)]
     room = largest
@@ -161,10 +160,10 @@ def _windows(
         if fitting < len(part):
             fitting = max(fitting, int(at == start))
             parts.append(part[:fitting])
-            return Windows.joined(parts), at + fitting * stride
+            return Motion.joined(parts), at + fitting * stride
         room -= int(sizes[-1])
         parts.append(part)
-    return Windows.joined(parts), stop
+    return Motion.joined(parts), stop
 
 
 def thinned(timeline: TimelineView, stride: int) -> bytes:

@@ -23,13 +23,12 @@ from numpy.typing import NDArray
 from planner.certificate.metrics import Curves, Figures
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import FORCES, TableForces
-from planner.chain.chain import Chain
 from planner.errors import UNREADABLE, InputError
 from planner.files import json_of
 from planner.motion.angle_steps import plan_angles, plan_window_angles
+from planner.motion.motion import Motion
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
-from planner.motion.windows import Windows
 from planner.pipeline.fold_layout import CERTIFICATE, FIGURES, RECORD, TIMELINE, result
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
@@ -43,7 +42,7 @@ ERROR_SAMPLES: Final = 48
 """Number of frames, spread over the fold, from which the largest position error on the scale of a
 plot is computed. More are more exact and slower. Chosen."""
 Array = NDArray[np.float64]
-_REFERENCES: Final[Cache[Array | Windows]] = Cache(128 * 2**20, lambda kept: _bytes(kept))
+_REFERENCES: Final[Cache[Motion]] = Cache(128 * 2**20, lambda kept: _bytes(kept))
 _FORCES: Final[Cache[TableForces]] = Cache(
     64 * 2**20, lambda kept: kept.torques.nbytes + kept.pressed.nbytes
 )
@@ -212,7 +211,7 @@ def _rows(timeline: Timeline, forces: TableForces | None) -> int:
     return max(1, min(MAX_STRETCH_FRAMES, MAX_STRETCH_NUMBERS // numbers))
 
 
-def _reference(directory: Path, timeline: Timeline) -> Array | Windows | None:
+def _reference(directory: Path, timeline: Timeline) -> Motion | None:
     """Return the playback's reference; None if there is none, or windows without errors.
 
     Its angles are read as they lie in the file: a whole plan would bring the physics along.
@@ -226,22 +225,20 @@ def _reference(directory: Path, timeline: Timeline) -> Array | Windows | None:
         key = (path, found.st_ino, found.st_mtime_ns)
         reference = _REFERENCES.get(key)
         if reference is None:
-            if timeline.windowed:
-                reference = _plan_windows(path, timeline.chain)
-            else:
-                reference = plan_angles(path)
-                reference.flags.writeable = False
+            reference = _plan_motion(path, timeline)
             _REFERENCES.keep(key, reference)
     except UNREADABLE:
         return None
     return reference if len(reference) else None
 
 
-def _plan_windows(path: Path, chain: Chain) -> Windows:
-    """Return the frames of a plan of windows, without what was off."""
-    first, offsets, angles = plan_window_angles(path, chain.folded_rad)
+def _plan_motion(path: Path, timeline: Timeline) -> Motion:
+    """Return the angles of a plan's frames as a motion, without times and poses."""
+    if not timeline.windowed:
+        return Motion.from_angles(plan_angles(path))
+    first, offsets, angles = plan_window_angles(path, timeline.chain.folded_rad)
     count = len(first)
-    return Windows(
+    return Motion.from_windows(
         time_s=np.zeros(count),
         phase=np.zeros(count, np.uint8),
         first=first,
@@ -256,7 +253,7 @@ def _position_errors(
     timeline: Timeline,
     start: int,
     stop: int,
-    reference: Array | Windows | None,
+    reference: Motion | None,
     stride: int = 1,
 ) -> Array:
     """Return (F, N) distances of modules from their places without joint errors, in pitches.
@@ -274,16 +271,14 @@ def _position_errors(
         return errors
     root = (frames.root_position[known], frames.root_wxyz[known])
     wanted = reference[place[known]]
-    meant = chain.poses(wanted.angles(chain) if isinstance(wanted, Windows) else wanted, *root)
+    meant = chain.poses(wanted.angles(chain), *root)
     there = chain.poses(frames.joint_angles_rad[known], *root)
     errors[known] = np.linalg.norm(meant.positions - there.positions, axis=-1)
     return errors
 
 
-def _bytes(reference: Array | Windows) -> int:
-    if isinstance(reference, Windows):
-        return reference.angles_rad.nbytes + 80 * len(reference)
-    return reference.nbytes
+def _bytes(reference: Motion) -> int:
+    return reference.angles_rad.nbytes + 80 * len(reference)
 
 
 def _largest(values: NDArray[Any]) -> float:

@@ -8,9 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.motion.frames import PHASES
-from planner.motion.motion import Motion
-from planner.motion.windows import Windows
+from planner.motion.motion import PHASES, Motion
 from web.pictures.camera import modules_framed, straight_stretch
 from web.pictures.colours import error_scale
 from web.timeline.view import Snapshot, chain_errors
@@ -63,7 +61,7 @@ class MotionMoments:
         self.id = motion_id or secrets.token_hex(8)
         self.chain = chain
         self._motion = motion
-        self.stretch = straight_stretch(chain) if isinstance(motion, Windows) else None
+        self.stretch = straight_stretch(chain) if motion.is_windowed else None
         known = motion.largest_errors
         self.error_scale_rad = error_scale(float(np.max(known, where=known > 0.0, initial=0.0)))
 
@@ -77,7 +75,7 @@ class MotionMoments:
         one = motion.dense(chain, k, k + 1)
         poses = chain.poses(one.joint_angles_rad, one.root_position, one.root_wxyz)
         framed = len(chain)
-        if isinstance(motion, Windows) and self.stretch is not None:
+        if motion.is_windowed and self.stretch is not None:
             framed = modules_framed(chain, int(motion.last[k]), self.stretch)
         return Snapshot(
             frame=float(k),

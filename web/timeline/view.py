@@ -4,7 +4,7 @@ It holds the poses and errors of the frames lately asked for, computed chunk by 
 vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
 follows a timeline that still grows, and one that is begun anew.
 
-Of a long fold, whose timeline holds windows (``planner.motion.windows``), it holds those, and
+Of a long fold, whose timeline holds windows (``planner.motion.motion``), it holds those, and
 computes the poses of the one frame that is asked for.
 """
 
@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import TimelineError
-from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline
-from planner.motion.windows import Windows
 from web.pictures.camera import modules_framed, straight_stretch
 from web.pictures.colours import error_scale, module_errors
 from web.pictures.table_top import TableTop
@@ -86,7 +85,7 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Chunk:
-    frames: Frames
+    frames: Motion
     positions: Floats
     wxyzs: Floats
     module_error_rad: Array
@@ -104,7 +103,7 @@ class _Chunk:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _WindowChunk:
-    windows: Windows
+    windows: Motion
 
     @property
     def nbytes(self) -> int:
@@ -230,7 +229,7 @@ class TimelineView:
                 return self._exact(low)
             return self._between(low, share)
 
-    def frames(self, start: int, stop: int, stride: int = 1) -> Frames:
+    def frames(self, start: int, stop: int, stride: int = 1) -> Motion:
         """Frames as they were recorded.
 
         Raises:
@@ -258,7 +257,7 @@ class TimelineView:
                 self._table = TableTop.under(self.chain, poses.positions)
             return self._table
 
-    def windows(self, start: int, stop: int, stride: int = 1) -> Windows:
+    def windows(self, start: int, stop: int, stride: int = 1) -> Motion:
         """Return windowed frames; otherwise like ``frames``.
 
         Raises:
@@ -370,7 +369,7 @@ class TimelineView:
             framed=len(self.chain),
         )
 
-    def _of_window(self, windows: Windows, k: int, frame: float) -> Snapshot:
+    def _of_window(self, windows: Motion, k: int, frame: float) -> Snapshot:
         chain, stretch = self.chain, self.stretch
         assert stretch is not None
         angles = windows.angles(chain, k, k + 1)[0]
@@ -378,8 +377,8 @@ class TimelineView:
         poses = forward_kinematics(
             chain.module,
             angles,
-            root_position=windows.base_position[k],
-            root_wxyz=windows.base_wxyz[k],
+            root_position=windows.anchor_position[k],
+            root_wxyz=windows.anchor_wxyz[k],
         )
         return Snapshot(
             frame=float(frame),
@@ -423,7 +422,7 @@ class TimelineView:
         chunk = self._chunk(frame // self._rows)
         k = frame % self._rows
         if isinstance(chunk, _WindowChunk):
-            return chunk.windows.base_position[k], chunk.windows.base_wxyz[k]
+            return chunk.windows.anchor_position[k], chunk.windows.anchor_wxyz[k]
         return chunk.frames.root_position[k], chunk.frames.root_wxyz[k]
 
     def _chunk(self, index: int) -> _Chunk | _WindowChunk:
@@ -445,7 +444,7 @@ class TimelineView:
             self._bytes -= old.nbytes
         return chunk
 
-    def _posed(self, frames: Frames) -> _Chunk:
+    def _posed(self, frames: Motion) -> _Chunk:
         chain = self.chain
         poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
         return _Chunk(

@@ -1,4 +1,4 @@
-"""Window columns: snapshots in ``planner.motion.windows`` as columns of a short message.
+"""Window columns: snapshots of a windowed motion as columns of a short message.
 
 ``first`` and ``counts`` give each window's first hinge and its number of hinges, ``steps`` the
 angles of all windows one after the other. An angle is an integer number of ``SENT_ANGLE_STEP_RAD``,
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.motion.angle_steps import window_differences, window_totals
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 
 Ints = NDArray[np.int64]
 SENT_ANGLE_STEP_RAD: Final = 2.0**-20
@@ -34,7 +34,7 @@ SINGLE_BYTE_COLUMNS: Final = frozenset({"errors_rad"})
 """Columns that are packed with a relative precision of 1 in 256."""
 
 
-def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> dict[str, Any]:
+def window_columns(windows: Motion, folded_rad: NDArray[np.floating[Any]]) -> dict[str, Any]:
     """Return the columns of some snapshots of a chain that is folded at ``folded_rad``."""
     counts = np.diff(windows.offsets)
     changes = window_differences(
@@ -48,13 +48,13 @@ def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> d
         "first": windows.first.astype("<i4"),
         "counts": counts.astype("<i4"),
         "steps": changes.astype("<i4"),
-        "base_position": windows.base_position.astype("<f8"),
-        "base_wxyz": windows.base_wxyz.astype("<f8"),
+        "base_position": windows.anchor_position.astype("<f8"),
+        "base_wxyz": windows.anchor_wxyz.astype("<f8"),
         **(errors if recorded.any() else {}),
     }
 
 
-def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]) -> Windows:
+def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]) -> Motion:
     """Return the snapshots in ``window_columns``.
 
     Each angle is within half a step; errors are as they were told.
@@ -62,7 +62,7 @@ def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]
     offsets = np.concatenate([[0], np.cumsum(columns["counts"], dtype=np.int64)])
     first = columns["first"].astype(np.int64)
     steps = window_totals(first, offsets, columns["steps"], whole_steps(folded_rad))
-    return Windows(
+    return Motion.from_windows(
         time_s=columns["time_s"],
         phase=columns["phase"],
         first=first,

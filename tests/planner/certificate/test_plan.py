@@ -12,7 +12,6 @@ import pytest
 
 from planner.errors import InputError
 from planner.motion.angle_steps import frame_planes, plan_angles
-from planner.motion.motion import motion_arrays
 from planner.plan.plan import PLAN_FORMAT, Plan, versions
 from tests.planner.plans import changed
 
@@ -168,8 +167,8 @@ def test_plans_of_earlier_formats_are_read(name: str, suffix: str, tmp_path: Fil
     np.testing.assert_allclose(last.joint_angles_rad[0], chain.folded_rad, atol=1e-7)
     path = tmp_path / f"plan.{suffix}"
     plan.save_json(path) if suffix == "json" else plan.save_npz(path)
-    again = motion_arrays(Plan.load(path).motion)
-    for column, mine in motion_arrays(plan.motion).items():
+    again = Plan.load(path).motion.columns()
+    for column, mine in plan.motion.columns().items():
         np.testing.assert_array_equal(again[column], mine, err_msg=column)
 
 

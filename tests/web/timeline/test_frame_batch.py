@@ -11,7 +11,7 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
-from planner.motion.frames import PHASES
+from planner.motion.motion import PHASES
 from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from tests.planner import peels
 from tests.web import long_folds
 from web.timeline.columns import decode, encode
@@ -20,7 +20,7 @@ from web.timeline.window_columns import (
 CHAIN = peels.snake((4, 4, 6))
 
 
-def there_and_back(windows: Windows) -> Windows:
+def there_and_back(windows: Motion) -> Motion:
     message = encode(
         {},
         window_columns(windows, CHAIN.folded_rad),
@@ -30,7 +30,7 @@ def there_and_back(windows: Windows) -> Windows:
     return windows_of(decode(message)[1], CHAIN.folded_rad)
 
 
-def assert_same(found: Windows, windows: Windows) -> None:
+def assert_same(found: Motion, windows: Motion) -> None:
     for name in ("time_s", "phase", "first", "offsets", "base_position", "base_wxyz"):
         assert np.array_equal(getattr(found, name), getattr(windows, name)), name
     assert (
