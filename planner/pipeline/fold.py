@@ -81,8 +81,7 @@ def refold(
     """Unfold the chain of a plan and fold it into another shape: the paper's reconfiguration.
 
     Args:
-        start: How the chain was folded into the shape that it begins as; of a refold, into the one
-            that it ended as.
+        start: Plan of the shape that the chain starts as; of a refold, the shape that it ends as.
         shape: A path through as many cells as the chain has modules, or a chain like it.
         preset, seed, module_size, settings, directory, progress: See ``fold``.
 
@@ -123,8 +122,7 @@ def smooth_plan(
         The smoothed plan, verified or not; ``Plan.smoothing`` says what has changed.
 
     Raises:
-        InputError: As ``planner.robot.smoothed.check_smoothable``, or for a seed or size out of
-            range.
+        InputError: See ``planner.robot.smoothed.check_smoothable``; or a seed or size out of range.
     """
     request = Request.smoothing(plan, seed=seed, module_size=module_size)
     return _plan_of(request, write_chain(plan.chain), directory, progress, recorded=plan)

@@ -42,7 +42,7 @@ class Tries:
     """Holds the processes that make what may come next.
 
     Args:
-        directory: Of the fold; its input must have been read. None without processes.
+        directory: Directory of the fold, with its input read; None without processes.
         workers: Explosions that are made at once at most; with one there are no processes. More
             than a fold may have would bring nothing.
     """

@@ -102,8 +102,8 @@ def run_stages(
     """Run all stages, those again that a refused plan makes necessary; return the plan's figures.
 
     Args:
-        directory: As for ``run_stage``.
-        progress, cancelled: As for ``run_stage``.
+        directory: Same as for ``run_stage``.
+        progress, cancelled: Same as for ``run_stage``.
         workers: Explosions that are made at once at most. The plan is the same for any number.
 
     Raises:

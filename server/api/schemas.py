@@ -422,7 +422,7 @@ class ExpectedTimes:
     Attributes:
         expected_s: With the options that were asked for.
         expected_as_published_s: With the preset ``paper``.
-        expected_preferred_s: Where a plan is chosen by time, torque or clearance.
+        expected_preferred_s: The same if a plan is chosen by time, torque or clearance.
     """
 
     expected_s: float

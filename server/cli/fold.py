@@ -143,7 +143,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
     Args:
         out: The fold's directory.
         workers: Explosions at once at most; as many as there are cores when None.
-        words: What stages are called that do something else than usual.
+        words: Labels of stages that differ from the default ones.
     """
     from planner.pipeline.compiling import Compiling
 

@@ -51,7 +51,7 @@ class Outlook:
     """Estimate of a fold's position in the queue and of its remaining time.
 
     Attributes:
-        place: In the queue, 1 for the next; 0 when it does not wait.
+        place: Position in the queue, 1 for the next; 0 if it does not wait.
         running: Number of folds that are computed now in its lane, while it waits.
         wait_s: About how long it waits; None when it does not, or when nobody computes.
         remaining_s: About how long until it is over, with the wait; 0 when it takes longer than
@@ -71,7 +71,7 @@ class Remaining:
     """Estimates for all who ask. Safe to use from many threads.
 
     Args:
-        store: Where the rows are.
+        store: Store with the rows.
         leases: Knows the workers.
         estimates: Expected times of folds; its own if None.
         clock: Seconds since 1970.

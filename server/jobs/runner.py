@@ -148,7 +148,7 @@ class Runner:
         Args:
             fold_id: The fold.
             stage: The stage.
-            worker: Who computes it, by a name that each execution has for itself.
+            worker: Name of the execution, unique for each.
             known: The epoch under which the stage before was computed.
 
         Raises:

@@ -79,11 +79,11 @@ class Card:
     """One example shape.
 
     Attributes:
-        name: Of the shape.
-        title: What people call it.
-        module: What its chain is made of.
-        modules: How many.
-        tags: Of which kinds it is.
+        name: Name of the shape.
+        title: Title for people.
+        module: Kind of its chain's modules.
+        modules: Number of modules.
+        tags: Kinds of shapes that it belongs to.
         rests_within: Torque in w·p within which it rests on a table; None where that is not known.
     """
 

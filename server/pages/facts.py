@@ -153,9 +153,9 @@ def fold_facts(
 
     Args:
         found: The fold.
-        api: Whether the service's API is there for downloads and news.
-        embed: Whether other sites may show folds in a frame.
-        kept: Who sees it and for how long, in words.
+        api: True if the service's API is available for downloads and events.
+        embed: True if other sites may embed folds in a frame.
+        kept: Visibility and expiry of the fold in words.
         expected: Estimates the seconds of other folds that are offered.
     """
     row, directory = found.row, found.directory

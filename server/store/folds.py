@@ -97,7 +97,7 @@ class Store:
     """Rows in a database, files in folders. Safe to use from many threads.
 
     Attributes:
-        folders: Where the files are.
+        folders: Files of the folds.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -465,9 +465,8 @@ class Store:
 
         Args:
             fold_id: The fold.
-            stage: What is computed now.
-            worker: Who computes it, by a name that nobody had before: whoever held the fold until
-                now loses it.
+            stage: Stage that starts.
+            worker: Name of the execution, never used before: any earlier one loses the fold.
 
         Returns:
             The epoch in which it is computed; None when it is cancelled, over or deleted.
@@ -574,9 +573,9 @@ class Store:
         Args:
             fold_id: The fold.
             status: One of ``ENDED``.
-            summary: What came out.
+            summary: Figures of the result.
             error: ``code``, ``detail``, ``where`` of what went wrong, or None.
-            repeatable: Whether the same upload would end the same way. If not, the next one is
+            repeatable: True if the same upload would end the same way. If not, the next one is
                 computed anew.
             kept: The epoch whose files readers see from now on; as before when None.
             size: Bytes of its files; as before when None.

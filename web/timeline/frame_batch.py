@@ -76,7 +76,7 @@ def batch_of(
     """Frames from ``start`` on, as many as fit into one message of about a mebibyte.
 
     Args:
-        timeline: What they are of.
+        timeline: Timeline of the frames.
         start: The first one; one past the end is answered with no frames.
         stop: Past the last one; the end when None.
         stride: Every so many-th.

@@ -70,7 +70,7 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
     while they are no ghost.
 
     Args:
-        report: As ``planner.pipeline.prepare.Preparation.report`` gives it in full.
+        report: Full result of ``planner.pipeline.prepare.Preparation.report``.
     """
     with viser_server() as server:
         scene = _PreviewScene(server, report)

@@ -57,8 +57,8 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
 
     Args:
         chain: The chain.
-        stretch: As of the fold's ``web.timeline.view.TimelineView``.
-        table: What it folds on; None of one that floats.
+        stretch: That of the fold's ``web.timeline.view.TimelineView``.
+        table: Table under the chain; None if it floats.
     """
     module, n = chain.module, len(chain)
     pitch, messages, arrays = _staged_alike(_Alike(chain, stretch, table))

@@ -90,7 +90,7 @@ class Show:
             port: Port to listen on; the next free one when it is taken, any for 0.
             host: Address to listen on. viser asks nobody who they are: whoever reaches the address
                 can look and move the slider.
-            open_browser: Whether to open a browser.
+            open_browser: True to open a browser.
 
         Raises:
             TimelineError: When there is no timeline there.
@@ -124,7 +124,7 @@ class Show:
         """Show a fold while it is computed: ``fold(shape, progress=show.live())``.
 
         Args:
-            port, host, open_browser: As of ``show`` itself.
+            port, host, open_browser: Same as for ``show``.
 
         Raises:
             InputError: ``no-such-address``.

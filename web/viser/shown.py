@@ -63,7 +63,7 @@ class Shown:
 
     Attributes:
         server: To add to what is shown, and to the controls beside it.
-        url: Where it is.
+        url: Address of the view.
     """
 
     def __init__(
@@ -79,8 +79,8 @@ class Shown:
 
         Args:
             moments: Gives the motion as it is by now; None while there is none.
-            host, port, open_browser: As of ``web.viser.show``.
-            follows: Whether to begin at the last frame, and to go on to each that comes.
+            host, port, open_browser: Same as for ``web.viser.show``.
+            follows: True to start at the last frame and to follow new ones.
 
         Raises:
             InputError: ``no-such-address``.
