@@ -172,7 +172,8 @@ def post_fold(
         Literal["default", "paper", "direct"],
         Form(
             description=(
-                "`direct` drives every joint straight to its target (fails for most shapes)."
+                "`direct` is direct servoing: it drives every joint straight to its target (fails "
+                "for most shapes)."
             )
         ),
     ] = "default",

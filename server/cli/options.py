@@ -22,7 +22,7 @@ PlanDirectory = Annotated[
 Preset = Annotated[
     str,
     typer.Option(
-        help="default, paper (as published), or direct (all joints at once; fails for most shapes)."
+        help="default, paper (as published), or direct (direct servoing; fails for most shapes)."
     ),
 ]
 Settings = Annotated[

@@ -217,7 +217,7 @@ def included_folds(store: Store) -> list[ShownFold]:
     return [ShownFold.of(row) for row in sorted(rows, key=lambda row: (row.modules, row.name))]
 
 
-METHOD_LABELS: Final = {"direct": "direct", "paper": "published method"}
+METHOD_LABELS: Final = {"direct": "direct servoing", "paper": "published method"}
 """Labels on a card for presets other than the default one."""
 
 

@@ -35,8 +35,8 @@ from server.pages.failures import (
     AttemptWords,
     Failure,
     attempts,
+    count_from_one,
     failure,
-    modules_from_one,
     reason_for_people,
 )
 from server.pages.properties import (
@@ -277,7 +277,7 @@ def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
     error = row.error or Fault()
     if row.status == "failed":
         text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
-        where = modules_from_one(error.get("where") or "")
+        where = count_from_one(error.get("where") or "")
         text = message_for_people(reason_for_people(text, summary))
         if where and where not in text:
             text = f"{sentence(where)}: {text}"

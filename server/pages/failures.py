@@ -55,10 +55,11 @@ STAGES_WITH_MOTION: Final = ("explode", "play_back")
 MAX_BLOCKING_LINES: Final = 24
 """Maximum number of turns and moves that the reason of a failed fold lists one by one; the rest is
 counted. Chosen."""
-MODULE_NUMBERS: Final = re.compile(
-    r"\bmodules? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?", re.IGNORECASE
+NUMBERED_PARTS: Final = re.compile(
+    r"\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?",
+    re.IGNORECASE,
 )
-"""Pattern of modules that a text names by number, with the rest of a long list."""
+"""Pattern of parts of an input that a text names by number, with the rest of a long list."""
 WRONG_END_VERDICT: Final = re.compile(r"ends .* from the folded shape|does not end folded")
 """Pattern of verdicts about a fold that does not end in its target shape."""
 EXPLOSION_ENDS: Final = {
@@ -107,7 +108,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     frame: float | None = None
     evidence: EvidenceFigures | None = None
     if told := summary.get("stuck"):
-        kind, modules, text = told["kind"], told["modules"], modules_from_one(told["words"])
+        kind, modules, text = told["kind"], told["modules"], count_from_one(told["words"])
         if kind == "stopped":
             text = _stopped(row, text)
         if evidence := told.get("evidence"):
@@ -116,7 +117,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
         frame = overlap["frame"] + (exploding(summary) or 0)
     elif summary.get("certificate"):
-        modules, text = [], modules_from_one(str(summary.get("reason") or ""))
+        modules, text = [], count_from_one(str(summary.get("reason") or ""))
         kind = "off" if WRONG_END_VERDICT.search(text) else "refused"
     else:
         return None
@@ -170,17 +171,17 @@ def reason_for_people(reason: str, summary: FoldSummary) -> str:
         # Rounded as the page rounds the frame that it shows: half a frame counts up.
         return f" (frame {math.floor(explosion + float(found[1]) + 0.5) + 1})"
 
-    return modules_from_one(
+    return count_from_one(
         re.sub(r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)", on_the_timeline, reason)
     )
 
 
-def modules_from_one(text: str) -> str:
-    """Return a text of the planner, which counts modules from 0, counting them from 1.
+def count_from_one(text: str) -> str:
+    """Return a text of the planner, which counts modules and cells from 0, counting from 1.
 
-    ``modulesFromOne`` in ``lib/text.js`` does the same.
+    ``countFromOne`` in ``lib/text.js`` does the same.
     """
-    return MODULE_NUMBERS.sub(
+    return NUMBERED_PARTS.sub(
         lambda named: re.sub(r"\d+(?! more)\b", lambda index: str(int(index[0]) + 1), named[0]),
         text,
     )
@@ -250,13 +251,13 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     elif status != "straight":
         steps = f"{EXPLOSION_ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
         told = attempt.get("diagnosis")
-        words = modules_from_one(told["words"].rstrip(".")) if told else ""
+        words = count_from_one(told["words"].rstrip(".")) if told else ""
         end, tone = f"{steps}: {words}" if words else steps, "bad"
     elif verdict.startswith("verified"):
         end, tone = verdict, "good"
     elif verdict:
         reason = verdict.removeprefix("failed: ").partition(" (frame ")[0]
-        end, tone = modules_from_one(reason), "bad"
+        end, tone = count_from_one(reason), "bad"
     else:
         end = "unfolded, not checked"
     return {

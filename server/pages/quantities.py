@@ -29,7 +29,7 @@ STRATEGY_LABELS: Final = {
 PRESET_LABELS: Final = {
     "default": "Default",
     "paper": "Published parameters",
-    "direct": "All joints at once (usually fails)",
+    "direct": "Direct servoing",
 }
 CONTROLLER_LABELS: Final = {
     "robot": "Servos with feed-forward",

@@ -17,6 +17,7 @@ from tests.benchmarks.paths import paths
 from tests.benchmarks.peeling import peeling
 from tests.benchmarks.plan_files import plan_files
 from tests.benchmarks.portfolio import portfolio
+from tests.benchmarks.published import published
 from tests.benchmarks.scaling import scaling
 from tests.benchmarks.service.compiling import compiling
 from tests.benchmarks.service.dropped import dropped
@@ -70,6 +71,7 @@ SECTIONS = {
     "views": views,
     "direct": direct,
     "paper": paper,
+    "published": published,
 }
 
 

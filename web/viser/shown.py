@@ -133,7 +133,7 @@ class Shown:
 
     @property
     def frame(self) -> int:
-        """The frame that is shown; set it to show another one, the nearest that there is."""
+        """Frame that is shown, from 0 on; set it to show another one, the nearest that there is."""
         return self._frame
 
     @frame.setter
@@ -170,7 +170,7 @@ class Shown:
         gui.configure_theme(show_share_button=False)
         gui.main_panel.dock_right()  # beside the chain, not before it
         self._text = gui.add_markdown(self._told)
-        self._slider = gui.add_slider("Frame", min=0, max=1, step=1, initial_value=0)
+        self._slider = gui.add_slider("Frame", min=1, max=2, step=1, initial_value=1)
         self._button = gui.add_button("Play")
         self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1×")
         self._colours = gui.add_dropdown(
@@ -187,7 +187,7 @@ class Shown:
                 return  # moved by what is shown, not by somebody
             with self._lock:
                 self._set_playing(False)
-                self._seek(self._slider.value)
+                self._seek(self._slider.value - 1)
 
         @self._button.on_click
         def _(event: viser.GuiEvent[Any]) -> None:
@@ -235,7 +235,7 @@ class Shown:
         elif same and last == self._last:
             return
         self._last = last
-        self._slider.max = max(last, 1)
+        self._slider.max = max(last, 1) + 1
         self._go(last if self._follows else self._frame)
 
     @property
@@ -284,7 +284,7 @@ class Shown:
         with self.server.atomic():
             scene.show(snapshot, self._painted(snapshot, moments.error_scale_rad))
             scene.move_ground(GROUND_SETTLING_S)
-            self._slider.value = self._frame
+            self._slider.value = self._frame + 1
             self._told = _told(snapshot, self._last, moments.error_scale_rad)
             self._write()
             if self._selected is not None:
@@ -317,15 +317,15 @@ def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
         if len(known)
         else "No joint error recorded"
     )
-    at = f"**Frame {snapshot.frame:.0f} of {last}**, {snapshot.phase}, {snapshot.time_s:.2f} s"
-    return f"{at}\n\n{error}"
+    at = f"**Frame {snapshot.frame + 1:.0f} of {last + 1}**"
+    return f"{at}, {snapshot.phase}, {snapshot.time_s:.2f} s\n\n{error}"
 
 
 def _told_of(chain: Chain, module: int, snapshot: Snapshot) -> str:
     """Return a module in words."""
     hinges = chain.module.hinges_per_joint
     joint = module - chain.module.rigid_links
-    told = f"**Module {module}** of {len(chain) - 1}"
+    told = f"**Module {module + 1}** of {len(chain)}"
     if not 0 <= joint < chain.joint_count:
         return f"{told}, without a joint of its own"
     for hinge in range(joint * hinges, (joint + 1) * hinges):

@@ -71,10 +71,7 @@ def test_experiments_are_run_once_and_told(tmp_path: Path, tiny: tuple[Experimen
     cards = {card["id"]: card for card in page_of(files)["cards"]}
     assert [cards[one.id]["verdict"] for one in tiny] == ["verified (simulated)", "tangles"]
     assert cards["spiral"]["stuck"] == list(bad.overlap.modules)
-    assert (
-        "Verified here, tangled in the paper (servoing straight to the shape): tiny."
-        in paper.read_text()
-    )
+    assert "Verified here, tangled in the paper (direct servoing): tiny." in paper.read_text()
     (line,) = (o for o in page_data(files)["overview"] if o["id"] == "direct")
     assert (line["published"], line["here"]) == ("all tangle", "1 verified, 1 failed")
     assert f"overlap by {figure(bad.overlap.depth)} pitch" in paper.read_text()

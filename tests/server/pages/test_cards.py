@@ -116,7 +116,7 @@ def test_cards_say_within_what_a_shape_rests_on_a_table() -> None:
     ("preset", "world", "words"),
     [
         ("default", "floating", ""),
-        ("direct", "floating", "direct"),
+        ("direct", "floating", "direct servoing"),
         ("paper", "floating", "published method"),
         ("default", "table", "on a table"),
     ],
