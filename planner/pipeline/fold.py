@@ -16,7 +16,7 @@ from planner.chain.path import Path
 from planner.files import directory_or_aside
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.job import Job, Search, Watch
-from planner.pipeline.parallel import Tries
+from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
 from planner.pipeline.retry_policy import RetryPolicy
@@ -182,12 +182,12 @@ def _plan_in_memory(
     )
     search = Search()
     step = next_step(search.history, job.policy)
-    with _pool(request, reading.candidates, workers) as tries:
+    with _pool(request, reading.candidates, workers) as pool:
         while step is not None:
-            search = advance(job, search, step, Watch(), tries).pruned()
+            search = advance(job, search, step, Watch(), pool).pruned()
             before, step = step, next_step(search.history, job.policy)
             if isinstance(before, Explode) and not isinstance(step, Explode):
-                rest(tries, search.current.record, len(search.history), request.prefer)
+                rest(pool, search.current.record, len(search.history), request.prefer)
     best = max(search.results, key=lambda number: search.rank(number, request.prefer))
     history = search.history
     if request.prefer != COMPUTING:
@@ -198,14 +198,14 @@ def _plan_in_memory(
 
 
 @contextmanager
-def _pool(request: Request, candidates: Candidates, workers: int) -> Generator[Tries]:
+def _pool(request: Request, candidates: Candidates, workers: int) -> Generator[AttemptPool]:
     """Yield what makes explosions beside; it has a directory of its own if it has processes."""
     if workers == 1:
-        yield Tries(None)
+        yield AttemptPool(None)
         return
     with TemporaryDirectory(prefix="foldback-tries-") as place:
         workspace = Workspace(FilePath(place))
         workspace.write_request(request, b"")
         workspace.write_candidates(candidates)
-        with Tries(workspace.directory, workers) as tries:
-            yield tries
+        with AttemptPool(workspace.directory, workers) as pool:
+            yield pool

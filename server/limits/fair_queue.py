@@ -79,7 +79,7 @@ def admits(held: float, wanted: float, *, total: float, limit: float) -> bool:
     return held + wanted <= limit - total
 
 
-def turn_of(
+def virtual_finish_time(
     *, now: int, last_own: int | None, cost_s: float, sharers: int = 1, first: bool = False
 ) -> int:
     """Return the turn of a fold.

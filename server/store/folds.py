@@ -24,7 +24,14 @@ from planner.pipeline.expected_cost import ExpectedCost, expected_cost
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.pipeline.request import Request
 from planner.progress import COMPILING
-from server.limits.fair_queue import QUICK_FOLD_S, is_quick, network_of, slice_s, ticks, turn_of
+from server.limits.fair_queue import (
+    QUICK_FOLD_S,
+    is_quick,
+    network_of,
+    slice_s,
+    ticks,
+    virtual_finish_time,
+)
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
 from server.store.shown import Found, ShownFold
@@ -353,7 +360,7 @@ class Store:
                     FoldRow.created_at > row.created_at - CANCELLATION_MEMORY_S,
                 )
             )
-        return turn_of(
+        return virtual_finish_time(
             now=now,
             last_own=max((turn for who, turn in waiting if who == row.visitor), default=None),
             cost_s=row.cost_s,

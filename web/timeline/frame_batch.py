@@ -46,7 +46,7 @@ more exact and slower. Chosen."""
 _BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 
 
-def kept_batch(
+def cached_batch(
     timeline: TimelineView, start: int = 0, stop: int | None = None, stride: int = 1
 ) -> bytes:
     """``batch_of`` with its usual size; of a timeline that is over, the latest are cached.

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
 from web.pictures.colours import SELECTED_RGB, error_colours, ramp_colours
-from web.timeline.moments import Moments
+from web.timeline.moments import MotionSource
 from web.timeline.view import Snapshot
 from web.viser.cameras import Cameras
 from web.viser.scene import Scene
@@ -68,7 +68,7 @@ class Shown:
 
     def __init__(
         self,
-        moments: Callable[[], Moments | None],
+        moments: Callable[[], MotionSource | None],
         *,
         host: str,
         port: int,
@@ -95,7 +95,7 @@ class Shown:
         self._wake = threading.Event()
         self._closed = False
         self._playing = False
-        self._moments: Moments | None = None
+        self._moments: MotionSource | None = None
         self._id = ""
         self._last = -1
         self._frame = 0
