@@ -17,7 +17,8 @@ SAMPLE_SHIFT_U = 1.3e-6
 """Shift of a sample from the middle of its cell along u, in cells, so that no edge of a box-shaped
 mesh passes through it. A larger one samples less exactly. Chosen."""
 SAMPLE_SHIFT_V = 2.9e-6
-"""The same along v; different, so that no diagonal passes through it either. Chosen."""
+"""Shift of a sample from the middle of its cell along v, in cells; unlike ``SAMPLE_SHIFT_U``, so
+that no diagonal of a box-shaped mesh passes through it either. Chosen."""
 
 
 @njit(**INNER)
