@@ -1,4 +1,4 @@
-"""Routes of folds: ask for one, follow it, take its plan, stop it, delete it."""
+"""Routes of folds: request, watch, download, cancel, delete."""
 
 from __future__ import annotations
 

@@ -158,7 +158,7 @@ def _hold_leash(on_end: Callable[[], None]) -> None:
 
 
 class _LeaseMonitor:
-    """Looks after the jobs of all workers: those of dead ones are taken over by living ones."""
+    """Heartbeat of this worker, and recovery of the jobs of expired ones."""
 
     def __init__(
         self,

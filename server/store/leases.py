@@ -54,7 +54,7 @@ def _preparing_key(name: str) -> str:
 
 
 class Leases:
-    """Looks at the workers' rows. Safe to use from many threads.
+    """Rows of the workers. Thread-safe.
 
     Args:
         store: Store with the rows.
