@@ -133,6 +133,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     responses=problems(404, 409, 413, 422, 429, 503, 507),
 )
 def post_fold(
+    *,
     request: Request,
     context: Here,
     credentials: Bearer,

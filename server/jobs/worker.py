@@ -248,15 +248,28 @@ def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], w
     threading.Thread(target=loop, name=what, daemon=True).start()
 
 
+def _config(settings: Settings, worker: str) -> DBOSConfig:
+    """Return the job system's configuration of a worker."""
+    config: DBOSConfig = {
+        "name": APPLICATION,
+        "system_database_url": settings.queue_url,
+        "application_version": APPLICATION_VERSION,
+        "executor_id": worker,
+        "log_level": "WARNING",
+    }
+    config.update(tracing(settings))
+    return config
+
+
 def work(settings: Settings, *, leashed: bool = False) -> None:
     """Process jobs until a signal, or the end of the parent process.
 
-    Told so it takes nothing new, goes on for as long as the settings let it, and hands back to the
-    queue what is not over by then. Told twice it does not go on.
+    After the first signal it takes no new jobs, continues for ``drain_s``, and returns unfinished
+    jobs to the queue; after a second one it does so at once.
 
     Args:
         settings: The settings.
-        leashed: End when standard input ends.
+        leashed: True to end when standard input ends.
     """
     keep_secrets()
     set_up_logs(settings)
@@ -283,15 +296,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     signal.signal(signal.SIGINT, tell)
     if leashed:
         _hold_leash(end)
-    config: DBOSConfig = {
-        "name": APPLICATION,
-        "system_database_url": settings.queue_url,
-        "application_version": APPLICATION_VERSION,
-        "executor_id": identity.name,
-        "log_level": "WARNING",
-    }
-    config.update(tracing(settings))
-    DBOS(config=config)
+    DBOS(config=_config(settings, identity.name))
     active = Active()
     register(runner, MovieJobs(settings, store), identity.name, active)
     stopping = threading.Event()
