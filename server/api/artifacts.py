@@ -1,4 +1,4 @@
-"""Routes of what comes out of a fold: frames of its timeline, and files to download."""
+"""Routes of a fold's results: frames of its timeline, and files to download."""
 
 from __future__ import annotations
 

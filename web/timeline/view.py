@@ -1,4 +1,4 @@
-"""Timeline view: a timeline made ready for showing, shared by everybody who looks at the same fold.
+"""Timeline view: a timeline prepared for display, shared by all viewers of a fold.
 
 It holds the poses and errors of the frames lately asked for, computed chunk by chunk with
 vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
