@@ -13,18 +13,19 @@ from planner.files import READ_ONLY_ERRORS
 
 MOTION_FILES: Final = ("timeline.zarr", "chain.json", "plan.npz", "plan.json")
 """Files that hold the motion of a fold."""
-FULL_RETRY_S: Final = 60
+FULL_DISK_RETRY_S: Final = 60
+"""``Retry-After`` of a refusal because the disk is full, in s. Chosen."""
 READ_ONLY_WORDS: Final = "New folds cannot be accepted: the disk is read-only."
 
 
 class ServiceError(Exception):
-    """What was asked for is not done. Its subclasses say what kind of reason that has.
+    """Root of the reasons for which a request is refused. Subclasses are kinds of reasons.
 
     Attributes:
         code: Short stable word for programs.
-        detail: What was found, what was expected, what to do.
-        where: Where in the input, or None.
-        retry_after_s: When to try again, where that may help.
+        detail: The value found, the value expected, and the remedy.
+        where: Part of the input, or None.
+        retry_after_s: Time after which another attempt may succeed, in s; None if it would not.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class Unusable(ServiceError):
 
     @classmethod
     def of(cls, error: InputError) -> Self:
-        """Why the planner cannot use an input."""
+        """Return the error that the planner cannot use an input."""
         return cls(error.code, error.detail, where=error.where)
 
 
@@ -63,7 +64,7 @@ class Forbidden(ServiceError):
 
 
 class NotFound(ServiceError):
-    """What it is about is not there."""
+    """The requested thing does not exist."""
 
 
 class NoSuch(NotFound, LookupError):
@@ -111,7 +112,7 @@ class NoRoom(ServiceError):
 
 def read_only() -> NoRoom:
     """Return the error of a disk that cannot be written at all."""
-    return NoRoom("read-only", READ_ONLY_WORDS, retry_after_s=FULL_RETRY_S)
+    return NoRoom("read-only", READ_ONLY_WORDS, retry_after_s=FULL_DISK_RETRY_S)
 
 
 def not_stored(what: str, error: OSError) -> NoRoom:
@@ -119,10 +120,10 @@ def not_stored(what: str, error: OSError) -> NoRoom:
     if error.errno in READ_ONLY_ERRORS:
         return read_only()
     words = f"The {what} could not be stored ({error.strerror}); try again later."
-    return NoRoom("no-room", words, retry_after_s=FULL_RETRY_S)
+    return NoRoom("no-room", words, retry_after_s=FULL_DISK_RETRY_S)
 
 
 def nearly_full() -> NoRoom:
-    """For a disk that has less left than it is to keep."""
+    """Return the error for a disk with less than the minimum of free space."""
     words = "The disk of the service is nearly full; try again later."
-    return NoRoom("no-room", words, retry_after_s=FULL_RETRY_S)
+    return NoRoom("no-room", words, retry_after_s=FULL_DISK_RETRY_S)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.explosion.explosion import Watch, run
 from planner.explosion.simultaneous import Simultaneous
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import ExplosionParameters
 from planner.progress import Cancelled, Report, never, silent
@@ -62,7 +62,7 @@ def explode_blocks_first(
     parameters: ExplosionParameters,
     *,
     seed: int = 0,
-    sink: Callable[[Frames], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:

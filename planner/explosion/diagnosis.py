@@ -27,10 +27,9 @@ from planner.explosion.evidence import (
 from planner.explosion.window import MIN_LAST_UNIT_MODULES
 from planner.kernels.folded_core import FIXED
 from planner.kernels.pairs import near_pairs
-from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.stuck_figures import StuckFigures
-from planner.motion.windows import Windows
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import Parameters
 from planner.pathfinding.knot_diagram import diagram_of
@@ -126,7 +125,7 @@ def diagnose(chain: Chain, record: Record, parameters: Parameters) -> Diagnosis 
     )
 
 
-def _where(chain: Chain, record: Record, last: Frames) -> tuple[Kind, Ints]:
+def _where(chain: Chain, record: Record, last: Motion) -> tuple[Kind, Ints]:
     """Return the kind of the stall, knots left aside, and the modules whose joints are bent."""
     bent, folded = _bends(chain, last)
     first = chain.module.rigid_links
@@ -148,7 +147,7 @@ def _where(chain: Chain, record: Record, last: Frames) -> tuple[Kind, Ints]:
     return "contacts" if len(cluster) >= MIN_CLUSTER_SHARE * len(chain) else "joints", stuck
 
 
-def _knot(chain: Chain, last: Frames) -> KnotEvidence | None:
+def _knot(chain: Chain, last: Motion) -> KnotEvidence | None:
     """Return the knot of the chain where it stopped: as folded it may have been another one."""
     if len(chain) > MAX_STALLED_KNOT_MODULES:
         return None
@@ -169,7 +168,7 @@ def _knot(chain: Chain, last: Frames) -> KnotEvidence | None:
 
 
 def _blocks(
-    chain: Chain, record: Record, last: Frames, parameters: Parameters
+    chain: Chain, record: Record, last: Motion, parameters: Parameters
 ) -> BlockEvidence | None:
     """Find the modules that block each other after pulses without progress."""
     if record.status != "stalled":
@@ -189,7 +188,7 @@ def _blocks(
     return blocked(chain, last.joint_angles_rad[0], size=size, first_hinge=first, unit=unit)
 
 
-def _budget(record: Record, last: Frames) -> BudgetEvidence | None:
+def _budget(record: Record, last: Motion) -> BudgetEvidence | None:
     """Return the limit that an explosion has used up; None if its record does not state it."""
     if record.spent is None:
         return None
@@ -203,9 +202,9 @@ def _budget(record: Record, last: Frames) -> BudgetEvidence | None:
     )
 
 
-def _first_released(chain: Chain, record: Record, last: Frames) -> int:
+def _first_released(chain: Chain, record: Record, last: Motion) -> int:
     """Return the first hinge that a peeling has released."""
-    if isinstance(record.frames, Windows):
+    if record.frames.is_windowed:
         return int(record.frames.first[-1])
     moved = np.abs(last.joint_angles_rad[0] - chain.folded_rad) > 1e-6
     hinges = chain.module.hinges_per_joint
@@ -217,7 +216,7 @@ def _point(values: Array) -> Point:
     return (x, y, z)
 
 
-def stopped(chain: Chain, last: Frames) -> Diagnosis:
+def stopped(chain: Chain, last: Motion) -> Diagnosis:
     """Diagnose a fold that was ended from outside.
 
     Args:
@@ -247,7 +246,7 @@ def stuck_of(
     return None
 
 
-def _bends(chain: Chain, last: Frames) -> tuple[Array, Array]:
+def _bends(chain: Chain, last: Motion) -> tuple[Array, Array]:
     """Return the largest angle of each joint, rad, in a frame and when folded."""
     hinges = chain.module.hinges_per_joint
     now, folded = last.joint_angles_rad[0], chain.folded_rad

@@ -30,7 +30,7 @@ from planner.explosion.step_control import StepControl
 from planner.explosion.whole_chain import chain_at_rest, unfolded_share
 from planner.kernels.pairs import near_pairs, repulsion
 from planner.motion.angle_steps import snapped
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
 from planner.parameters.published import PaperExplosionParameters
 from planner.progress import Cancelled, Report, never, silent
@@ -70,7 +70,7 @@ def explode_as_published(
     chain: Chain,
     parameters: PaperExplosionParameters,
     *,
-    sink: Callable[[Frames], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
@@ -144,7 +144,7 @@ class IntervalRecorder:
         self.frames.add(step)
         self.frames.commit(end=True)
 
-    def motion(self) -> Frames:
+    def motion(self) -> Motion:
         """Return all frames."""
         return self.frames.motion()
 

@@ -40,8 +40,8 @@ from planner.explosion.window import (
     WindowSetting,
 )
 from planner.kernels.window_forces import WindowLoads, window_forces
+from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.motion.windows import Windows
 from planner.parameters.explosion import PeelingParameters
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.anchored import ContactFinder
@@ -72,7 +72,7 @@ def peel(
     parameters: PeelingParameters,
     *,
     seed: int = 0,
-    sink: Callable[[Windows], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
@@ -102,7 +102,7 @@ def floating_peeling(
     parameters: PeelingParameters,
     *,
     seed: int = 0,
-    sink: Callable[[Windows], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     watch: Watch,
 ) -> Peeling:
     """Build the parts of a peeling that floats; the arguments are those of ``peel``."""
@@ -131,7 +131,7 @@ def build_peeling(
     pulses: Pulses,
     min_progress_rad: float,
     guard: Guarding | None = None,
-    sink: Callable[[Windows], None] | None,
+    sink: Callable[[Motion], None] | None,
     watch: Watch,
 ) -> Peeling:
     """Build a peeling of a chain from the parts that depend on where it takes place."""

@@ -15,8 +15,7 @@ from planner.explosion.recorder import MIN_CLEARANCE_LOSS_PITCH, Recorder
 from planner.explosion.window import Peelable, WindowConfiguration
 from planner.kernels.sweep import Angles, sweep_frames
 from planner.motion.angle_steps import snapped
-from planner.motion.frames import PHASES
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 
 Array = NDArray[np.float64]
 CLEARANCE_CAP_PITCH: Final = 0.02
@@ -124,7 +123,7 @@ class WindowRecorder(Recorder[WindowConfiguration]):
         *,
         snapshot_rad: float,
         snapshot_distance: float,
-        sink: Callable[[Windows], None] | None,
+        sink: Callable[[Motion], None] | None,
         guard: Guarding | None = None,
     ) -> None:
         super().__init__()
@@ -134,7 +133,7 @@ class WindowRecorder(Recorder[WindowConfiguration]):
         self._snapshot_distance = snapshot_distance
         self._sink = sink
         self._guard = guard
-        self._kept: list[Windows] = []
+        self._kept: list[Motion] = []
         self._least = CLEARANCE_CAP_PITCH
         """Least clearance of the snapshots that are about to be kept, pitches."""
 
@@ -184,9 +183,9 @@ class WindowRecorder(Recorder[WindowConfiguration]):
         del self._kept[mark.parts :]
         self._last = mark.last
 
-    def motion(self) -> Windows:
+    def motion(self) -> Motion:
         """Return all snapshots so far."""
-        return Windows.joined(self._kept)
+        return Motion.joined(self._kept)
 
     def _emit(self, bends: list[WindowConfiguration]) -> None:
         if not bends:
@@ -194,9 +193,9 @@ class WindowRecorder(Recorder[WindowConfiguration]):
         chain = self._peelable.chain
         hinges = self._peelable.hinges
         count = len(bends)
-        windows = Windows(
+        windows = Motion.from_windows(
             time_s=np.array([b.time_s for b in bends]),
-            phase=np.full(count, PHASES.index("explosion"), dtype=np.uint8),
+            phase="explosion",
             first=np.array([hinges * b.first for b in bends], dtype=np.int64),
             offsets=np.concatenate([[0], np.cumsum([len(b.angles) for b in bends])]),
             angles_rad=snapped(np.concatenate([b.angles for b in bends])).astype(np.float32),

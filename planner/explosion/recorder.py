@@ -15,7 +15,7 @@ from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import wxyz_from_matrix
 from planner.clearance.clearance import closest
 from planner.clearance.sweep import Between
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
@@ -148,7 +148,7 @@ class FrameRecorder(Recorder[Step]):
         snapshot_rad: float,
         snapshot_distance: float,
         size: float,
-        sink: Callable[[Frames], None] | None,
+        sink: Callable[[Motion], None] | None,
         spacing: Callable[[], float] = lambda: 1.0,
     ) -> None:
         super().__init__()
@@ -157,7 +157,7 @@ class FrameRecorder(Recorder[Step]):
         self._snapshot_distance = snapshot_distance
         self._size = size
         self._sink = sink
-        self._kept: list[Frames] = []
+        self._kept: list[Motion] = []
         self._spacing = spacing
         self._way = Between(chain, size)
 
@@ -180,23 +180,23 @@ class FrameRecorder(Recorder[Step]):
         self._waiting = [] if end else waiting[first:]
         self._emit(chosen)
 
-    def append(self, frames: Frames) -> None:
+    def append(self, frames: Motion) -> None:
         """Add frames that were made without a simulation."""
         if len(frames):
             self._kept.append(frames)
             if self._sink is not None:
                 self._sink(frames)
 
-    def motion(self) -> Frames:
+    def motion(self) -> Motion:
         """Return all snapshots so far."""
-        return Frames.joined(self._kept)
+        return Motion.joined(self._kept)
 
     def _emit(self, steps: list[Step]) -> None:
         if not steps:
             return
         self.append(
-            Frames.of_phase(
-                "explosion",
+            Motion.from_frames(
+                phase="explosion",
                 time_s=np.array([s.time_s for s in steps]),
                 joint_angles_rad=np.array([s.angles for s in steps]),
                 root_position=np.array([s.position for s in steps]),

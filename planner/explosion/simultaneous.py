@@ -37,7 +37,7 @@ from planner.explosion.recorder import FrameRecorder, Step
 from planner.explosion.step_control import ContactDepth, StepControl
 from planner.explosion.straightening import straightening
 from planner.explosion.whole_chain import RadialForces, WholeChain, body_cap_scale
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
@@ -69,7 +69,7 @@ def explode(
     parameters: ExplosionParameters,
     *,
     seed: int = 0,
-    sink: Callable[[Frames], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
@@ -107,7 +107,7 @@ class KinematicFinish:
     next_step: int = 0
     wait_steps: float = FIRST_FINISH_STEPS
 
-    def frames(self, world: WholeChain, step: int) -> Frames | None:
+    def frames(self, world: WholeChain, step: int) -> Motion | None:
         """Return frames from a state to the straight one; None if modules may touch, or not yet."""
         p = self.parameters
         if step < self.next_step or np.abs(world.state.angles).max() > p.finish_rad:
@@ -154,7 +154,7 @@ class Simultaneous:
         parameters: ExplosionParameters,
         *,
         seed: int = 0,
-        sink: Callable[[Frames], None] | None = None,
+        sink: Callable[[Motion], None] | None = None,
         watch: Watch,
         block_starts: Ints | None = None,
         release: Callable[[Simultaneous], None] | None = None,

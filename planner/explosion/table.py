@@ -30,8 +30,8 @@ from planner.explosion.peeling_recorder import Mark, Refusal
 from planner.explosion.table_forces import TableForces
 from planner.explosion.table_guard import Guard
 from planner.explosion.window import Peelable, ReleasePoint, Window, WindowConfiguration
+from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
-from planner.motion.windows import Windows
 from planner.parameters.explosion import TableParameters
 from planner.progress import Cancelled, Report, never, silent
 
@@ -56,7 +56,7 @@ def explode_on_table(
     parameters: TableParameters,
     *,
     seed: int = 0,
-    sink: Callable[[Windows], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:

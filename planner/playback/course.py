@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.motion.frames import Frames, Phase
+from planner.motion.motion import Motion, Phase
 from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.controllers import (
@@ -78,9 +78,9 @@ def _controller(p: PlaybackParameters, motors: Servos | RateMotors | None) -> Co
     return RateServo(gain=p.gain) if isinstance(motors, RateMotors) else Servo()
 
 
-def _whole(record: Record) -> Frames:
+def _whole(record: Record) -> Motion:
     """Return the frames of a record of all angles; only such a record is simulated here."""
-    assert isinstance(record.frames, Frames)
+    assert not record.frames.is_windowed
     return record.frames
 
 

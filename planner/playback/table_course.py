@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.table_curve import TableCurve
 from planner.playback.time_law import (
@@ -39,7 +39,7 @@ class TableCourse:
 
     Args:
         chain: The chain.
-        record: Windows of its explosion on the table, from folded on.
+        record: Windowed motion of its explosion on the table, from folded on.
         parameters: Parameters of the playback.
         body: Body that computes torques of inertia; its pose changes.
         torque_limit: Torque limit of the motors, w·p.
@@ -48,7 +48,7 @@ class TableCourse:
     def __init__(
         self,
         chain: Chain,
-        record: Windows,
+        record: Motion,
         parameters: TablePlaybackParameters,
         body: TableBody,
         torque_limit: float,

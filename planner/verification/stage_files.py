@@ -12,15 +12,13 @@ import numpy as np
 from planner.errors import UNREADABLE, PlannerError
 from planner.explosion.paper import FRAME_SPACING_RAD
 from planner.motion.angle_steps import PLAN_STEP_RAD
-from planner.motion.frames import Frames
-from planner.motion.motion import Motion, motion_arrays
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes
-from planner.motion.windows import Windows
 from planner.pipeline.fold_layout import CANDIDATES
 from planner.pipeline.workspace import Workspace
 from planner.plan.differences import (
-    SINGLE_WITHIN,
+    SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
@@ -125,9 +123,9 @@ def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Diff
     )
     if record is not None:
         frames = found.frames
-        if isinstance(record.frames, Frames) and isinstance(frames, Windows):
-            # A timeline holds motion of one kind: that of a fold on a table is of frames once it
-            # has been played back.
+        if not record.frames.is_windowed:
+            # A timeline holds motion of one layout: that of a fold on a table is dense once it has
+            # been played back.
             frames = frames.dense(plan.chain)
         yield from _same_motion(frames, record.frames, "record.npz")
     yield from _snapshots(found, plan)
@@ -138,7 +136,7 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     told: Any = plan.parameters.get("explosion") or {}
     every, name = told.get("snapshot_interval"), "record.npz snapshots_rad"
     angles, frames = record.snapshots_rad, record.frames
-    if every is None or isinstance(frames, Windows):
+    if every is None or frames.is_windowed:
         if angles is not None:
             yield f"{name}: got snapshots, expected none with these parameters"
         return
@@ -161,13 +159,13 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
 
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
-    if type(got) is not type(expected):
+    if got.is_windowed != expected.is_windowed:
         yield f"{name}: its frames have another form than those of timeline.zarr"
         return
-    theirs = motion_arrays(expected)
+    theirs = expected.columns()
     both = f"{name} and timeline.zarr differ in"
-    for column, values in motion_arrays(got).items():
-        single = SINGLE_WITHIN if column == "joint_error_rad" else 0.0
+    for column, values in got.columns().items():
+        single = SINGLE_PRECISION_ATOL_RAD if column == "joint_error_rad" else 0.0
         if column not in theirs:
             yield f"{both} {column}: only {name} has it"
             continue

@@ -32,8 +32,9 @@ from server.cli.options import (
 )
 from server.store.gallery import Gallery
 
-FIRST = "start"
-"""Where the first shape is folded, if it has not been: a folder in the one for the plan."""
+FIRST_FOLD_DIR = "start"
+"""Directory, within that of the plan, in which the first shape is folded if it has not been folded
+yet."""
 
 
 def refold(
@@ -72,10 +73,12 @@ def refold(
         folded = _plan(start)
         if folded is None:
             data, filename = read_input(start)
-            make_directory(out / FIRST)
-            Workspace(out / FIRST).write_request(replace(request, filename=filename), data)
-            run_stage(STAGES[0], out / FIRST)
-            begins = chain_from_attributes(json.loads((out / FIRST / "chain.json").read_bytes()))
+            make_directory(out / FIRST_FOLD_DIR)
+            Workspace(out / FIRST_FOLD_DIR).write_request(replace(request, filename=filename), data)
+            run_stage(STAGES[0], out / FIRST_FOLD_DIR)
+            begins = chain_from_attributes(
+                json.loads((out / FIRST_FOLD_DIR / "chain.json").read_bytes())
+            )
         else:
             begins = folded.unfolding().chain
         make_directory(out)
@@ -87,23 +90,23 @@ def refold(
             error = Gallery().advised(error, begins.module.name, len(begins))
         refuse(error, as_json)
     if folded is None:
-        summary = compute(out / FIRST, workers)
-        folded = Plan.load(out / FIRST / "plan.npz")
+        summary = compute(out / FIRST_FOLD_DIR, workers)
+        folded = Plan.load(out / FIRST_FOLD_DIR / "plan.npz")
         try:
             folded.unfolding()
         except InputError:
-            finish(summary, out / FIRST, as_json)
+            finish(summary, out / FIRST_FOLD_DIR, as_json)
     Workspace(out).write_start(folded)
     finish(compute(out, workers), out, as_json)
 
 
 def _plan(name: str) -> Plan | None:
-    """The plan in a directory; None when this is none."""
+    """Return the plan in a directory; None when this is none."""
     return Plan.load(Path(name) / "plan.npz") if Path(name).is_dir() else None
 
 
 def _second(name: str, request: Request, begins: Chain) -> tuple[Request, bytes]:
-    """What is asked of the second shape, and its bytes."""
+    """Return the options and the bytes of the second shape."""
     request = replace(request, refold=True)
     plan = _plan(name)
     if plan is not None:

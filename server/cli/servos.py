@@ -191,7 +191,7 @@ def _show(
 
 
 def _pitches(bounds: list[float | None] | None) -> str:
-    """A range of pitches in mm."""
+    """Return a range of pitches in mm."""
     if bounds is None:
         return "none"
     least, most = bounds

@@ -32,7 +32,7 @@ CHECKS: Final[tuple[tuple[str, Check], ...]] = (
 
 
 def examined(given: Mapping[str, Any]) -> list[Finding]:
-    """What all checks find, or what is wrong with the settings.
+    """Return the findings of all checks, or the errors of the settings.
 
     Args:
         given: Settings from the command line, by name; None is none.

@@ -4,7 +4,7 @@ It holds the poses and errors of the frames lately asked for, computed chunk by 
 vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
 follows a timeline that still grows, and one that is begun anew.
 
-Of a long fold, whose timeline holds windows (``planner.motion.windows``), it holds those, and
+Of a long fold, whose timeline holds windows (``planner.motion.motion``), it holds those, and
 computes the poses of the one frame that is asked for.
 """
 
@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import TimelineError
-from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline
-from planner.motion.windows import Windows
 from web.pictures.camera import modules_framed, straight_stretch
 from web.pictures.colours import error_scale, module_errors
 from web.pictures.table_top import TableTop
@@ -36,15 +35,25 @@ from web.pictures.table_top import TableTop
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
-FRAMES_A_CHUNK: Final = 64
-WINDOWS_A_CHUNK: Final = 512
-CHUNK_BYTES: Final = 48 * 2**20
-REFRESH_EVERY_S: Final = 0.1
+CACHED_CHUNK_FRAMES: Final = 64
+"""Dense frames that are read from a timeline and cached at once. Chosen."""
+CACHED_CHUNK_WINDOWS: Final = 512
+"""Windowed frames that are read from a timeline and cached at once. Chosen."""
+MAX_CHUNK_CACHE_BYTES: Final = 48 * 2**20
+"""Maximum size of one view's cached chunks, in bytes; a larger value reads a timeline less often.
+Chosen."""
+REFRESH_INTERVAL_S: Final = 0.1
+"""Minimum time between two looks at a growing timeline, in s. A larger value shows new frames
+later. Chosen."""
 OUTLINE_COLUMNS: Final = 320
-LOOKED_AT: Final = 256
-"""Frames, about, from which it is told how far a motion on a table reaches."""
-VIEW_BYTES: Final = 2**18
-"""Bytes of a chain and of a timeline's own arrays, about."""
+"""Default number of columns of the bar below the 3D view, each with a phase and the largest joint
+error. Chosen."""
+TABLE_EXTENT_SAMPLES: Final = 256
+"""Approximate number of frames, spread over the fold, from which the extent of a motion on a table
+is computed. More are more exact and slower. Chosen."""
+VIEW_OVERHEAD_BYTES: Final = 2**18
+"""Approximate size of a view in memory without its summary and its chunks, in bytes; the cache of
+views counts it. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +61,7 @@ class Snapshot:
     """One moment of a view.
 
     Attributes:
-        frame: Which one; not whole between two recorded frames.
+        frame: Frame number; fractional between two recorded frames.
         time_s: Simulated time.
         phase: ``explosion`` or ``playback``.
         positions: (n, 3) centres of the modules in pitches.
@@ -60,7 +69,7 @@ class Snapshot:
         joint_angles_rad: (J,) hinge angles.
         joint_error_rad: (J,) hinge errors, NaN where none is recorded.
         module_error_rad: (n,) what each module shows.
-        framed: How many modules, from the first on, a camera should have in view.
+        framed: Number of modules, from the first on, that a camera shows.
     """
 
     frame: float
@@ -76,7 +85,7 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Chunk:
-    frames: Frames
+    frames: Motion
     positions: Floats
     wxyzs: Floats
     module_error_rad: Array
@@ -94,7 +103,7 @@ class _Chunk:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _WindowChunk:
-    windows: Windows
+    windows: Motion
 
     @property
     def nbytes(self) -> int:
@@ -107,7 +116,7 @@ class TimelineView:
     """See the module's description. Safe to use from several threads."""
 
     def __init__(self, path: str | Path) -> None:
-        """Opens the timeline at ``path``.
+        """Open the timeline at ``path``.
 
         Raises:
             TimelineError: When there is none yet, or it is damaged.
@@ -138,19 +147,19 @@ class TimelineView:
 
     @property
     def id(self) -> str:
-        """Another one for every timeline, one that was begun anew in the same place too."""
+        """Id, different for every timeline, also for one that replaces another."""
         return self._timeline.id
 
     @property
     def edition(self) -> tuple[object, ...]:
-        """Another one for every word of the timeline's writer: what was made of it is outdated."""
+        """Edition, different after every flush of the timeline's writer; derived data expires."""
         return (self.path, self.id, self._stamp, self._summarised)
 
     @property
     def nbytes(self) -> int:
         """Bytes that it holds, about."""
         summary = self._phase.nbytes + self._time_s.nbytes + self._max_error.nbytes
-        return VIEW_BYTES + summary + self._bytes
+        return VIEW_OVERHEAD_BYTES + summary + self._bytes
 
     @property
     def chain(self) -> Chain:
@@ -159,7 +168,7 @@ class TimelineView:
 
     @property
     def windowed(self) -> bool:
-        """Whether its timeline holds windows."""
+        """True if the timeline holds windows."""
         return self._timeline.windowed
 
     @property
@@ -180,10 +189,10 @@ class TimelineView:
             return error_scale(float(known.max()) if len(known) else 0.0)
 
     def refresh(self, *, at_once: bool = False) -> bool:
-        """Looks for new frames, at most every ``REFRESH_EVERY_S``; True when anything changed."""
+        """Look for new frames, at most every ``REFRESH_INTERVAL_S``; True if there was a change."""
         with self._lock:
             now = time.monotonic()
-            if not at_once and now - self._refreshed < REFRESH_EVERY_S:
+            if not at_once and now - self._refreshed < REFRESH_INTERVAL_S:
                 return False
             self._refreshed = now
             stamp = self._stamp_now()
@@ -205,7 +214,7 @@ class TimelineView:
             return changed
 
     def snapshot(self, frame: float) -> Snapshot:
-        """The moment at ``frame``, interpolated when it is not whole.
+        """Return the moment at ``frame``, interpolated when it is not whole.
 
         Raises:
             TimelineError: When the view holds no frame yet, or its timeline is being replaced.
@@ -220,7 +229,7 @@ class TimelineView:
                 return self._exact(low)
             return self._between(low, share)
 
-    def frames(self, start: int, stop: int, stride: int = 1) -> Frames:
+    def frames(self, start: int, stop: int, stride: int = 1) -> Motion:
         """Frames as they were recorded.
 
         Raises:
@@ -230,7 +239,7 @@ class TimelineView:
             return self._timeline.frames(start, min(stop, self._summarised), stride)
 
     def table(self) -> TableTop:
-        """The table under a chain that folds on one: as large as the whole motion needs.
+        """Return the table under a chain that folds on one: as large as the whole motion needs.
 
         Raises:
             TimelineError: When the timeline is being replaced.
@@ -239,18 +248,20 @@ class TimelineView:
             if self.growing or not self._summarised:
                 return TableTop.under(self.chain)
             if self._table is None:
-                frames = self.frames(0, self._summarised, max(1, self._summarised // LOOKED_AT))
+                frames = self.frames(
+                    0, self._summarised, max(1, self._summarised // TABLE_EXTENT_SAMPLES)
+                )
                 poses = self.chain.poses(
                     frames.joint_angles_rad, frames.root_position, frames.root_wxyz
                 )
                 self._table = TableTop.under(self.chain, poses.positions)
             return self._table
 
-    def windows(self, start: int, stop: int, stride: int = 1) -> Windows:
-        """As ``frames``, of a windowed view.
+    def windows(self, start: int, stop: int, stride: int = 1) -> Motion:
+        """Return windowed frames; otherwise like ``frames``.
 
         Raises:
-            TimelineError: When they are not there, or the timeline is being replaced.
+            TimelineError: There are no such frames, or the timeline is being replaced.
         """
         with self.reading():
             return self._timeline.windows(start, min(stop, self._summarised), stride)
@@ -272,7 +283,7 @@ class TimelineView:
                 raise TimelineError(f"{self.path} is being replaced.")
 
     def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
-        """What the bar draws: phases, and the largest error in each of ``columns`` columns."""
+        """Return the bar's data: phases, and the largest error in each of ``columns`` columns."""
         with self._lock:
             total = self._summarised
             return {
@@ -307,7 +318,7 @@ class TimelineView:
         ]
 
     def _stamp_now(self) -> tuple[int, int] | None:
-        """Changes with every word of the writer, and costs next to nothing to look at."""
+        """Return (inode, mtime) of the timeline's metadata; it changes with every flush."""
         try:
             found = os.stat(os.path.join(self.path, "zarr.json"))
         except OSError:
@@ -338,7 +349,7 @@ class TimelineView:
     @property
     def _rows(self) -> int:
         """Frames of a chunk."""
-        return WINDOWS_A_CHUNK if self.windowed else FRAMES_A_CHUNK
+        return CACHED_CHUNK_WINDOWS if self.windowed else CACHED_CHUNK_FRAMES
 
     def _exact(self, frame: int) -> Snapshot:
         chunk = self._chunk(frame // self._rows)
@@ -358,7 +369,7 @@ class TimelineView:
             framed=len(self.chain),
         )
 
-    def _of_window(self, windows: Windows, k: int, frame: float) -> Snapshot:
+    def _of_window(self, windows: Motion, k: int, frame: float) -> Snapshot:
         chain, stretch = self.chain, self.stretch
         assert stretch is not None
         angles = windows.angles(chain, k, k + 1)[0]
@@ -366,8 +377,8 @@ class TimelineView:
         poses = forward_kinematics(
             chain.module,
             angles,
-            root_position=windows.base_position[k],
-            root_wxyz=windows.base_wxyz[k],
+            root_position=windows.anchor_position[k],
+            root_wxyz=windows.anchor_wxyz[k],
         )
         return Snapshot(
             frame=float(frame),
@@ -407,11 +418,11 @@ class TimelineView:
         )
 
     def _given(self, frame: int) -> tuple[Array, Array]:
-        """The pose that a frame tells: that of its root, or of the first module."""
+        """Return the pose that a frame tells: that of its root, or of the first module."""
         chunk = self._chunk(frame // self._rows)
         k = frame % self._rows
         if isinstance(chunk, _WindowChunk):
-            return chunk.windows.base_position[k], chunk.windows.base_wxyz[k]
+            return chunk.windows.anchor_position[k], chunk.windows.anchor_wxyz[k]
         return chunk.frames.root_position[k], chunk.frames.root_wxyz[k]
 
     def _chunk(self, index: int) -> _Chunk | _WindowChunk:
@@ -428,12 +439,12 @@ class TimelineView:
         )
         self._chunks[index] = chunk
         self._bytes += chunk.nbytes
-        while self._bytes > CHUNK_BYTES and len(self._chunks) > 2:
+        while self._bytes > MAX_CHUNK_CACHE_BYTES and len(self._chunks) > 2:
             _, old = self._chunks.popitem(last=False)
             self._bytes -= old.nbytes
         return chunk
 
-    def _posed(self, frames: Frames) -> _Chunk:
+    def _posed(self, frames: Motion) -> _Chunk:
         chain = self.chain
         poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
         return _Chunk(
@@ -461,7 +472,7 @@ def chain_errors(chain: Chain, errors: Array) -> Array:
 
 
 def _largest(errors: Array) -> Array:
-    """(F,) the largest of (F, J) errors; NaN where none is recorded."""
+    """Return (F,) the largest of (F, J) errors; NaN where none is recorded."""
     known = np.isfinite(errors)
     found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
     return np.where(known.any(axis=-1), found, np.nan)

@@ -23,15 +23,14 @@ from planner.kernels.folded_core import CoreCells
 from planner.kernels.module import ModuleStates
 from planner.kernels.pairs import PairLimits
 from planner.kernels.window_forces import StepLimits, window_inverse_step_limit
-from planner.motion.motion import motion_arrays
+from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.motion.windows import Windows
 from planner.parameters.explosion import PeelingParameters
 from planner.parameters.playback import PlaybackParameters
 from planner.pathfinding.assembly import assembly_path, solid_paths
 from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
-from planner.playback.kinematic import windowed_frames
+from planner.playback.kinematic import kinematic_frames
 from planner.progress import Progress, never, silent
 from tests.planner.chains import coil, knotted, line
 
@@ -59,14 +58,14 @@ def blocks() -> tuple[Chain, Record]:
     return chain, peel(chain, DEFAULT)
 
 
-def solid(voxels: np.ndarray, seed: int) -> tuple[Chain, Windows]:
+def solid(voxels: np.ndarray, seed: int) -> tuple[Chain, Motion]:
     """A solid whose path goes layer by layer, off its core."""
     paths = solid_paths(voxels, np.random.default_rng(0), 2)
     cells = max(paths, key=lambda path: peelable(path).score)
     chain = chain_of(cells)
     record = peel(chain, DEFAULT, seed=seed)
     assert record.status == "straight", record.reason
-    assert isinstance(record.frames, Windows)
+    assert record.frames.is_windowed
     return chain, record.frames
 
 
@@ -123,7 +122,9 @@ def test_the_core_stays_where_it_was_until_it_is_let_go() -> None:
     frames = record.frames
     assert (np.diff(frames.first) <= 0).all()
     assert frames.first[0] > 400 and frames.first[-1] == 0
-    np.testing.assert_array_equal(frames.base_position, np.tile([0.0, 0.0, 0.0], (len(frames), 1)))
+    np.testing.assert_array_equal(
+        frames.anchor_position, np.tile([0.0, 0.0, 0.0], (len(frames), 1))
+    )
     # What is held is the window alone.
     assert np.diff(frames.offsets).max() <= 2 * DEFAULT.most_modules
 
@@ -133,8 +134,8 @@ def test_the_seed_decides() -> None:
     one, again, other = (peel(chain, DEFAULT, seed=seed) for seed in (3, 3, 4))
     assert one.status == again.status == other.status == "straight"
     assert one.steps == again.steps
-    for name, values in motion_arrays(one.frames).items():
-        np.testing.assert_array_equal(values, motion_arrays(again.frames)[name])
+    for name, values in one.frames.columns().items():
+        np.testing.assert_array_equal(values, again.frames.columns()[name])
     assert len(one.frames) != len(other.frames) or (
         len(one.frames.angles_rad) != len(other.frames.angles_rad)
         or (one.frames.angles_rad != other.frames.angles_rad).any()
@@ -215,10 +216,10 @@ def test_too_few_steps_and_a_cancel_end_as_data() -> None:
     assert record.status == "cancelled"
     assert record.steps == 25
     told: list[Progress] = []
-    parts: list[Windows] = []
+    parts: list[Motion] = []
     whole = peel(chain, DEFAULT, sink=parts.append, progress=told.append)
     assert whole.status == "straight"
-    np.testing.assert_array_equal(Windows.joined(parts).angles_rad, whole.frames.angles_rad)
+    np.testing.assert_array_equal(Motion.joined(parts).angles_rad, whole.frames.angles_rad)
     assert all(0.0 <= p.fraction < 1.0 for p in told)
 
 
@@ -269,7 +270,8 @@ def test_what_is_recorded_of_a_ring_is_certified(seed: int) -> None:
     """Its layers are rings; joints are driven against their stops all the time."""
     voxels = np.array([c for c in np.ndindex(8, 8, 3) if not {2, 3, 4, 5} >= {*c[:2]}])
     chain, frames = solid(voxels, seed)
-    plan = windowed_frames(chain, frames, PlaybackParameters(), start_s=0.0)
+    options = {"module_size": 0.95, "start_s": 0.0, "frame_rad": 0.04, "unfolding": None}
+    (plan,) = kinematic_frames(chain, frames, PlaybackParameters(), **options)
     assert plan[::-1].passes_as(frames)
     found = sweep(chain, plan, size=0.98)
     assert found.clearance > 0.0

@@ -14,7 +14,7 @@ from planner.errors import SimulationError
 from planner.explosion.explosion import Watch
 from planner.explosion.simultaneous import Simultaneous, explode
 from planner.explosion.whole_chain import WholeChain
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
 from planner.progress import Progress, never, silent
@@ -75,7 +75,7 @@ def test_contacts_are_as_shallow_as_the_size_to_verify_wants() -> None:
     for size in (0.95, 0.99):
         pressed = replace(DEFAULT, tension=100.0, loose_repulsion=1.0, verify_size=size)
         record = explode(chain, pressed)
-        assert isinstance(record.frames, Frames)
+        assert not record.frames.is_windowed
         clearances[size] = sweep(chain, record.frames.joint_angles_rad, size=0.99).clearance
     assert clearances[0.95] < 0.0 < clearances[0.99]
 
@@ -86,7 +86,7 @@ def test_tetrahedra_come_apart_that_nearly_fill_their_place() -> None:
     assert isinstance(chain, Chain)
     record = explode(chain, replace(DEFAULT, verify_size=0.99))
     assert record.status == "straight"
-    assert isinstance(record.frames, Frames)
+    assert not record.frames.is_windowed
     assert sweep(chain, record.frames.joint_angles_rad, size=0.99).clearance > 0.0
 
 
@@ -160,8 +160,8 @@ def test_the_same_seed_gives_the_same_record_bit_for_bit() -> None:
     chain = coil(16)
     first, again, other = (explode(chain, DEFAULT, seed=seed) for seed in (3, 3, 4))
     assert first.steps == again.steps
-    for name in Frames.__dataclass_fields__:
-        np.testing.assert_array_equal(getattr(first.frames, name), getattr(again.frames, name))
+    for name, column in first.frames.columns().items():
+        np.testing.assert_array_equal(column, again.frames.columns()[name])
     assert (
         first.frames.joint_angles_rad.shape != other.frames.joint_angles_rad.shape
         or (first.frames.joint_angles_rad != other.frames.joint_angles_rad).any()
@@ -178,11 +178,11 @@ def test_a_chain_that_folds_into_a_line_is_straight_already(modules: int) -> Non
 
 
 def test_the_sink_gets_the_record_as_it_grows() -> None:
-    parts: list[Frames] = []
+    parts: list[Motion] = []
     record = explode(coil(16), DEFAULT, sink=parts.append)
     assert len(parts) > 5
     np.testing.assert_array_equal(
-        Frames.joined(parts).joint_angles_rad, record.frames.joint_angles_rad
+        Motion.joined(parts).joint_angles_rad, record.frames.joint_angles_rad
     )
 
 

@@ -19,7 +19,6 @@ from planner.explosion.table import explode_on_table
 from planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
 from planner.explosion.window import Peelable, WindowConfiguration
 from planner.motion.record import Record
-from planner.motion.windows import Windows
 from planner.parameters.explosion import Base, TableParameters
 from planner.parameters.parameters import Parameters
 from planner.table_paths.table_paths import table_paths
@@ -39,7 +38,7 @@ def record() -> Record:
 def test_a_box_lies_down_straight_and_every_frame_stands_within_the_bound(record: Record) -> None:
     assert record.status == "straight", record.reason
     assert record.table is not None
-    assert isinstance(record.frames, Windows)
+    assert record.frames.is_windowed
     chain = chain_of(BOX)
     found = table_certificate(
         chain, record.frames, base="free", on_table=True, height=chain.table_height
@@ -54,8 +53,8 @@ def test_a_box_lies_down_straight_and_every_frame_stands_within_the_bound(record
 
 def test_the_same_seed_draws_the_same_forces(record: Record) -> None:
     again = explode_on_table(chain_of(BOX), TableParameters(), seed=1)
-    assert isinstance(record.frames, Windows)
-    assert isinstance(again.frames, Windows)
+    assert record.frames.is_windowed
+    assert again.frames.is_windowed
     assert record.frames.passes_as(again.frames)
     assert record.table == again.table
 
@@ -95,7 +94,7 @@ def test_friction_counts_in_the_guard() -> None:
     found = explode_on_table(chain, rubbing, seed=1)
     assert found.status == "straight", found.reason
     assert found.table is not None
-    assert isinstance(found.frames, Windows)
+    assert found.frames.is_windowed
     certificate = table_certificate(
         chain, found.frames[::-1], friction=0.1, on_table=True, height=chain.table_height
     )
@@ -113,7 +112,7 @@ def test_a_chain_that_lies_free_drifts_and_rubs_less_than_a_clamped_one() -> Non
         found = explode_on_table(chain, replace(rubbing, base=base), seed=1)
         assert found.status == "straight", found.reason
         assert found.table is not None
-        assert isinstance(found.frames, Windows)
+        assert found.frames.is_windowed
         bounds[base] = found.table.bound
         certificate = table_certificate(
             chain,

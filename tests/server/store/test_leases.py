@@ -8,7 +8,7 @@ import pytest
 
 from server.settings import Settings
 from server.store.folds import Store
-from server.store.leases import STARTING_S, Leases, Preparing
+from server.store.leases import SERVICE_START_S, Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
 
 LEASE_S = 15.0
@@ -119,6 +119,6 @@ def test_preparing_without_worker_lasts_while_workers_start(
     identities = WorkerIdentities(Settings(data_dir=tmp_path))
     leases = Leases(store, identities, LEASE_S, clock=clock, expects_workers=True)
     assert leases.preparing() == Preparing(fraction=0.0, remaining_s=None)
-    clock.now += STARTING_S
+    clock.now += SERVICE_START_S
     assert leases.preparing() is None
     assert Leases(store, identities, LEASE_S, clock=clock).preparing() is None
