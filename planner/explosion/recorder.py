@@ -50,15 +50,17 @@ class Recorder(ABC, Generic[S]):
         self._waiting = []
 
     @abstractmethod
-    def commit(self, *, end: bool = False) -> bool:
+    def commit(self, *, end: bool = False) -> object:
         """Make the steps so far final and pass their snapshots on.
 
         Args:
-            end: Keep the last step as a snapshot in any case.
-
-        Returns:
-            True if they were kept.
+            end: Make the last step a snapshot in any case.
         """
+
+    def close(self, step: S, *, straight: bool) -> None:
+        """Make all steps final; the last one is a snapshot unless the record ends straight."""
+        del step
+        self.commit(end=not straight)
 
     @abstractmethod
     def _far(self, a: S, b: S) -> bool:
@@ -135,6 +137,8 @@ class FrameRecorder(Recorder[Step]):
         snapshot_distance: Maximum distance of a module from one snapshot to the next, pitches.
         size: Module size, as a fraction of the pitch, at which the motion between them is checked.
         sink: Receives the frames.
+        spacing: Returns the factor of the allowed distance of snapshots. Above 1 the whole motion
+            between two is checked, and not its middle only.
     """
 
     def __init__(
@@ -145,6 +149,7 @@ class FrameRecorder(Recorder[Step]):
         snapshot_distance: float,
         size: float,
         sink: Callable[[Motion], None] | None,
+        spacing: Callable[[], float] = lambda: 1.0,
     ) -> None:
         super().__init__()
         self._chain = chain
@@ -153,20 +158,18 @@ class FrameRecorder(Recorder[Step]):
         self._size = size
         self._sink = sink
         self._kept: list[Motion] = []
-        self.spacing = 1.0
-        """Factor of the allowed distance of snapshots. Above 1 the whole motion between two is
-        checked, and not its middle only."""
+        self._spacing = spacing
         self._way = Between(chain, size)
 
     def __len__(self) -> int:
         """Return the number of snapshots so far."""
         return sum(len(part) for part in self._kept)
 
-    def commit(self, *, end: bool = False) -> bool:
+    def commit(self, *, end: bool = False) -> None:
         """Make the steps so far final and pass their snapshots on.
 
         Args:
-            end: Keep the last step as a snapshot in any case.
+            end: Make the last step a snapshot in any case.
         """
         waiting = self._waiting
         chosen, first = self._chosen(waiting, to_the_end=False)
@@ -176,7 +179,6 @@ class FrameRecorder(Recorder[Step]):
             chosen.append(waiting[-1])
         self._waiting = [] if end else waiting[first:]
         self._emit(chosen)
-        return True
 
     def append(self, frames: Motion) -> None:
         """Add frames that were made without a simulation."""
@@ -203,15 +205,16 @@ class FrameRecorder(Recorder[Step]):
         )
 
     def _far(self, a: Step, b: Step) -> bool:
-        if np.abs(a.angles - b.angles).max() >= self.spacing * self._snapshot_rad:
+        spacing = self._spacing()
+        if np.abs(a.angles - b.angles).max() >= spacing * self._snapshot_rad:
             return True
         moved = ((a.centres - b.centres) ** 2).sum(axis=1).max()
-        return bool(moved >= (self.spacing * self._snapshot_distance) ** 2)
+        return bool(moved >= (spacing * self._snapshot_distance) ** 2)
 
     def _needs_more(self, a: Step, b: Step, *, more: bool) -> bool:
         if not more:
             return False
-        if self.spacing > 1.0:
+        if self._spacing() > 1.0:
             between = self._way.clearance(a.angles, b.angles, CLEAR_ENOUGH_PITCH)
         else:
             between = self._clearance(0.5 * (a.angles + b.angles))

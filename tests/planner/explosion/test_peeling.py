@@ -13,10 +13,12 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.explosion.explosion import ContactDepth
-from planner.explosion.peeling import Peeling, peel, turned_towards
-from planner.explosion.peeling_proof import Proof
-from planner.explosion.peeling_window import Peelable, WindowConfiguration
+from planner.explosion.explosion import Watch
+from planner.explosion.peeling import floating_peeling, peel
+from planner.explosion.peeling_policy import Peeling
+from planner.explosion.peeling_recorder import Proof
+from planner.explosion.step_control import ContactDepth
+from planner.explosion.window import Peelable, WindowConfiguration, turned_towards
 from planner.kernels.folded_core import CoreCells
 from planner.kernels.module import ModuleStates
 from planner.kernels.pairs import PairLimits
@@ -29,7 +31,7 @@ from planner.pathfinding.assembly import assembly_path, solid_paths
 from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
 from planner.playback.kinematic import kinematic_frames
-from planner.progress import Progress
+from planner.progress import Progress, never, silent
 from tests.planner.chains import coil, knotted, line
 
 DEFAULT = PeelingParameters()
@@ -184,19 +186,28 @@ def test_a_rod_turns_as_fast_where_the_core_has_gone_as_where_none_ever_was() ->
 
 def test_a_run_goes_on_from_contacts_that_were_too_deep_when_it_went_back() -> None:
     """A ball of 10 000 went back to the same state for ever: each first step was too deep."""
-    run = Peeling(chain_of(snake_path((4, 4, 4))), DEFAULT, 0, None)
-    before = (run.time_s, run.state.copy())
-    while run.depth < 1e-4:
-        before = (run.time_s, run.state.copy())
-        run.step()
-        assert run.steps < 500
-    run.allowed = ContactDepth(most=0.5 * run.depth, back_off=0.4 * run.depth)
-    run.saved = before
-    run.go_back()
-    angles = run.state.angles.copy()
-    run.step()
-    assert run.retries == 1
-    assert (run.state.angles != angles).any()
+    watch = Watch(silent, never, "peeling")
+    run = floating_peeling(chain_of(snake_path((4, 4, 4))), DEFAULT, watch=watch)
+    control, window, checkpoint = run.explosion.control, run.window, run.explosion.checkpoint
+    before = (window.time_s, window.state.copy())
+    while control.depth < 1e-4:
+        before = (window.time_s, window.state.copy())
+        step(run)
+        assert control.steps < 500
+    control.allowed = ContactDepth(most=0.5 * control.depth, back_off=0.4 * control.depth)
+    checkpoint.save(*before)
+    run.explosion.restart()
+    angles = window.state.angles.copy()
+    step(run)
+    assert checkpoint.retries == 1
+    assert (window.state.angles != angles).any()
+
+
+def step(run: Peeling) -> None:
+    """Makes one step."""
+    run.window.place()
+    run.recorder.add(run.window.snapshot())
+    run.explosion.step(run)
 
 
 def test_too_few_steps_and_a_cancel_end_as_data() -> None:
