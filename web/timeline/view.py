@@ -446,7 +446,7 @@ class TimelineView:
 
     def _posed(self, frames: Motion) -> _Chunk:
         chain = self.chain
-        poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+        poses = frames.poses(chain)
         return _Chunk(
             frames,
             poses.positions.astype(np.float32),
