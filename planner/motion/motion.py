@@ -166,12 +166,22 @@ class Motion:
             angles_rad: (F, J) hinge angles; of windows (V,).
             first, offsets: Those of the windows; None for a dense motion.
         """
-        count = len(angles_rad) if first is None else len(first)
-        time_s, position = np.arange(count, dtype=np.float64), np.zeros((count, 3))
-        pose = (position, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)))
-        held = (angles_rad,) if first is None else (first, offsets, angles_rad)
-        names = FRAME_COLUMNS if first is None else WINDOW_COLUMNS
-        return cls.from_columns(dict(zip(names, (time_s, "playback", *held, *pose), strict=False)))
+        if first is None or offsets is None:
+            frames, hinges = angles_rad.shape
+            first = np.zeros(frames, np.int64)
+            offsets = hinges * np.arange(frames + 1, dtype=np.int64)
+        else:
+            frames, hinges = len(first), None
+        return cls(
+            time_s=np.arange(frames, dtype=np.float64),
+            phase=_phases("playback", frames),
+            first=first,
+            offsets=offsets,
+            angles_rad=angles_rad.reshape(-1),
+            anchor_position=np.zeros((frames, 3)),
+            anchor_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),
+            hinges=hinges,
+        )
 
     @classmethod
     def empty(cls, hinges: int) -> Motion:
@@ -217,15 +227,9 @@ class Motion:
 
         A dense motion always has a column of errors, NaN where none is recorded.
         """
-        if self.is_windowed:
-            values = (self.first, self.offsets, self.angles_rad)
-            columns = [*values, self.anchor_position, self.anchor_wxyz, self.errors_rad]
-        else:
-            poses = (self.anchor_position, self.anchor_wxyz)
-            columns = [self.joint_angles_rad, *poses, self.joint_error_rad]
         names = WINDOW_COLUMNS if self.is_windowed else FRAME_COLUMNS
-        found = zip(names, [self.time_s, self.phase, *columns], strict=True)
-        return {name: values for name, values in found if values is not None}
+        found = {name: getattr(self, name.replace("base", "anchor")) for name in names}
+        return {name: values for name, values in found.items() if values is not None}
 
     def with_columns(self, **columns: Any) -> Motion:
         """Return the motion with other columns, by the names that files have."""
