@@ -34,7 +34,7 @@ class Client:
         token: Secret of the folds' owner: 24 to 200 characters. A new one if omitted.
         retries: When to repeat a request if the service is busy or cannot be reached.
         timeout_s: Maximum time without data of an answer.
-        verify: How to check the certificate of ``https``, as httpx takes it.
+        verify: Check of the ``https`` certificate, as for httpx.
 
     Thread-safe. Close it, or use it in a ``with``.
     """
@@ -108,7 +108,7 @@ class Client:
         """Preview a shape: its cells and path. ``fold(preview=id)`` folds it.
 
         Args:
-            source: As for ``fold``.
+            source: Same as for ``fold``.
             shape: The name of a gallery shape instead.
             filename: Name of the source.
             path: True to search for a path; without one the cells are ready sooner.

@@ -17,7 +17,7 @@ def save(answer: httpx.Response, to: Path, filename: str) -> Path:
     Args:
         answer: Whose content is still to come.
         to: The file, or a directory that is there.
-        filename: What the file is called in a directory.
+        filename: Name of the file in a directory.
     """
     path = to / Path(filename).name if to.is_dir() else to
     aside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")

@@ -26,13 +26,13 @@ class Frames:
     Values are NumPy arrays where NumPy is installed, else lists; what is not known is NaN or None.
 
     Attributes:
-        status: Of the timeline: ``growing``, ``complete`` or ``failed``.
+        status: Status of the timeline: ``growing``, ``complete`` or ``failed``.
         total: Frames that the timeline has.
         start: The first of these.
         stop: Past the last.
         stride: Every so many-th.
-        phases: What the numbers in ``phase`` stand for.
-        joint_names: Of the J hinges.
+        phases: Names of the numbers in ``phase``.
+        joint_names: Names of the J hinges.
         time_s: (F,)
         phase: (F,)
         joint_angles_rad: (F, J)

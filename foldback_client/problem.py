@@ -13,8 +13,8 @@ class Problem(Exception):
     Attributes:
         status: The HTTP status; None when a job ended so.
         code: Short stable word for programs.
-        detail: What was found, what was expected, what to do.
-        where: Where in the input, or None.
+        detail: Value found, value expected, remedy.
+        where: Position in the input, or None.
         retry_after: Seconds after which to try again, when the service says so.
     """
 

@@ -42,7 +42,7 @@ from server.http.security import (
 from server.http.uploads import MAX_FORM_FIELD_BYTES, MAX_FORM_FIELDS, MAX_FORM_FILES, UploadsAtOnce
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.limits.fair_threads import FairThreads
 from server.limits.quota import Quota
 from server.limits.single_flight import SingleFlight
@@ -227,7 +227,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     motions = Scratch(settings.motions_dir)
     motions.sweep()
     estimates = Estimates(store)
-    remaining = Remaining(store, leases, estimates)
+    remaining = EtaEstimator(store, leases, estimates)
     gallery = Gallery()
     if settings.finished_folds and not settings.read_only:
         import_finished(settings, store, gallery)

@@ -59,7 +59,7 @@ def scripts_of(entry: str, *, later: bool = True) -> tuple[str, ...]:
 
     Args:
         entry: The one.
-        later: Whether those are among them that are only loaded when they are used.
+        later: True to include those that are loaded on first use.
     """
     found = [entry]
     for name in found:

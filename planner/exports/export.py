@@ -30,13 +30,13 @@ class Export:
 
     Attributes:
         name: Short stable word for programs and addresses.
-        label: What it is, for people.
+        label: Label for people.
         hint: Its format, what reads it, its units.
-        media_type: Of the file.
-        filename: What the file is called in a directory of its own.
+        media_type: Media type of the file.
+        filename: Name of the file in a separate directory.
         write: Makes the file; ``InputError`` when the plan lacks what it needs.
-        moving: Whether it shows the motion, so that a plan without frames has none.
-        shared: Whether other files name it, so that it keeps its name wherever it goes.
+        moving: True if it shows the motion, so that a plan without frames has none.
+        shared: True if other files refer to it, so that it must keep its name.
     """
 
     name: str

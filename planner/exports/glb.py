@@ -51,7 +51,7 @@ class Track:
         time_s: (K,) strictly rising, in single precision too.
         positions: (K, n, 3) centres in pitches.
         wxyzs: (K, n, 4) unit quaternions, each in the half space of the one before.
-        tolerance: How far a frame of the plan is from the track between snapshots, at most.
+        tolerance: Largest deviation of a frame of the plan from the track between snapshots.
     """
 
     time_s: Array

@@ -32,7 +32,7 @@ class Key:
     """A configuration by name.
 
     Attributes:
-        name: Of the key.
+        name: Name of the key.
         angles_rad: (J,) hinge angles.
         position: (3,) centre of the root module in pitches.
         wxyz: (4,) its orientation.

@@ -103,10 +103,10 @@ def clearance(
     its bound is 0 at most.
 
     Args:
-        trajectory: Of this chain.
+        trajectory: Trajectory of this chain.
         chain: The chain.
         size: Module size as a fraction of the pitch.
-        rate_hz: As for ``export``.
+        rate_hz: Same as for ``export``.
         cancelled: Polled now and then; a long chain's sweep takes a while.
 
     Raises:
@@ -151,10 +151,10 @@ def export(
     """Return a trajectory in parts.
 
     Args:
-        trajectory: What to write.
+        trajectory: Trajectory to write.
         form: ``csv``: a line of names, then time, angles and speeds of each moment; ``json``.
-        name: Of the chain.
-        plan_verified: Whether the plan is, whose corners the trajectory cuts.
+        name: Name of the chain.
+        plan_verified: True if the plan is verified, whose corners the trajectory cuts.
         clear: ``clearance`` and ``bound`` of its rows in pitches; None if they were not computed.
         rate_hz: Moments in a second; None for those of the plan's frames.
 

@@ -91,7 +91,7 @@ def beside(part: str, directory: Path | None) -> subprocess.Popen[bytes]:
 
     Args:
         part: ``motions``, or ``all``, for which it steps back.
-        directory: Where the locks are; beside the compiled kernels when None.
+        directory: Directory of the locks; beside the compiled kernels if None.
     """
     place = [] if directory is None else [str(directory)]
     process = subprocess.Popen(

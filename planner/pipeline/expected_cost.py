@@ -72,9 +72,9 @@ class ExpectedCost:
     Attributes:
         expected_s: Processor time of the whole fold, in seconds.
         least_s: Least time of its longest stage, in seconds.
-        stage: That stage.
-        cause: What was asked for that makes it take so long.
-        remedy: What to ask for in its place, as a sentence.
+        stage: Name of that stage.
+        cause: Part of the request that makes it take so long.
+        remedy: Alternative request, as a sentence.
     """
 
     expected_s: float
@@ -89,7 +89,7 @@ def expected_cost(modules: int, request: Request) -> ExpectedCost:
 
     Args:
         modules: Number of modules of its chain.
-        request: What was asked for; it was checked before.
+        request: A valid request.
     """
     parameters = request.parameters()
     explosion = parameters.explosion

@@ -34,9 +34,9 @@ class Improvements:
     """Attempts after a verified plan.
 
     Attributes:
-        prefer: What is wished for.
-        strategies: For each path, the strategies that it may have, the most promising first.
-        modules: Of the chain.
+        prefer: Requested preference.
+        strategies: Possible strategies of each path, the most promising first.
+        modules: Number of modules of the chain.
         most_frames: Frames of a plan that may be smoothed; 0 when none may.
     """
 
@@ -115,7 +115,7 @@ def best_of(tried: Sequence[Attempt], prefer: Preference) -> int | None:
 
     Args:
         tried: All attempts of the fold, or some of them.
-        prefer: What is wished for; with least computing the first verified one is the best.
+        prefer: Requested preference; with ``computing`` the first verified one is the best.
     """
     best: int | None = None
     for number, attempt in enumerate(tried):
@@ -138,7 +138,7 @@ def expected_seconds_of(trial: Trial, modules: int) -> float:
 
     Args:
         trial: The try.
-        modules: Of the chain.
+        modules: Number of modules of the chain.
     """
     if trial.strategy == "peel":
         return 2.0 + 0.012 * modules

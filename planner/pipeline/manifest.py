@@ -37,8 +37,8 @@ def digests_of(directory: FilePath, names: Sequence[str] = DESCRIBED) -> Digests
     keys of the text in a plan's ``.npz`` file, ``attributes.…`` those of a zarr group.
 
     Args:
-        directory: Of the fold.
-        names: Of the files to look at.
+        directory: Directory of the fold.
+        names: Names of the files.
     """
 
     def digests(name: str) -> dict[str, str]:
@@ -65,7 +65,7 @@ def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
     """Write the manifest of a directory.
 
     Args:
-        directory: Of the fold.
+        directory: Directory of the fold.
         earlier: Digests of files that have not changed since, which need no second look.
     """
     known = earlier or {}

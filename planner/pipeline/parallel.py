@@ -1,8 +1,8 @@
-"""Tries: explosions of a fold, the next ones made beside the one at hand.
+"""Attempt pool: explosions of a fold, likely next ones computed speculatively in other processes.
 
 The attempts and their order are those of one process: ``RetryPolicy.next_attempt`` decides them.
-What may come next is begun early, each in a process of its own; what the order comes to is taken,
-and the rest is dropped. So a plan is the same whatever the number of workers.
+Likely next attempts are started early, each in a separate process; those that the order reaches are
+used, the others are discarded. So a plan is the same whatever the number of workers.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ ATTEMPT_STOP_GRACE_S: Final = 1.0
 ended. Chosen."""
 
 
-class Tries:
+class AttemptPool:
     """Holds the processes that make what may come next.
 
     Args:
-        directory: Of the fold; its input must have been read. None without processes.
+        directory: Directory of the fold, with its input read; None without processes.
         workers: Explosions that are made at once at most; with one there are no processes. More
             than a fold may have would bring nothing.
     """
@@ -50,13 +50,13 @@ class Tries:
     def __init__(self, directory: FilePath | None, workers: int = 1) -> None:
         self._exchange = None if directory is None else directory.resolve() / TRIALS_DIR
         self._workers = 1 if directory is None else min(workers, MAX_EXPLOSIONS)
-        self._beside: dict[Trial, _Beside] = {}
+        self._beside: dict[Trial, _AttemptProcess] = {}
         self._ahead: Callable[[], list[Trial]] = list
         self._here: Trial | None = None
         self._eager = False
         self._clear()
 
-    def __enter__(self) -> Tries:
+    def __enter__(self) -> AttemptPool:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -73,11 +73,11 @@ class Tries:
         if self._exchange is not None:
             rmtree(self._exchange, ignore_errors=True)
 
-    def rest(self) -> None:
+    def end_running(self) -> None:
         """End running attempts; results of finished ones stay."""
         self._keep([])
 
-    def come_to(self, choice: RetryPolicy, tried: Sequence[Attempt], here: Trial) -> None:
+    def schedule(self, choice: RetryPolicy, tried: Sequence[Attempt], here: Trial) -> None:
         """Set the current attempt. After a failure the next ones are started at once."""
         before = tuple(tried)
         self._here, self._eager = here, bool(tried)
@@ -86,7 +86,7 @@ class Tries:
         if self._eager:
             self._begin()
 
-    def watched(self, progress: Report) -> Report:
+    def with_speculation(self, progress: Report) -> Report:
         """Return a report that also starts the next attempts if the current one stalls."""
 
         def told(now: Progress) -> None:
@@ -96,7 +96,7 @@ class Tries:
 
         return told if self._workers > 1 else progress
 
-    def take(
+    def collect(
         self, timeline: FilePath | None, progress: Report, cancelled: Cancelled
     ) -> Record | None:
         """Return the record of the current trial if it was begun beside; wait for it.
@@ -146,13 +146,13 @@ class Tries:
         fresh = [trial for trial in self._ahead() if trial not in self._beside]
         for trial in fresh[:room]:
             try:
-                self._beside[trial] = _Beside(self._exchange, trial)
+                self._beside[trial] = _AttemptProcess(self._exchange, trial)
             except OSError:  # no process or no room to be had: what is made here goes on alone
                 self._workers = 1
                 return
 
 
-class _Beside:
+class _AttemptProcess:
     """One try in a process of its own (``planner/pipeline/parallel_process.py`` is its other side).
 
     When its standard input ends, nobody wants it any more, or this process is gone.

@@ -1,7 +1,7 @@
 """Process of a trial: makes one beside the fold's own process, in the folder that it is started in.
 
-``planner.pipeline.parallel.Tries`` starts it. It ends when its standard input does: nobody wants it
-any more, or the fold's process is gone.
+``planner.pipeline.parallel.AttemptPool`` starts it. It ends when its standard input does:
+its result is not needed any more, or the fold's process is gone.
 """
 
 from __future__ import annotations

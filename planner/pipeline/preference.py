@@ -38,7 +38,7 @@ class PlanFigures:
         """Return the figures of a plan.
 
         Args:
-            certificate: Of the plan, as plain values.
+            certificate: Certificate of the plan, as plain values.
             before_s: Seconds that were computed before it was looked at.
         """
         return cls(

@@ -51,18 +51,18 @@ class Preparation:
 
     Attributes:
         kind: ``path``, ``chain``, ``voxels`` or ``mesh``: what the input was.
-        name: What people call it.
-        options: What was asked for.
+        name: Name for people.
+        options: Requested options.
         chains: Candidates, best first; empty when no path was found.
         solid, voxels: The mesh and how it was voxelised; None for other inputs.
         shape: The cells that are filled; None for a chain file.
-        method: How the paths were found; empty for paths and chains.
-        feasibility: Whether the cells have a path at all; None for paths and chains.
-        knot: Of the first candidate; None without one.
-        notes: What people should know, in plain words.
-        not_started: Why no chain begins where it was wished for; empty when they do, or when
-            nothing of the kind was wished for.
-        filled: How cells became modules; None for paths and chains.
+        method: Method that found the paths; empty for paths and chains.
+        feasibility: Result of the check for a path; None for paths and chains.
+        knot: Knot of the first candidate; None without one.
+        notes: Notes for people.
+        not_started: Reason why no chain starts in the requested cell; empty if they do, or if none
+            was requested.
+        filled: Cells and their modules; None for paths and chains.
         iou: Intersection over union of the modules with the solid; None without one.
     """
 
@@ -220,11 +220,11 @@ def prepare(
 
     Args:
         data: The whole file.
-        filename: What it was called.
-        options: How a shape is to become a path.
-        seed: What randomness starts from.
-        time_limit_s: How long a path through exact cells may be searched for.
-        searching: Whether voxels and meshes get a path at all; without one they are cells alone.
+        filename: Name of the file.
+        options: Options that turn a shape into a path.
+        seed: Random seed.
+        time_limit_s: Time limit of the search for a path through exact cells, s.
+        searching: True to search a path for voxels and meshes; else they remain cells.
 
     Returns:
         The preparation, with no chains when there is no path: it then says why.
@@ -266,7 +266,7 @@ def prepare_in_any_order(
     """Run ``prepare``; treat a list of cells that is no path as a shape, and note why.
 
     Raises:
-        InputError: As ``prepare`` does.
+        InputError: See ``prepare``.
     """
     how: dict[str, Any] = {"seed": seed, "time_limit_s": time_limit_s, "searching": searching}
     try:

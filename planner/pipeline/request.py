@@ -47,17 +47,17 @@ class Request:
     """Options of a fold, apart from its shape.
 
     Attributes:
-        filename: What the input was called, if anything.
+        filename: Name of the input, if any.
         preset: Name of a parameter set.
-        seed: What randomness starts from.
+        seed: Random seed.
         module_size: Size at which the plan is verified; None for the preset's.
         settings: Other numbers for the preset ``paper`` or ``direct``, see
             ``planner.parameters.settings``.
-        strategy: How the chain is let go: ``auto``, or one of ``planner.explosion.strategies``.
-        prefer: Which of several verified plans is wanted; with ``computing`` the first one.
-        refold: Whether the chain begins folded as the plan beside it says, not straight.
-        smooth: Whether the plan beside it is smoothed, in place of an explosion.
-        world: Where the chain folds: ``floating``, or on a ``table`` under gravity.
+        strategy: Explosion strategy: ``auto``, or one of ``planner.explosion.strategies``.
+        prefer: Preference among several verified plans; ``computing`` takes the first one.
+        refold: True if the chain starts folded as in the base plan, not straight.
+        smooth: True to smooth the base plan in place of an explosion.
+        world: ``floating``, or on a ``table`` under gravity.
         module, modules, method, repair, ends, as_voxels, start: See
             ``planner.pathfinding.options.PathOptions``.
     """
@@ -221,7 +221,7 @@ class Request:
         """Return the parameters of the request.
 
         Args:
-            smoothed: Whether they are for a plan that is smoothed, though others are not.
+            smoothed: True for the parameters of smoothing a plan.
 
         Raises:
             InputError: An unknown preset, or a seed or module size out of range.

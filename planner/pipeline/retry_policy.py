@@ -136,8 +136,8 @@ class RetryPolicy:
 
         Args:
             tried: The attempts before it.
-            here: What is being made.
-            known: What came of others that were made already.
+            here: Current attempt.
+            known: Results of finished attempts.
         """
         known = known or {}
         seen: dict[str, Reason] = {attempt.trial.strategy: attempt.why for attempt in tried}

@@ -24,7 +24,7 @@ from planner.parameters.explosion import TableParameters
 from planner.parameters.parameters import Parameters
 from planner.pipeline.attempt import Attempt, Candidates, Trial
 from planner.pipeline.job import Job, Result, Search, Watch, is_smoothing
-from planner.pipeline.parallel import Tries
+from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import PATH_SEED_MODULUS, Request
@@ -251,10 +251,10 @@ def judge(result: Result, parameters: Parameters, watch: Watch, *, start: Chain 
     return replace(result, certificate=certificate, **curves)
 
 
-def advance(job: Job, search: Search, step: Step, watch: Watch, tries: Tries) -> Search:
+def advance(job: Job, search: Search, step: Step, watch: Watch, pool: AttemptPool) -> Search:
     """Return the search after one more step; earlier results stay as they are."""
     if isinstance(step, Explode):
-        return _explode(job, search, step.trial, watch, tries)
+        return _explode(job, search, step.trial, watch, pool)
     if isinstance(step, PlayBack):
         search = replace(search, history=before_playback(search.history, job.policy))
         result = search.current
@@ -276,7 +276,7 @@ def advance(job: Job, search: Search, step: Step, watch: Watch, tries: Tries) ->
     return search.with_current(result, outcome)
 
 
-def _explode(job: Job, search: Search, trial: Trial, watch: Watch, tries: Tries) -> Search:
+def _explode(job: Job, search: Search, trial: Trial, watch: Watch, pool: AttemptPool) -> Search:
     """Return the search after one more explosion or smoothing."""
     number, chain = len(search.history), job.candidates.chain_of(trial)
     parameters = job.parameters()
@@ -288,28 +288,28 @@ def _explode(job: Job, search: Search, trial: Trial, watch: Watch, tries: Tries)
         assert source is not None
         record = smooth(source, trial, parameters, watch)
     elif parameters.explosion is not None:
-        tries.come_to(job.policy, search.history, trial)
-        record = tries.take(watch.timeline, watch.progress, watch.cancelled)
+        pool.schedule(job.policy, search.history, trial)
+        record = pool.collect(watch.timeline, watch.progress, watch.cancelled)
         if record is None:
-            watch = replace(watch, progress=tries.watched(watch.progress))
+            watch = replace(watch, progress=pool.with_speculation(watch.progress))
             record = explode(chain, trial, parameters, watch)
     outcome = Attempt.of_record(trial, chain, record, parameters)
     result = Result(chain=chain, record=record, recorded=recorded)
     return Search(history=(*search.history, outcome), results={**search.results, number: result})
 
 
-def rest(tries: Tries, record: Record | None, attempts: int, prefer: Preference) -> None:
+def rest(pool: AttemptPool, record: Record | None, attempts: int, prefer: Preference) -> None:
     """End what explodes beside, when the last explosion of a series makes it of little use.
 
     Args:
-        tries: Explosions that are made beside.
+        pool: Explosions that are made beside.
         record: Record of the explosion that is played back next; None where nothing explodes.
         attempts: Number of attempts so far.
         prefer: Preference among verified plans.
     """
     wanted = attempts > 1 or prefer != COMPUTING  # what comes out at once is rarely refused
     if record is not None and (record.status != "straight" or not wanted):
-        tries.rest()
+        pool.end_running()
 
 
 def finish(

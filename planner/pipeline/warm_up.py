@@ -66,9 +66,8 @@ def warm_up(
 
     Args:
         progress: Called with ``COMPILING`` and a fraction whenever a kernel was compiled.
-        soon: Where something had to be compiled, return once a path can be folded; another process
-            compiles the rest.
-        directory: Where the locks are; beside the compiled kernels when None.
+        soon: Return once a path can be folded; another process compiles the remaining kernels.
+        directory: Directory of the locks; beside the compiled kernels if None.
     """
     place = _locks_in(directory)
     with Compiling(progress, lock=CompilingLock(place / FIRST_LOCK)) as compiling:

@@ -20,7 +20,7 @@ def write_path(path: Path, *, title: str | None = None) -> bytes:
     """Return a path as ``foldback-path/1``.
 
     Args:
-        path: What to write.
+        path: Path to write.
         title: A longer name for people, which readers leave alone.
     """
     head: dict[str, object] = {"format": PATH_FORMAT, "name": path.name}
@@ -36,9 +36,9 @@ def write_chain(
     """Return the folded configuration of a chain as ``foldback-chain/1``.
 
     Args:
-        chain: What to write.
+        chain: Chain to write.
         title: A longer name for people, which readers leave alone.
-        tags: What kinds of shape it is of, which they leave alone as well.
+        tags: Kinds of shapes that it belongs to; readers ignore them as well.
     """
     head: dict[str, object] = {"format": CHAIN_FORMAT, "name": chain.name}
     if title is not None:

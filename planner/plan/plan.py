@@ -56,8 +56,8 @@ class Plan:
         chain: The chain.
         preset: Name of the parameter set.
         parameters: All parameters, as plain values.
-        seed: What randomness started from.
-        versions: Of the programs that made it.
+        seed: Random seed.
+        versions: Versions of the programs that computed it.
         start: The chain as it is folded at the beginning of a refold; None when it is straight.
         motion: F snapshots from straight to folded, of a refold from the start on: what the hinges
             should be, the pose as simulated. Dense or windowed.
@@ -65,10 +65,9 @@ class Plan:
             there was no simulation.
         explosion: Status, reason, steps, frames and seconds of the explosion; None without one.
         playback: Status, reason, steps, seconds and errors of the playback; None without one.
-        certificate: What was verified.
+        certificate: Certificate of the plan.
         attempts: Every explosion that was tried, the last one is the record.
-        smoothing: What smoothing has changed, see ``planner.robot.smoothed``; None of a recorded
-            plan.
+        smoothing: Changes by smoothing, see ``planner.robot.smoothed``; None of a recorded plan.
     """
 
     chain: Chain
@@ -344,7 +343,7 @@ class Plan:
 
         Args:
             values: From ``read_values``.
-            name: Of the file.
+            name: Name of the file.
 
         Raises:
             InputError: ``not-a-plan``, ``wrong-format``.

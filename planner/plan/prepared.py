@@ -29,7 +29,7 @@ class PreparedChains:
     """Chains through the shape in an input.
 
     Attributes:
-        kind, method, notes: As of ``planner.pipeline.prepare.Preparation``.
+        kind, method, notes: Same as for ``planner.pipeline.prepare.Preparation``.
         knot: Verdict on the first chain; None without one.
         chains: Candidates, best first; at least one.
     """

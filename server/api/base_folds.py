@@ -32,12 +32,12 @@ class BaseFold:
     """Finished fold that a refold starts from, or whose plan is smoothed.
 
     Attributes:
-        use: What is made of it.
+        use: ``refold`` or ``smooth``.
         fold: Its id; None when it is only known by its files.
-        name: What people call its shape.
-        module, modules: What its chain is made of.
-        files: Where the files are, by what they are called when copied.
-        digest: Of the plan's content.
+        name: Name of its shape.
+        module, modules: Kind and number of its chain's modules.
+        files: Paths of the files by their names in the new fold.
+        digest: Digest of the plan's content.
     """
 
     use: Use

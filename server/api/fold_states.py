@@ -15,7 +15,7 @@ from cachetools import TTLCache
 from fastapi.sse import ServerSentEvent
 
 from server.api.schemas import progress_of
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.store.folds import NoSuchFoldError, Store
 
 STATE_CACHE_S: Final = 0.15
@@ -28,7 +28,7 @@ MAX_CACHED_STATES: Final = 1024
 class FoldStates:
     """Keeps each looked-at state for a moment."""
 
-    def __init__(self, store: Store, remaining: Remaining) -> None:
+    def __init__(self, store: Store, remaining: EtaEstimator) -> None:
         self._store = store
         self._remaining = remaining
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="fold-states")

@@ -26,8 +26,8 @@ from server.http.compression import Asset
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING_STATUSES, ShownFold
-from web.timeline.frame_batch import kept_batch
-from web.timeline.metrics import FIGURES, kept_figures
+from web.timeline.frame_batch import cached_batch
+from web.timeline.metrics import FIGURES, cached_figures
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.scene_bundle import bundle_of
@@ -104,7 +104,7 @@ async def _frames(
         if shown is None:
             return _nothing()
         try:
-            return _binary(request, kept_batch(shown, start, stop, stride), shown)
+            return _binary(request, cached_batch(shown, start, stop, stride), shown)
         except DamagedError:
             raise
         except TimelineError:
@@ -130,7 +130,7 @@ async def figures(
         check(found.directory, TIMELINE, FIGURES)
         mark(request, found.row)
         try:
-            return _kept(request, kept_figures(found.directory, part))
+            return _kept(request, cached_figures(found.directory, part))
         except DamagedError:
             raise
         except (TimelineError, OSError):

@@ -260,7 +260,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
             found = await _retimed(context, wanted, visitor)
             if not found.verified:
                 raise _not_verified()
-            await _Hand(websocket, found, ask, fold_id).play()
+            await _RobotSession(websocket, found, ask, fold_id).play()
             await _close(websocket, DONE)
         except (ServiceError, DamagedError) as error:
             refused = Damaged.of(error) if isinstance(error, DamagedError) else error
@@ -305,7 +305,7 @@ def _not_verified() -> Conflict:
     return Conflict("not-verified", "This plan is not verified, so it cannot be played to a robot.")
 
 
-class _Hand:
+class _RobotSession:
     """One robot being driven."""
 
     def __init__(self, websocket: WebSocket, found: Retimed, ask: Ask, fold_id: str) -> None:

@@ -19,18 +19,18 @@ class RobotClock:
     """The clock of one motion. Times of the outer clock come in as ``now``.
 
     Attributes:
-        time_s: Where the motion is.
-        rate: How fast the clock runs.
-        paused: Whether somebody asked for a pause.
-        behind: Whether too many targets are on their way to the robot.
+        time_s: Current time of the motion, s.
+        rate: Current rate of the clock; 1 is real time.
+        paused: True if somebody asked for a pause.
+        behind: True if too many targets are on their way to the robot.
         error_rad: The robot's joint error, as it was last reported.
 
     Args:
-        duration_s: Where the motion ends.
-        speed: How fast the clock runs when nothing is in its way.
-        ramp_s: How long it takes from standing to that speed.
+        duration_s: Duration of the motion, s.
+        speed: Rate of the clock if the robot keeps up; 1 is real time.
+        ramp_s: Time from a stop to that rate, s.
         threshold_rad: Error above which it stands.
-        silence_s: How long after a report it stands when there is no other.
+        silence_s: Time without a report after which the clock stops, s.
     """
 
     def __init__(

@@ -21,13 +21,13 @@ class Ask(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Playing options, from the query of the websocket's address.
 
     Attributes:
-        speed: How fast the clock runs; 1 keeps within the bounds below.
+        speed: Rate of the clock; 1 keeps within the bounds below.
         max_speed: Bound of every joint's speed, in rad/s.
         max_acceleration: Bound of every joint's acceleration, in rad/s².
         threshold_rad: Joint error above which the clock stands.
         rate_hz: Targets in a second.
-        silence_s: How long the clock runs on without a report.
-        speeds: Whether targets also tell joint speeds.
+        silence_s: Time without a report after which the clock stops, s.
+        speeds: True if targets also have joint speeds.
     """
 
     speed: Annotated[float, Meta(ge=0.01, le=100.0)] = 1.0

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.store.estimates import Expected, plain_fold
 from server.store.folds import FoldRow, Store
 from server.store.gallery import GalleryShape
@@ -237,7 +237,7 @@ class Fold(BaseModel):
     links: Links
 
     @classmethod
-    def of(cls, row: FoldRow, store: Store, remaining: Remaining) -> Fold:
+    def of(cls, row: FoldRow, store: Store, remaining: EtaEstimator) -> Fold:
         """Return the API's representation of a row."""
         return cls(
             id=row.id,
@@ -422,7 +422,7 @@ class ExpectedTimes:
     Attributes:
         expected_s: With the options that were asked for.
         expected_as_published_s: With the preset ``paper``.
-        expected_preferred_s: Where a plan is chosen by time, torque or clearance.
+        expected_preferred_s: The same if a plan is chosen by time, torque or clearance.
     """
 
     expected_s: float
@@ -573,7 +573,7 @@ def _message(row: FoldRow, reported: str) -> str:
     return SMOOTHING_MESSAGE if row.stage == "explode" and row.smooths else reported
 
 
-def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
+def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
     """Return the progress of a fold, as its events tell it."""
     # What the stage before has said is not of the one that begins.
     told = row.progress if row.progress.get("stage") in (None, row.stage) else {}

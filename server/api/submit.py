@@ -74,12 +74,12 @@ class Submission:
 
     @property
     def refolds(self) -> BaseFold | None:
-        """Name of the shape that a refold starts as."""
+        """Fold that a refold starts from, or None."""
         return self.beginning if self.beginning and self.beginning.use == "refold" else None
 
     @property
     def smooths(self) -> BaseFold | None:
-        """Whose plan is to be smoothed."""
+        """Fold whose plan is to be smoothed, or None."""
         return self.beginning if self.beginning and self.beginning.use == "smooth" else None
 
     @property

@@ -18,7 +18,7 @@ from planner.chain.module import module_named
 from planner.cores import cores
 from planner.errors import InputError
 from planner.pathfinding.options import table_warning
-from planner.pipeline.parallel import Tries
+from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, next_stage, run_stage
 from planner.pipeline.workspace import Workspace
@@ -143,13 +143,13 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
     Args:
         out: The fold's directory.
         workers: Explosions at once at most; as many as there are cores when None.
-        words: What stages are called that do something else than usual.
+        words: Labels of stages that differ from the default ones.
     """
     from planner.pipeline.compiling import Compiling
 
     summary: dict[str, Any] = {}
     with (
-        Tries(out, workers or cores()) as tries,
+        AttemptPool(out, workers or cores()) as pool,
         Progress(
             TextColumn("{task.description:<10}"),
             BarColumn(),
@@ -172,7 +172,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
                 bars.update(bar, note=f"{progress.message}(once on each machine)")
 
             with Compiling(compiles):
-                summary = run_stage(stage, out, progress=report, tries=tries)
+                summary = run_stage(stage, out, progress=report, pool=pool)
             stage = next_stage(stage, summary)
     return summary
 

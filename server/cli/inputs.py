@@ -59,7 +59,7 @@ def read_plan(directory: Path) -> Plan:
     """Return the plan in a fold's directory.
 
     Raises:
-        InputError: Where there is none, or it cannot be read.
+        InputError: There is none, or it cannot be read.
     """
     from planner.plan.plan import Plan  # brings the whole planner
 

@@ -17,10 +17,10 @@ class Finding:
     """One line of the doctor.
 
     Attributes:
-        name: What was looked at.
+        name: Name of the check.
         verdict: ``problem`` keeps the service from working, ``warning`` does not.
-        found: What was found, in a few words.
-        remedy: What to do, or None when all is well.
+        found: Short description of the finding.
+        remedy: What to do about it; None if all is well.
     """
 
     name: str

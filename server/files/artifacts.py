@@ -39,12 +39,12 @@ class Artifacts:
     """See the module's description. Belongs to one event loop.
 
     Args:
-        store: Where the folds are.
-        min_free_disk_bytes: What must be left of the disk.
+        store: Store of the folds.
+        min_free_disk_bytes: Minimum of free disk space, bytes.
         on_stored: Told how many bytes a file adds to those made of its fold.
-        total: How many things may be made or wait for it.
-        per_visitor: How many of these one visitor may have.
-        folder: Where files are kept; in a folder beside those of their fold when None.
+        total: Maximum number of files that are computed or wait for it.
+        per_visitor: Maximum number of one visitor's among them.
+        folder: Directory for the files; one beside those of their fold if None.
     """
 
     def __init__(
@@ -89,11 +89,11 @@ class Artifacts:
 
         Args:
             fold_id: The fold.
-            name: What the file is called.
+            name: Name of the file.
             make: Makes its bytes, in a thread.
             of: The fold's file that it is made of; it is made anew when that is newer.
             edition: Letters and digits for all else that it is made of; the last one is kept.
-            visitor: Who asks.
+            visitor: Visitor that requests it.
 
         Raises:
             NoSuchFoldError: When there is no such fold.

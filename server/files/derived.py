@@ -74,7 +74,7 @@ def drop_derived(store: Store, lacking: int) -> int:
 
     Args:
         store: Rows and files.
-        lacking: How many bytes are to become free.
+        lacking: Bytes to free.
 
     Returns:
         How many did.

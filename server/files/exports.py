@@ -28,7 +28,7 @@ class Exports:
     """Makes exports.
 
     Args:
-        store: Where the folds are.
+        store: Store of the folds.
         artifacts: Makes them.
     """
 

@@ -98,7 +98,7 @@ class Pictures:
 
         Args:
             chain: The file.
-            moment: As of ``moment_of``.
+            moment: Result of ``moment_of``.
 
         Raises:
             OSError: When the file cannot be read, or the disk is full.

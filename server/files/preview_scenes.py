@@ -54,7 +54,7 @@ class PreviewScenes:
 
         Args:
             preview_id: The upload's.
-            key: Of the options.
+            key: Key of the options.
             visitor: Client that asks.
             repair: Also show the cells that an offered repair for a table adds.
 

@@ -119,7 +119,7 @@ class Previews:
 
     Args:
         settings: The settings.
-        storage: Where other web processes find them; None when that is on this machine.
+        storage: Object store shared with other web processes; None if files stay on this machine.
     """
 
     def __init__(self, settings: Settings, storage: Storage | None = None) -> None:
@@ -222,9 +222,9 @@ class Previews:
 
         Args:
             preview_id: The upload's.
-            options: How it is to become a path.
-            reader: Who computes it.
-            visitor: Who asks.
+            options: Options that turn it into a path.
+            reader: Processes that compute it.
+            visitor: Visitor that requests it.
             gone: Asked often whether the one who asked has gone away.
 
         Raises:
@@ -288,7 +288,7 @@ class Previews:
             preview_id: The upload's.
             options: The options of the preview that found no path.
             reader: The children that search.
-            visitor: Who asks.
+            visitor: Visitor that requests it.
             gone: True once the client has left; the search ends then.
 
         Raises:
@@ -445,7 +445,7 @@ def _measure(
     """Return the time and what a directory holds; None if it is gone.
 
     Args:
-        directory: Of a preview.
+        directory: Directory of a preview.
         known: The result of an earlier look.
     """
     try:

@@ -120,7 +120,7 @@ class StoredPreviews:
 
     Args:
         settings: The settings.
-        storage: Where files are kept; None when that is on this machine.
+        storage: Object store; None if files stay on this machine.
     """
 
     def __init__(self, settings: Settings, storage: Storage | None) -> None:

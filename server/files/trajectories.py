@@ -103,8 +103,8 @@ class MotorsWanted:
         module_mass_kg: Mass of a module.
         pitch_m: Distance of neighbouring modules; the plan's when None.
         gravity_m_s2: Gravity.
-        held: Whether the root module is held still.
-        motor_torque_nm: What a motor can give; None when nobody said.
+        held: True if the root module is fixed.
+        motor_torque_nm: Torque limit of a motor, N·m; None if not given.
         form: ``csv`` or ``json``.
     """
 
@@ -130,12 +130,12 @@ class Trajectories:
 
     Args:
         pool: Children that retime.
-        motions: Where they write.
-        scratch: Where what they have written is kept, out of their reach.
-        total: How many trajectories and tables may be made or wait for it.
-        per_visitor: How many of these one visitor may have.
-        kept_bytes: Of trajectories that are kept for those who come next.
-        used_bytes: Of those and of all that are in use.
+        motions: Directory that the computing processes write to.
+        scratch: Directory for their results, which they cannot access.
+        total: Maximum number of trajectories and tables that are computed or wait for it.
+        per_visitor: Maximum number of one visitor's among them.
+        kept_bytes: Maximum size of cached trajectories that are not in use, bytes.
+        used_bytes: Maximum size of all trajectories, with those in use, bytes.
     """
 
     def __init__(
@@ -200,7 +200,7 @@ class Trajectories:
         """Return the torques that a trajectory needs, as ``MotorTable`` writes them.
 
         Raises:
-            ServiceError: As ``of``.
+            ServiceError: See ``of``.
             InputError: When the plan cannot be retimed, or the motors cannot be built.
         """
 
@@ -221,7 +221,7 @@ class Trajectories:
         """Return least clearance and bound, in pitches, of rows joined by straight motions.
 
         Raises:
-            ServiceError: As ``of``; ``rows-overlap`` when modules overlap between the rows.
+            ServiceError: See ``of``; ``rows-overlap`` if modules overlap between the rows.
             InputError: When the plan cannot be retimed.
         """
 

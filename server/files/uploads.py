@@ -32,7 +32,7 @@ class Upload:
 
     Attributes:
         directory: Holds the file ``input``, which is safe on disk.
-        filename: What it was called, if anything.
+        filename: Name of the uploaded file, if any.
         digest: SHA-256 of the file.
         size: Its bytes.
     """

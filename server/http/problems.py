@@ -77,8 +77,8 @@ class Problem:
     Attributes:
         status: The HTTP status.
         code: Short stable word for programs.
-        detail: What was found, what was expected, what to do.
-        where: Where in the input, or None.
+        detail: Value found, value expected, remedy.
+        where: Position in the input, or None.
         headers: Further headers of the answer.
     """
 

@@ -22,7 +22,7 @@ class RequestRate:
     """Refuses the requests of a visitor that come faster than they may.
 
     Args:
-        app: What is behind it.
+        app: Inner ASGI application.
         rate: Requests a second.
         burst: Requests at once, after a while without any.
     """

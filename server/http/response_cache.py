@@ -51,8 +51,8 @@ class ResponseCache:
     """See the module's description.
 
     Args:
-        app: What is behind it.
-        clock: What time it is, in seconds.
+        app: Inner ASGI application.
+        clock: Clock in seconds.
     """
 
     def __init__(self, app: ASGIApp, *, clock: Callable[[], float] = time.monotonic) -> None:

@@ -203,10 +203,10 @@ class BodyLimit:
     """Counts what comes in, and refuses more than the limit before it fills memory or disk.
 
     Args:
-        app: What is behind it.
-        most_bytes: Of an upload.
-        seconds: How long it may take to come in.
-        idle_s: How long nothing of it may come.
+        app: Inner ASGI application.
+        most_bytes: Maximum size of an upload.
+        seconds: Maximum duration of an upload, s.
+        idle_s: Maximum time without data, s.
     """
 
     def __init__(

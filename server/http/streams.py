@@ -17,10 +17,10 @@ class Stream(StreamingResponse):
 
     Args:
         parts: The answer.
-        permit: What it has of a quota.
-        media_type: What it is.
+        permit: Its permit of a quota.
+        media_type: Its media type.
         headers: Further headers.
-        longest_s: How long it may take to send it.
+        longest_s: Maximum time to send it, s.
     """
 
     def __init__(

@@ -29,7 +29,7 @@ class UploadsAtOnce:
     """Bounds how many forms come in and are worked on at once, in all and of one visitor.
 
     Args:
-        app: What is behind it.
+        app: Inner ASGI application.
         settings: They say how many.
     """
 

@@ -48,7 +48,7 @@ class Janitor:
     Args:
         settings: The settings.
         store: Rows and files.
-        clock: What time it is.
+        clock: Clock in seconds since 1970.
     """
 
     def __init__(

@@ -20,7 +20,7 @@ from planner.pipeline.fold_layout import TIMELINE, result
 from planner.verification.integrity import check
 from server.errors import Damaged
 from server.jobs.progress import JobProgress
-from server.jobs.retry import patiently
+from server.jobs.retry import retry_until_available
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
 from server.processes.movie_task import ask_for_movie, is_on_table, run_movie
@@ -63,16 +63,16 @@ class MovieJobs:
         self._clear_up(fold_id, job)
 
     def _make(self, fold_id: str, job: str, about: dict[str, str]) -> None:
-        row = patiently(lambda: self._row(job))
+        row = retry_until_available(lambda: self._row(job))
         if row is None or row.status not in UNFINISHED_MOVIE_STATUSES:
             return  # nobody wants it any more, or it was made before
         movie = Movie.of(row.wishes)
         with self._scratch.directory() as place:
             done = _Progress(self._store, job)
             progress = JobProgress(done.report)
-            if not patiently(progress.last):
+            if not retry_until_available(progress.last):
                 return
-            files = patiently(lambda: self._store.directory(fold_id))
+            files = retry_until_available(lambda: self._store.directory(fold_id))
             check(files, TIMELINE)
             timeline = result(files, TIMELINE)
             ask_for_movie(place, row.wishes, timeline, MOVIE_FILE, on_table=is_on_table(files))
@@ -113,7 +113,7 @@ class MovieJobs:
                     session, job, status="ready", frames_done=movie.count, bytes=size, problem=None
                 )
 
-        return patiently(keep) and patiently(ready)
+        return retry_until_available(keep) and retry_until_available(ready)
 
     def _fail(
         self, job: str, code: str, detail: str, where: str | None, about: dict[str, str]
@@ -125,7 +125,7 @@ class MovieJobs:
             with self._store.changing() as session:
                 _update(session, job, status="failed", problem=problem)
 
-        patiently(fail)
+        retry_until_available(fail)
 
     def _clear_up(self, fold_id: str, job: str) -> None:
         """Remove the files of a movie, or of a fold, that was deleted meanwhile."""
@@ -141,7 +141,7 @@ class MovieJobs:
             else:
                 self._store.folders.remove_movie(fold_id, movie_file(job))
 
-        patiently(clear)
+        retry_until_available(clear)
 
 
 class _Progress:

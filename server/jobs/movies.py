@@ -104,9 +104,9 @@ class Movies:
 
         Args:
             fold_id: The fold.
-            movie: What it is to be.
-            visitor: Who asks.
-            of_owner: Whether that is the fold's owner, whose movies others do not push out.
+            movie: Options of the movie.
+            visitor: Visitor that requests it.
+            of_owner: True for the fold's owner, whose movies others do not displace.
             token: His; a new one if he has none.
 
         Returns:

@@ -187,8 +187,8 @@ class Jobs:
         """Enqueue folds that have a row and no job, after a crash between the two.
 
         Args:
-            store: Where the rows are.
-            older_s: How old a row must be; one that is just being made has no job yet.
+            store: Store with the rows.
+            older_s: Minimum age of a row, s; a new one has no job yet.
 
         Returns:
             Folds that are not over though their job is, which has failed without a word.

@@ -1,8 +1,7 @@
-"""Remaining: how long a fold is likely to take from now on, by what was measured here.
+"""Estimated remaining time of a fold, from durations measured here.
 
-What each stage takes is estimated by ``server.store.estimates``. The stage that runs also tells
-which part of it is done: the farther it is, the more its own pace counts, and it is that of the
-stages after it, too.
+Typical durations of stages come from ``server.store.estimates``. The running stage also reports its
+progress: the farther it is, the more its own pace counts, also for the stages after it.
 """
 
 from __future__ import annotations
@@ -47,11 +46,11 @@ MIN_REMAINING_FRACTION: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outlook:
+class QueueEstimate:
     """Estimate of a fold's position in the queue and of its remaining time.
 
     Attributes:
-        place: In the queue, 1 for the next; 0 when it does not wait.
+        place: Position in the queue, 1 for the next; 0 if it does not wait.
         running: Number of folds that are computed now in its lane, while it waits.
         wait_s: About how long it waits; None when it does not, or when nobody computes.
         remaining_s: About how long until it is over, with the wait; 0 when it takes longer than
@@ -67,11 +66,11 @@ class Outlook:
     preparing: Preparing | None = None
 
 
-class Remaining:
+class EtaEstimator:
     """Estimates for all who ask. Safe to use from many threads.
 
     Args:
-        store: Where the rows are.
+        store: Store with the rows.
         leases: Knows the workers.
         estimates: Expected times of folds; its own if None.
         clock: Seconds since 1970.
@@ -94,7 +93,7 @@ class Remaining:
             MAX_CACHED_ESTIMATES, SHOWN_ESTIMATE_S, timer=clock
         )
 
-    def of(self, row: FoldRow) -> Outlook:
+    def of(self, row: FoldRow) -> QueueEstimate:
         """Return the estimate for a fold."""
         place, running, wait = 0, 0, None
         preparing = None if row.over else self._leases.preparing()
@@ -111,7 +110,7 @@ class Remaining:
         left = None if row.over else self._left_s(row, wait)
         if left and row.status == "running":
             left += prepared_s
-        return Outlook(
+        return QueueEstimate(
             place=place,
             running=running,
             wait_s=wait,

@@ -24,7 +24,9 @@ Answer = TypeVar("Answer")
 log = logging.getLogger("foldback.worker")
 
 
-def patiently(do: Callable[[], Answer], *, wait: Callable[[float], object] = time.sleep) -> Answer:
+def retry_until_available(
+    do: Callable[[], Answer], *, wait: Callable[[float], object] = time.sleep
+) -> Answer:
     """Call ``do`` and return its result; repeat it while database, storage or disk fail.
 
     Args:

@@ -21,7 +21,7 @@ from planner.progress import COMPILING
 from server.files.cancelled import sweep_cancelled_of
 from server.jobs.progress import REPEATED_STAGES, STAGES, JobProgress
 from server.jobs.queue import place_of
-from server.jobs.retry import RETRY_INTERVAL_S, Answer, patiently
+from server.jobs.retry import RETRY_INTERVAL_S, Answer, retry_until_available
 from server.jobs.slices import Slice
 from server.processes.children import CRASHED, LOST, Child, ChildError, Children
 from server.processes.fork_server import ForkServer
@@ -83,11 +83,11 @@ def _outcome(
     }
 
 
-class TakenOverError(Exception):
+class LeaseLostError(Exception):
     """The fold has gone to another execution; what came out here is nobody's."""
 
 
-class UnwantedError(Exception):
+class JobCancelledError(Exception):
     """The fold was cancelled or taken over while something was waited for."""
 
 
@@ -148,24 +148,24 @@ class Runner:
         Args:
             fold_id: The fold.
             stage: The stage.
-            worker: Who computes it, by a name that each execution has for itself.
+            worker: Name of the execution, unique for each.
             known: The epoch under which the stage before was computed.
 
         Raises:
-            TakenOverError: When it has gone to another execution meanwhile.
+            LeaseLostError: When it has gone to another execution meanwhile.
         """
         epoch = known
         try:
-            begun = self.patiently(lambda: self._store.begin(fold_id, stage, worker))
+            begun = self.retry_until_available(lambda: self._store.begin(fold_id, stage, worker))
             if begun is None:
                 outcome = self._stopped(fold_id, None)
             else:
                 epoch = begun
                 outcome = self._run(fold_id, stage, worker, known, epoch)
-        except TakenOverError:
+        except LeaseLostError:
             self._release(worker)
             raise
-        except UnwantedError:
+        except JobCancelledError:
             # What it has made so far is kept nowhere.
             self._release(worker)
             return {**self._stopped(fold_id, epoch), "epoch": known}
@@ -194,7 +194,7 @@ class Runner:
         except Exception as error:
             log.exception("fold %s failed in stage %s", fold_id, stage, extra={"fold": fold_id})
             outcome = self.failure(error, stage)
-        self._halt()
+        self._block_until_exit()
         outcome["epoch"] = epoch
         if outcome["ended"]:
             self._release(worker)
@@ -208,10 +208,10 @@ class Runner:
             )
         if epoch != 0:
             try:
-                outcome["bytes"] = self._patiently_for(
+                outcome["bytes"] = self._retry_unless_cancelled(
                     fold_id, epoch, lambda: self._store.folders.keep(fold_id, epoch)
                 )
-            except UnwantedError:
+            except JobCancelledError:
                 self._release(worker)
                 return {**self._stopped(fold_id, epoch), "epoch": known}
         return outcome
@@ -221,7 +221,7 @@ class Runner:
         self._release(worker)
         if self._store.folders.storage is None:
             self._close(fold_id)
-        known = self.patiently(
+        known = self.retry_until_available(
             lambda: self._store.finish(
                 fold_id,
                 outcome["status"],
@@ -233,9 +233,9 @@ class Runner:
             )
         )
         if not known:
-            self.patiently(lambda: self._store.folders.remove(fold_id))
+            self.retry_until_available(lambda: self._store.folders.remove(fold_id))
         elif outcome["status"] != "cancelled":
-            self.patiently(lambda: self._store.folders.leave(fold_id, outcome["epoch"]))
+            self.retry_until_available(lambda: self._store.folders.leave(fold_id, outcome["epoch"]))
         else:
             # Who has cancelled it wants the worker for something else: no waiting.
             with contextlib.suppress(StorageError, SQLAlchemyError, NoSuchFoldError):
@@ -249,30 +249,30 @@ class Runner:
             return place_of(row.turn, row.cost_s)
         return place_of(0, 0.0)  # it was deleted, which whoever takes it notices
 
-    def patiently(self, do: Callable[[], Answer]) -> Answer:
-        """Run ``patiently``; block for good once the worker stops."""
-        return patiently(do, wait=self._wait)
+    def retry_until_available(self, do: Callable[[], Answer]) -> Answer:
+        """Run ``retry_until_available``; block for good once the worker stops."""
+        return retry_until_available(do, wait=self._wait)
 
-    def _patiently_for(self, fold_id: str, epoch: int, do: Callable[[], Answer]) -> Answer:
-        """Run ``patiently``, but give up on a cancelled fold.
+    def _retry_unless_cancelled(self, fold_id: str, epoch: int, do: Callable[[], Answer]) -> Answer:
+        """Run ``retry_until_available``, but give up on a cancelled fold.
 
         Raises:
-            UnwantedError: When the fold was cancelled or taken over meanwhile.
+            JobCancelledError: When the fold was cancelled or taken over meanwhile.
         """
 
         def wait(seconds: float) -> None:
             self._wait(seconds)
             with contextlib.suppress(SQLAlchemyError):
                 if not self._store.report(fold_id, epoch):
-                    raise UnwantedError(fold_id)
+                    raise JobCancelledError(fold_id)
 
-        return patiently(do, wait=wait)
+        return retry_until_available(do, wait=wait)
 
     def _wait(self, seconds: float) -> None:
         self._stopping.wait(seconds)
-        self._halt()
+        self._block_until_exit()
 
-    def _halt(self) -> None:
+    def _block_until_exit(self) -> None:
         """Block this thread for good once the worker stops, so that no result is recorded.
 
         The step was cut off by us: it must not have a result, so that the job goes on later.
@@ -295,15 +295,15 @@ class Runner:
         )
 
     def _run(self, fold_id: str, stage: str, worker: str, known: int, epoch: int) -> Outcome:
-        directory = self._patiently_for(
+        directory = self._retry_unless_cancelled(
             fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
         )
-        spent_s = self.patiently(lambda: self._store.stage_s(fold_id))
+        spent_s = self.retry_until_available(lambda: self._store.stage_s(fold_id))
         done = _Progress(self._store, fold_id, stage, epoch, spent_s)
         progress = JobProgress(done.report)
         part = self._slices.get(worker)
         if part is None:
-            part = self.patiently(lambda: Slice(self._store, fold_id, epoch))
+            part = self.retry_until_available(lambda: Slice(self._store, fold_id, epoch))
             self._slices[worker] = part
         with _keeping(self._store, fold_id, epoch):
             result = self._call(
@@ -314,14 +314,14 @@ class Runner:
                 cancelled=lambda: progress.cancelled() or part.over(),
             )
         done.take_end()
-        wanted = self.patiently(progress.last)
+        wanted = self.retry_until_available(progress.last)
         # A stage that was told to stop may have a result all the same, of what there was by then.
-        if part.ended and wanted and self.patiently(part.pause):
+        if part.ended and wanted and self.retry_until_available(part.pause):
             raise PausedError(fold_id)
         if part.ended or result.get("status") == "cancelled" or not wanted:
             return self._stopped(fold_id, epoch)
         if stage == "read":
-            self.patiently(
+            self.retry_until_available(
                 lambda: self._store.describe(
                     fold_id,
                     name=str(result["name"]),
@@ -369,7 +369,7 @@ class Runner:
                     cancelled=cancelled,
                 )
             except ChildError as error:
-                self._halt()
+                self._block_until_exit()
                 if error.code not in (CRASHED, LOST):
                     raise
                 self._release_child(worker)
@@ -392,14 +392,14 @@ class Runner:
     def _stopped(self, fold_id: str, epoch: int | None) -> Outcome:
         """Return the outcome of a fold that must not continue here, with the reason."""
         try:
-            row = self.patiently(lambda: self._store.fold(fold_id))
+            row = self.retry_until_available(lambda: self._store.fold(fold_id))
         except NoSuchFoldError:
             return _outcome("cancelled")
         if row.over:  # a step that is repeated after its end was noted
             return _outcome(row.status, summary=row.summary, error=row.error)
         if epoch is not None and row.epoch != epoch and not row.cancel_requested:
             log.warning("fold %s was taken over by %s", fold_id, row.worker)
-            raise TakenOverError(fold_id)
+            raise LeaseLostError(fold_id)
         return _outcome("cancelled", repeatable=False)
 
     def _close(self, fold_id: str) -> None:

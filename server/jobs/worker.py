@@ -24,12 +24,12 @@ from typing import Final
 from dbos import DBOS, DBOSConfig
 from dbos import error as dbos_errors
 
-from server.jobs.dbos_private import hand_back, hand_back_all, set_back, take_nothing_new
+from server.jobs.dbos_private import requeue_all, requeue_job, set_back, stop_dequeuing
 from server.jobs.janitor import Janitor
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.progress import STAGES
 from server.jobs.queue import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, Jobs
-from server.jobs.runner import Outcome, Runner, TakenOverError
+from server.jobs.runner import LeaseLostError, Outcome, Runner
 from server.ops.logs import about, set_up_logs
 from server.ops.starting import settings_of, starting, warn_of_unknown_names
 from server.ops.tracing import send_rest, tracing
@@ -108,13 +108,15 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
                 )
                 epoch = outcome["epoch"]
                 if outcome.get("paused_by") == worker:  # else it goes on after a pause
-                    runner.patiently(lambda: set_back(fold_id, name, *runner.place(fold_id)))
+                    runner.retry_until_available(
+                        lambda: set_back(fold_id, name, *runner.place(fold_id))
+                    )
                     raise PutBack
                 if outcome["ended"] or outcome["following"] is None:
                     return outcome
                 stage = outcome["following"]
         except Exception as error:
-            if passes(error) or isinstance(error, TakenOverError):
+            if passes(error) or isinstance(error, LeaseLostError):
                 raise
             log.exception("fold %s failed", fold_id)
             return {**runner.failure(error, stage), "epoch": epoch}
@@ -129,10 +131,10 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
             except Exception as error:
                 # What was computed could not be noted, or another execution has come in between:
                 # if the job is still ours it is done again.
-                if passes(error) or isinstance(error, TakenOverError):
+                if passes(error) or isinstance(error, LeaseLostError):
                     log.warning("fold %s goes back to the queue: %s", fold_id, error)
                     with suppress(dbos_errors.DBOSWorkflowConflictIDError):
-                        runner.patiently(lambda: hand_back(fold_id, name))
+                        runner.retry_until_available(lambda: requeue_job(fold_id, name))
                 raise
         return outcome["status"]
 
@@ -155,7 +157,7 @@ def _hold_leash(on_end: Callable[[], None]) -> None:
     threading.Thread(target=wait, name="leash", daemon=True).start()
 
 
-class _Caretaker:
+class _LeaseMonitor:
     """Looks after the jobs of all workers: those of dead ones are taken over by living ones."""
 
     def __init__(
@@ -175,7 +177,7 @@ class _Caretaker:
         self._active = active
         self._leases = Leases.of(settings, store)
         self._janitor = Janitor(settings, store)
-        self._strays: dict[str, float] = {}
+        self._orphans: dict[str, float] = {}
         self._preparing: float | None = -1.0  # what an earlier worker of this name noted is wrong
         self._swept_at = time.monotonic()
 
@@ -204,9 +206,9 @@ class _Caretaker:
         for dead in self._leases.dead(holders) - {self._name}:
             if dead in holders:
                 log.info("taking over the folds of %s", dead)
-                hand_back_all(dead)
+                requeue_all(dead)
             self._leases.leave(dead)
-        self._hand_back_strays(
+        self._requeue_orphans(
             [str(job.workflow_id) for job in running if job.executor_id == self._name]
         )
         for row in self._jobs.reconcile(self._store, older_s=MIN_JOBLESS_S):
@@ -219,18 +221,18 @@ class _Caretaker:
             self._janitor.sweep()
             self._jobs.sweep(time.time())
 
-    def _hand_back_strays(self, own: list[str]) -> None:
+    def _requeue_orphans(self, own: list[str]) -> None:
         """Queue this worker's orphaned jobs again.
 
         Not even that a step is over could be noted, for the disk was full or the database away.
         """
         now = time.monotonic()
-        self._strays = {job: self._strays.get(job, now) for job in own if job not in self._active}
-        for job, since in list(self._strays.items()):
+        self._orphans = {job: self._orphans.get(job, now) for job in own if job not in self._active}
+        for job, since in list(self._orphans.items()):
             if now - since >= ORPHANED_JOB_S:
                 log.warning("job %s was dropped; it is queued again", job)
-                hand_back(job, self._name)
-                del self._strays[job]
+                requeue_job(job, self._name)
+                del self._orphans[job]
 
 
 def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], what: str) -> None:
@@ -293,17 +295,17 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     active = Active()
     register(runner, MovieJobs(settings, store), identity.name, active)
     stopping = threading.Event()
-    caretaker = _Caretaker(settings, store, jobs, runner, identity.name, active)
-    caretaker.beat()
-    caretaker.tell_preparing()
+    monitor = _LeaseMonitor(settings, store, jobs, runner, identity.name, active)
+    monitor.beat()
+    monitor.tell_preparing()
     DBOS.launch()
-    _repeat(stopping, COMPILING_REPORT_S, caretaker.tell_preparing, "reporting compiled solvers")
-    _repeat(stopping, settings.lease_s / HEARTBEATS_PER_LEASE, caretaker.beat, "sending heartbeats")
+    _repeat(stopping, COMPILING_REPORT_S, monitor.tell_preparing, "reporting compiled solvers")
+    _repeat(stopping, settings.lease_s / HEARTBEATS_PER_LEASE, monitor.beat, "sending heartbeats")
     look_every_s = min(RECOVERY_POLL_S, settings.lease_s / RECOVERY_POLLS_PER_LEASE)
-    _repeat(stopping, look_every_s, caretaker.look, "checking for expired workers")
+    _repeat(stopping, look_every_s, monitor.look, "checking for expired workers")
     log.info("worker %s is ready", identity.name)
     told.acquire()
-    take_nothing_new()
+    stop_dequeuing()
     deadline = time.monotonic() + settings.drain_s
     while len(active) and time.monotonic() < deadline and not told.acquire(timeout=0.1):
         pass
@@ -311,8 +313,8 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     stopping.set()
     runner.stop()
     try:
-        hand_back_all(identity.name)
-        caretaker.leave()
+        requeue_all(identity.name)
+        monitor.leave()
     except Exception:
         log.exception("jobs could not be put back; other workers will take them over")
     # Steps that were cut off must not get the time to note a result.

@@ -79,7 +79,7 @@ def admits(held: float, wanted: float, *, total: float, limit: float) -> bool:
     return held + wanted <= limit - total
 
 
-def turn_of(
+def virtual_finish_time(
     *, now: int, last_own: int | None, cost_s: float, sharers: int = 1, first: bool = False
 ) -> int:
     """Return the turn of a fold.
@@ -101,8 +101,8 @@ def wait_s(*, ahead_s: float, running_s: float, at_once: int) -> float | None:
     """Return the estimated wait of a fold in s; None if no worker computes.
 
     Args:
-        ahead_s: What the folds before it take.
-        running_s: What is left of those that are being computed.
+        ahead_s: Expected cost of the folds before it, s.
+        running_s: Remaining cost of running folds, s.
         at_once: Folds that are computed at once.
     """
     return None if at_once == 0 else (ahead_s + running_s) / at_once

@@ -23,10 +23,10 @@ class SingleFlight:
     """See the module's description. Belongs to one event loop.
 
     Args:
-        what: What is made, in the plural.
-        at_once: How many things are made at once.
-        total: How many may be made or wait for it.
-        per_visitor: How many of these one visitor may have.
+        what: Name of the results for messages, in the plural.
+        at_once: Number of results that are computed at the same time.
+        total: Maximum number that is computed or waits for it.
+        per_visitor: Maximum number of one visitor's among them.
     """
 
     def __init__(self, what: str, *, at_once: int, total: int, per_visitor: int) -> None:

@@ -74,7 +74,7 @@ def starting(what: str) -> Generator[None]:
     """Turn a missing resource into an error on one line and the exit code 1.
 
     Args:
-        what: What starts.
+        what: Name of the starting program, for the message.
     """
     # Loaded late: settings are wanted by commands that need no database.
     from sqlalchemy.exc import DBAPIError

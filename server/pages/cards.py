@@ -79,11 +79,11 @@ class Card:
     """One example shape.
 
     Attributes:
-        name: Of the shape.
-        title: What people call it.
-        module: What its chain is made of.
-        modules: How many.
-        tags: Of which kinds it is.
+        name: Name of the shape.
+        title: Title for people.
+        module: Kind of its chain's modules.
+        modules: Number of modules.
+        tags: Kinds of shapes that it belongs to.
         rests_within: Torque in w·p within which it rests on a table; None where that is not known.
     """
 
@@ -117,7 +117,7 @@ class Card:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
+class FoldStatus:
     """Status of a shape's fold on this service.
 
     Attributes:
@@ -132,7 +132,7 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sieve:
+class GalleryFilter:
     """Which cards are wanted. What is empty or None lets all of them through.
 
     Every one of the ``words`` must begin a word of the card.
@@ -147,7 +147,7 @@ class Sieve:
     most: int | None = None
 
     @classmethod
-    def of(cls, query: Mapping[str, str]) -> Sieve:
+    def of(cls, query: Mapping[str, str]) -> GalleryFilter:
         """Return the filter in a query, ``?type=cube&modules=100-200``; ignore invalid parts."""
         found = re.fullmatch(r"(\d{0,6})-(\d{0,6})", query.get("modules", ""))
         least, most = found.groups() if found else (query.get("least", ""), query.get("most", ""))
@@ -166,7 +166,7 @@ class Sieve:
             most=int(most) if re.fullmatch(r"\d{1,6}", most) else None,
         )
 
-    def lets(self, card: Card, standing: Standing) -> bool:
+    def lets(self, card: Card, standing: FoldStatus) -> bool:
         """Return True if the filter accepts a card."""
         return (
             self.module in ("", card.module)
@@ -227,7 +227,7 @@ def method_words(row: FoldRow | ShownFold) -> str:
     return ", ".join(filter(None, (METHOD_LABELS.get(row.preset, ""), where)))
 
 
-def standings(store: Store) -> dict[str, Standing]:
+def fold_statuses(store: Store) -> dict[str, FoldStatus]:
     """Return the status of each folded shape; the best of several folds counts."""
     best: dict[str, FoldRow] = {}
     order = list(CARD_STATUS_LABELS)
@@ -241,6 +241,6 @@ def standings(store: Store) -> dict[str, Standing]:
         if row.shape not in best or rank(row) < rank(best[row.shape]):
             best[row.shape] = row
     return {
-        shape: Standing(status=_CARD_STATUSES[row.status], fold=row.id, method=method_words(row))
+        shape: FoldStatus(status=_CARD_STATUSES[row.status], fold=row.id, method=method_words(row))
         for shape, row in best.items()
     }

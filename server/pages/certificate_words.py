@@ -100,7 +100,7 @@ def _folding_time(certificate: CertificateFigures) -> str | None:
     return f"{time} at {speed}" if time and speed else time
 
 
-class TableTold(TypedDict):
+class TableWords(TypedDict):
     """Texts about a certificate of a fold on a table."""
 
     good: bool
@@ -111,7 +111,7 @@ class TableTold(TypedDict):
     named: list[dict[str, str]]
 
 
-def on_table(certificate: CertificateFigures, record: TableRecord | None) -> TableTold | None:
+def on_table(certificate: CertificateFigures, record: TableRecord | None) -> TableWords | None:
     """Return the requirements of a fold on a table and suitable servos; None of one that floats.
 
     Args:

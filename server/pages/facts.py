@@ -29,7 +29,7 @@ from server.errors import MOTION_FILES, damage_words
 from server.jobs.progress import STAGES
 from server.messages import message_for_people
 from server.pages import certificate_words
-from server.pages.certificate_words import TableTold
+from server.pages.certificate_words import TableWords
 from server.pages.choice_words import PREFERENCE_WORDS, Choice, choice_of, superlative
 from server.pages.failures import (
     AttemptWords,
@@ -120,7 +120,7 @@ class FoldFacts(TypedDict):
     failure: Failure | None
     attempts: list[AttemptWords]
     choice: Choice | None
-    table: TableTold | None
+    table: TableWords | None
     again: Suggestion | None
     frames: int
     refoldable: bool
@@ -153,9 +153,9 @@ def fold_facts(
 
     Args:
         found: The fold.
-        api: Whether the service's API is there for downloads and news.
-        embed: Whether other sites may show folds in a frame.
-        kept: Who sees it and for how long, in words.
+        api: True if the service's API is available for downloads and events.
+        embed: True if other sites may embed folds in a frame.
+        kept: Visibility and expiry of the fold in words.
         expected: Estimates the seconds of other folds that are offered.
     """
     row, directory = found.row, found.directory

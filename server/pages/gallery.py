@@ -19,13 +19,13 @@ from server.pages.cards import (
     CHAIN_LABELS,
     MODULE_PLURALS,
     WORLD_LABELS,
-    Sieve,
-    Standing,
+    FoldStatus,
+    GalleryFilter,
     cards,
+    fold_statuses,
     included_folds,
     kinds,
     method_words,
-    standings,
 )
 from server.pages.page import origin_of, page
 from server.pages.problem_page import not_found_page
@@ -37,9 +37,9 @@ router = APIRouter(include_in_schema=False)
 async def gallery_page(request: Request) -> Response:
     """Return the gallery; the query selects which example shapes are shown."""
     context = context_of(request)
-    found = await asyncio.to_thread(standings, context.store)
-    sieve = Sieve.of(request.query_params)
-    shown = [(card, found.get(card.name, Standing())) for card in cards(context.gallery)]
+    found = await asyncio.to_thread(fold_statuses, context.store)
+    sieve = GalleryFilter.of(request.query_params)
+    shown = [(card, found.get(card.name, FoldStatus())) for card in cards(context.gallery)]
     wanted = {card.name for card, standing in shown if sieve.lets(card, standing)}
     return page(
         "gallery.html",

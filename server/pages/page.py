@@ -90,9 +90,9 @@ def page(
 
     Args:
         template: Its name.
-        status_code: Of the answer.
-        listed: Whether search engines may show it.
-        values: What the template is filled in with.
+        status_code: HTTP status of the answer.
+        listed: True if search engines may index it.
+        values: Values for the template.
     """
     html = rendered(template, **values)
     headers = {"Content-Security-Policy": policy_of_pages(), "Cache-Control": "no-store"}

@@ -171,8 +171,8 @@ def picture_answer(
     Args:
         data: The PNG file.
         max_age_s: Seconds that caches may hold it.
-        listed: Whether search engines may list it.
-        private: Whether only browsers may hold it, and ask each time; shared caches must not.
+        listed: True if search engines may index it.
+        private: True if only browsers may hold it, and ask each time; shared caches must not.
     """
     headers = {
         "Cache-Control": "private, no-cache" if private else f"public, max-age={max_age_s}",

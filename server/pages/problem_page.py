@@ -26,10 +26,10 @@ def not_found_page(
     """Return the page that explains why there is nothing to see.
 
     Args:
-        heading: What it is about, in a few words.
-        text: Why, in a sentence or two.
-        status_code: Of the answer.
-        service: Whether there are other pages that it can lead to.
+        heading: Short heading.
+        text: Explanation in one or two sentences.
+        status_code: HTTP status of the answer.
+        service: True if it can link to other pages.
     """
     drawing = isometric_svg(DRAWN_CELLS)
     return page(

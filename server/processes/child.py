@@ -311,7 +311,7 @@ def task_of(kind: str, *, warm: bool, progress: Report, directory: Path | None =
         kind: Kind of child.
         warm: Run each kernel that it needs once.
         progress: Called while kernels are compiled.
-        directory: Where the locks of the compilation are; beside the compiled kernels when None.
+        directory: Directory of the compilation's locks; beside the compiled kernels if None.
     """
     kinds = {
         "stages": partial(_stages, progress, directory),
@@ -328,9 +328,9 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
     """Serve requests until the parent is gone.
 
     Args:
-        kind: Of this child.
+        kind: Kind of this child.
         limits: Those of ``ChildLimits``.
-        load: What it does, by whom its progress is told to.
+        load: Loads the task of this kind; reports its progress.
     """
     setproctitle(f"foldback {kind}")
     if kind in LOW_PRIORITY_KINDS:

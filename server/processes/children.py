@@ -75,7 +75,7 @@ class ChildError(Exception):
 
     Attributes:
         code: Short stable word for programs.
-        detail: What happened, and what to do.
+        detail: Description and remedy.
     """
 
     def __init__(self, code: str, detail: str) -> None:
@@ -117,10 +117,10 @@ class Child:
     """One child process, from its start to its end.
 
     Args:
-        kind: What it does.
-        limits: What it may use.
-        fork_server: What forks it; without one it is started by itself, which takes seconds.
-        environment: Of one that is started by itself, besides that of every child.
+        kind: Kind of its tasks.
+        limits: Its resource limits.
+        fork_server: Server that forks it; without one it is started anew, which takes seconds.
+        environment: Additional environment variables of a child that is not forked.
     """
 
     def __init__(
@@ -168,7 +168,7 @@ class Child:
         Args:
             task: A stage of the planner, or ``check``.
             directory: The fold's directory.
-            wall_s: How long it may take.
+            wall_s: Limit of wall time, s.
             on_progress: Told every progress event.
             cancelled: Asked often; once True, the child is asked to stop, then made to.
 
@@ -339,9 +339,9 @@ class Children:
     """Children of one kind, forked by one server where there is any, and ended together.
 
     Args:
-        kind: What they do.
-        limits: What each may use.
-        fork_server: What forks them.
+        kind: Kind of their tasks.
+        limits: Resource limits of each.
+        fork_server: Server that forks them.
     """
 
     def __init__(self, kind: Kind, limits: ChildLimits, fork_server: ForkServer | None) -> None:
@@ -406,7 +406,7 @@ class Pool:
 
         Args:
             task: One that this kind of child knows.
-            directory: Where the input lies.
+            directory: Directory with the input.
             cancelled: Asked often; once True nobody wants the result, and the child is ended.
 
         Returns:

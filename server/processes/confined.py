@@ -66,7 +66,7 @@ def confine(work: Allowed, *, drawing: bool = False) -> Held:
 
     Args:
         work: The files of its work. Temporary files go to the first directory that it may write.
-        drawing: Whether it draws.
+        drawing: True if it draws with OpenGL.
     """
     _keep_temporary_files(work.writable[0])
     _keep_no_kernels()

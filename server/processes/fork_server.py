@@ -220,9 +220,9 @@ class ForkServer:
     """Starts the process when the first child is wanted, and anew when it has ended.
 
     Args:
-        kinds: Of the children that it forks.
-        warm: Whether it runs every compiled loop once, so that no child has to load it.
-        directory: Where the locks of the compilation are; beside the compiled kernels when None.
+        kinds: Kinds of children that it forks.
+        warm: True to run every compiled loop once, so that no child has to load it.
+        directory: Directory of the compilation's locks; beside the compiled kernels if None.
         environment: Variables besides those of every child.
     """
 

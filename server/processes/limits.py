@@ -21,10 +21,10 @@ class ChildLimits:
     Attributes:
         memory_bytes: Memory.
         cpu_s: Processor time in all, in seconds.
-        niceness: As of ``nice``.
+        niceness: Niceness (POSIX).
         folders: Directories that it works in, one request after the other; when there are none, the
             directory of its first request.
-        warm: Whether it runs every compiled loop once before it takes a request.
+        warm: True to run every compiled loop once before its first request.
     """
 
     memory_bytes: int

@@ -41,7 +41,7 @@ def ask_for_movie(
         wishes: Fields of a ``web.movies.movie.Movie``.
         timeline: The timeline's directory.
         part: Name of the file there that is to be made.
-        on_table: Whether the chain folds on a table.
+        on_table: True if the chain folds on a table.
     """
     request = {"movie": wishes, "timeline": str(timeline), "part": part, "on_table": on_table}
     (place / "request.json").write_text(json.dumps(request))

@@ -24,7 +24,14 @@ from planner.pipeline.expected_cost import ExpectedCost, expected_cost
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.pipeline.request import Request
 from planner.progress import COMPILING
-from server.limits.fair_queue import QUICK_FOLD_S, is_quick, network_of, slice_s, ticks, turn_of
+from server.limits.fair_queue import (
+    QUICK_FOLD_S,
+    is_quick,
+    network_of,
+    slice_s,
+    ticks,
+    virtual_finish_time,
+)
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
 from server.store.shown import Found, ShownFold
@@ -97,7 +104,7 @@ class Store:
     """Rows in a database, files in folders. Safe to use from many threads.
 
     Attributes:
-        folders: Where the files are.
+        folders: Files of the folds.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -353,7 +360,7 @@ class Store:
                     FoldRow.created_at > row.created_at - CANCELLATION_MEMORY_S,
                 )
             )
-        return turn_of(
+        return virtual_finish_time(
             now=now,
             last_own=max((turn for who, turn in waiting if who == row.visitor), default=None),
             cost_s=row.cost_s,
@@ -465,9 +472,8 @@ class Store:
 
         Args:
             fold_id: The fold.
-            stage: What is computed now.
-            worker: Who computes it, by a name that nobody had before: whoever held the fold until
-                now loses it.
+            stage: Stage that starts.
+            worker: Name of the execution, never used before: any earlier one loses the fold.
 
         Returns:
             The epoch in which it is computed; None when it is cancelled, over or deleted.
@@ -574,9 +580,9 @@ class Store:
         Args:
             fold_id: The fold.
             status: One of ``ENDED``.
-            summary: What came out.
+            summary: Figures of the result.
             error: ``code``, ``detail``, ``where`` of what went wrong, or None.
-            repeatable: Whether the same upload would end the same way. If not, the next one is
+            repeatable: True if the same upload would end the same way. If not, the next one is
                 computed anew.
             kept: The epoch whose files readers see from now on; as before when None.
             size: Bytes of its files; as before when None.

@@ -34,11 +34,11 @@ class GalleryShape:
 
     Attributes:
         name: Its stem, as ``POST /api/folds`` takes it.
-        title: What people call it.
+        title: Title for people.
         modules: Modules of its chain.
-        module: What they are: ``cube`` or ``tetrahedron``.
+        module: Kind of modules: ``cube`` or ``tetrahedron``.
         data: The bytes of its path or chain file.
-        tags: What kind of shape it is: ``animal``, ``tool``, ``letter`` …
+        tags: Kinds of shapes: ``animal``, ``tool``, ``letter`` …
         rests_within: Torque in w·p within which it is known to rest on a table, without friction;
             None where nothing of the kind is known.
     """

@@ -57,11 +57,11 @@ class Leases:
     """Looks at the workers' rows. Safe to use from many threads.
 
     Args:
-        store: Where the rows are.
+        store: Store with the rows.
         identities: The workers of this machine.
-        lease_s: How long a worker may be silent.
+        lease_s: Time without a heartbeat after which a worker counts as dead, s.
         clock: Seconds that only rise.
-        expects_workers: Whether workers start with this process.
+        expects_workers: True if workers start with this process.
     """
 
     def __init__(

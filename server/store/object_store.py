@@ -56,7 +56,7 @@ class Storage:
 
     Args:
         store: The object store.
-        name: What people call it.
+        name: Name for people.
     """
 
     def __init__(self, store: ObjectStore, name: str) -> None:

@@ -28,8 +28,8 @@ class FoldsMade:
 
     Attributes:
         rows: The newest first.
-        next: Of which the following ones are told; None when there are none.
-        total: How many he has made.
+        next: Cursor of the next page; None on the last one.
+        total: Number of the owner's folds.
     """
 
     rows: Sequence[FoldRow]
@@ -44,7 +44,7 @@ def folds_made(store: Store, token: str, *, before: str | None, limit: int) -> F
         store: The rows.
         token: His.
         before: The ``next`` of those that are known already, ``created_at,id``.
-        limit: How many to tell.
+        limit: Maximum number to return.
     """
     made = FoldRow.maker == hash_of(token)
     wanted = sa.select(FoldRow).where(made)
@@ -114,8 +114,8 @@ def note_preview(store: Store, preview: PreviewRow, *, sent: bool, keep_s: float
 
     Args:
         store: The rows.
-        preview: As it is now.
-        sent: Whether its owner has just sent the upload.
+        preview: Current row of the preview.
+        sent: True if its owner has just sent the upload.
         keep_s: Notes that are older than so many seconds are forgotten.
     """
     old = sa.delete(PreviewRow).where(PreviewRow.seen_at < time.time() - keep_s)

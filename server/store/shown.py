@@ -69,9 +69,9 @@ class Found:
     """A fold, and the directory of its files.
 
     Attributes:
-        row: What is known of it.
-        directory: Where its files are.
-        recorded: Of a smoothed fold, the id of the one that was smoothed, while that is there.
+        row: Facts of the fold.
+        directory: Directory with its files.
+        recorded: Id of the fold whose plan was smoothed, while it exists.
         alternative_to: Id of the fold of which this is another plan; None for a fold.
     """
 

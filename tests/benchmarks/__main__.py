@@ -17,7 +17,6 @@ from tests.benchmarks.paths import paths
 from tests.benchmarks.peeling import peeling
 from tests.benchmarks.plan_files import plan_files
 from tests.benchmarks.portfolio import portfolio
-from tests.benchmarks.published import published
 from tests.benchmarks.scaling import scaling
 from tests.benchmarks.service.compiling import compiling
 from tests.benchmarks.service.dropped import dropped
@@ -27,6 +26,7 @@ from tests.benchmarks.service.views import views
 from tests.benchmarks.service.weights import weights
 from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.speed import speed
+from tests.benchmarks.success_map.published import published
 from tests.benchmarks.success_map.seeds import seeds
 from tests.benchmarks.sweeps import sweeps
 from tests.benchmarks.table.folds import table_folds, table_long_folds

@@ -41,9 +41,9 @@ def make_movie(
 
     Args:
         directory: The timeline's.
-        movie: What it is to be.
+        movie: Options of the movie.
         out: The file to write.
-        on_table: Whether the chain folds on a table, whose top is the ground then.
+        on_table: True if the chain folds on a table, whose top is the ground then.
         backend: ``egl`` or ``osmesa``.
         progress: Told the number of pictures that are done.
         cancelled: Asked often whether it is not wanted any more.

@@ -45,13 +45,13 @@ class Movie:
 
     Attributes:
         format: ``mp4``, or ``gif``.
-        width: Of a picture in pixels, even.
-        height: Of a picture in pixels, even.
+        width: Width of a picture, pixels; even.
+        height: Height of a picture, pixels; even.
         fps: Pictures a second.
-        seconds: How long it lasts.
+        seconds: Duration, s.
         azimuth_deg: Direction that the end is seen from; chosen from the shape when None.
-        elevation_deg: How far above the ground the camera looks from.
-        turn_deg: How far the camera goes around the chain during the movie.
+        elevation_deg: Elevation of the camera above the horizon, degrees.
+        turn_deg: Angle by which the camera goes around the chain, degrees.
         theme: ``light``, or ``dark``.
         first_frame: Frame of the timeline to begin with; of the playback's first when None.
         last_frame: Frame to end with; the timeline's last when None. Before the first one, it runs

@@ -74,7 +74,7 @@ class Stage:
 
         Args:
             module: The kind of module.
-            modules: How many are drawn at most.
+            modules: Maximum number of drawn modules.
             width: Width of a picture in pixels.
             height: Its height.
             theme: The colours of the ground and the light.

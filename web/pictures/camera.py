@@ -85,7 +85,7 @@ def modules_framed(chain: Chain, last: int, stretch: int) -> int:
     Args:
         chain: The chain.
         last: The hinge from which on all are straight.
-        stretch: What ``straight_stretch`` says of the chain.
+        stretch: Result of ``straight_stretch`` for the chain.
     """
     module = chain.module
     bent = module.rigid_links + -(-last // module.hinges_per_joint) + 1
@@ -107,7 +107,7 @@ def framing(
 
     Args:
         points: (n, 3) centres.
-        radius: How far a module reaches from its centre.
+        radius: Radius of a module around its centre, pitches.
         aspect: Width of the window by its height.
         azimuth_rad: Direction to look from; chosen from the points when None.
         elevation_rad: Angle above the ground to look from.

@@ -69,12 +69,12 @@ def camera_path(
     Args:
         pictures: K times (n, 3) centres of some or all modules.
         lows: (K,) heights of the lowest centre of all.
-        radius: How far a module reaches from its centre.
+        radius: Radius of a module around its centre, pitches.
         aspect: Width of a picture by its height.
         fps: Pictures a second.
         azimuth_rad: Direction that the last picture is seen from; chosen from the points when None.
         elevation_rad: Angle above the ground to look from.
-        turn_rad: How far the camera goes around on its way.
+        turn_rad: Angle by which the camera goes around, rad.
     """
     count = len(pictures)
     smooth = min(POSITION_SMOOTHING_S * fps, MAX_SMOOTHING_FRACTION * count)

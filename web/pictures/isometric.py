@@ -55,7 +55,7 @@ def isometric_svg(
     Args:
         cells: (n, 3) whole numbers.
         size: Width and height in CSS pixels; the drawing scales.
-        title: What a screen reader says; without one the drawing counts as decoration.
+        title: Text for screen readers; without one the drawing counts as decoration.
         odd: Cells that prevent a path; they are red.
         added: Further cells that a repair adds; they are blue.
 

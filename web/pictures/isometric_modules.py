@@ -43,7 +43,7 @@ def chain_svg(chain: Chain, *, size: int = 320, title: str | None = None) -> str
     Args:
         chain: The chain.
         size: Width and height in CSS pixels; the drawing scales.
-        title: What a screen reader says; without one the drawing counts as decoration.
+        title: Text for screen readers; without one the drawing counts as decoration.
     """
     poses = chain.folded_poses
     return modules_svg(chain.module, poses.positions, poses.rotations, size=size, title=title)
@@ -64,7 +64,7 @@ def modules_svg(
         positions: (n, 3) in pitches.
         rotations: (n, 3, 3).
         size: Width and height in CSS pixels; the drawing scales.
-        title: What a screen reader says; without one the drawing counts as decoration.
+        title: Text for screen readers; without one the drawing counts as decoration.
     """
     if module.geom == "box":
         return isometric_svg(np.rint(positions).astype(np.int64), size=size, title=title)

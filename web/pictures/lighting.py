@@ -45,7 +45,7 @@ class Theme:
         key: Strength of the key light, 0 to 1.
         fill: Strength of the light from the other side.
         ambient: Strength of the light from everywhere.
-        dimmest: What is left of a colour where neither sky nor light comes to.
+        dimmest: Fraction of a colour that remains without sky and light.
     """
 
     ground: Rgb
@@ -103,7 +103,7 @@ def share_left(
         positions: (n, 3) centres of the modules.
         module: Their kind.
         view: The camera, which the light goes with.
-        theme: How dark it gets.
+        theme: Theme with the darkest tone.
 
     Returns:
         (n, F) shares, 0 to 1.

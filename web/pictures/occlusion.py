@@ -36,7 +36,7 @@ def face_light(
         middles: (n, F, 3) middles of the faces of the modules.
         normals: (n, F, 3) their unit normals.
         positions: (n, 3) centres of the modules.
-        radius: Of the balls.
+        radius: Radius of the balls.
         towards_light: (3,) unit vector.
 
     Returns:

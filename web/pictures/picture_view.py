@@ -45,8 +45,8 @@ class PictureView:
         azimuth_rad: Direction to look from; chosen from the chain when None.
         elevation_rad: Angle above the ground to look from; the usual one when None.
         zoom: Distance, as a multiple of the usual one.
-        aside: How far beside the chain it looks, to the right and up, as multiples of the usual
-            distance; None when it follows.
+        aside: Offset of its target from the chain to the right and up, as multiples of the default
+            distance; None if it follows.
     """
 
     frame: int

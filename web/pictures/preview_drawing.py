@@ -32,7 +32,7 @@ def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) 
     Without a path, the cells that prevent it are red, as in the 3D view.
 
     Args:
-        report: As ``planner.pipeline.prepare.Preparation.report`` gives it.
+        report: Result of ``planner.pipeline.prepare.Preparation.report``.
         added: Cells that an offered repair adds, to draw in blue.
 
     Returns:

@@ -62,7 +62,7 @@ def social_picture(
 
     Args:
         chain: The chain.
-        caption: What is written into it.
+        caption: Caption of the picture.
         view: The camera.
         moment: The moment that is shown; the folded chain when None.
     """

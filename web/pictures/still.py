@@ -150,7 +150,7 @@ def module_triangles(
         positions: (n, 3) centres in pitches.
         rotations: (n, 3, 3) orientations.
         colours: (n, 3) sRGB.
-        camera: What looks at them.
+        camera: Camera of the picture.
         theme: The light on them.
     """
     view = camera.view

@@ -38,8 +38,8 @@ class TableTop:
     """A table. Lengths in pitches.
 
     Attributes:
-        height: Of its top.
-        middle: Of its top.
+        height: Height of its top, pitches.
+        middle: Centre of its top, pitches.
         sides: Its lengths along x and y.
     """
 

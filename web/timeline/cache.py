@@ -16,7 +16,7 @@ class Cache(Generic[Thing]):
     """Keeps what was asked for last under its key. Safe to use from several threads.
 
     Args:
-        most_bytes: Of all things together; one that is larger is not kept.
+        most_bytes: Maximum size of all values together; a larger one is not stored.
         size: Bytes of a thing.
     """
 

@@ -52,7 +52,7 @@ def encode(
         planes: Columns to pack as they are.
 
     Raises:
-        TypeError: For an array of a type that browsers have no word for.
+        TypeError: An array has a type that browsers do not have.
     """
     described: list[dict[str, Any]] = []
     parts: list[bytes] = []

@@ -45,7 +45,7 @@ more exact and slower. Chosen."""
 _BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 
 
-def kept_batch(
+def cached_batch(
     timeline: TimelineView, start: int = 0, stop: int | None = None, stride: int = 1
 ) -> bytes:
     """``batch_of`` with its usual size; of a timeline that is over, the latest are cached.
@@ -75,7 +75,7 @@ def batch_of(
     """Frames from ``start`` on, as many as fit into one message of about a mebibyte.
 
     Args:
-        timeline: What they are of.
+        timeline: Timeline of the frames.
         start: The first one; one past the end is answered with no frames.
         stop: Past the last one; the end when None.
         stride: Every so many-th.

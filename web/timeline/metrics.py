@@ -49,7 +49,7 @@ _FORCES: Final[Cache[TableForces]] = Cache(
 _MESSAGES: Final[Cache[bytes]] = Cache(32 * 2**20, len)
 
 
-def kept_figures(directory: Path, part: int | None = None) -> bytes:
+def cached_figures(directory: Path, part: int | None = None) -> bytes:
     """``curves_of``, or ``stretch_of`` a part; those that were asked for lately are kept.
 
     Raises:

@@ -14,7 +14,7 @@ from web.pictures.colours import error_scale
 from web.timeline.view import Snapshot, chain_errors
 
 
-class Moments(Protocol):
+class MotionSource(Protocol):
     """Motion that can be shown, such as a ``web.timeline.view.TimelineView``."""
 
     @property

@@ -61,7 +61,7 @@ class Snapshot:
     """One moment of a view.
 
     Attributes:
-        frame: Which one; not whole between two recorded frames.
+        frame: Frame number; fractional between two recorded frames.
         time_s: Simulated time.
         phase: ``explosion`` or ``playback``.
         positions: (n, 3) centres of the modules in pitches.
@@ -69,7 +69,7 @@ class Snapshot:
         joint_angles_rad: (J,) hinge angles.
         joint_error_rad: (J,) hinge errors, NaN where none is recorded.
         module_error_rad: (n,) what each module shows.
-        framed: How many modules, from the first on, a camera should have in view.
+        framed: Number of modules, from the first on, that a camera shows.
     """
 
     frame: float

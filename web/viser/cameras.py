@@ -20,7 +20,7 @@ class Cameras:
     """Each shows the whole chain from where somebody has turned it to, in a window of any shape.
 
     Attributes:
-        following: Whether they move at all.
+        following: True if they follow the chain.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -41,7 +41,7 @@ class Cameras:
 
         Args:
             points: (m, 3) what to have in view, in the scene's units.
-            radius: How far the chain reaches beyond.
+            radius: Radius of a module around its centre.
         """
         if not self.following:
             return

@@ -24,7 +24,7 @@ from web.pictures.colours import (
 )
 from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh
 from web.timeline.columns import encode
-from web.viser.scene_bundle import taken_down, viser_server
+from web.viser.scene_bundle import capture_messages, viser_server
 
 if TYPE_CHECKING:
     import viser
@@ -70,11 +70,11 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
     while they are no ghost.
 
     Args:
-        report: As ``planner.pipeline.prepare.Preparation.report`` gives it in full.
+        report: Full result of ``planner.pipeline.prepare.Preparation.report``.
     """
     with viser_server() as server:
         scene = _PreviewScene(server, report)
-        messages, arrays = taken_down(server)
+        messages, arrays = capture_messages(server)
     module = scene.module
     header = {
         "messages": messages,

@@ -65,9 +65,9 @@ class Scene:
         Args:
             server: The viser server.
             chain: The chain.
-            stretch: As of ``web.timeline.view.TimelineView``.
-            shadows: Whether there are any.
-            table: What it stands on; None of a chain that floats.
+            stretch: That of ``web.timeline.view.TimelineView``.
+            shadows: True to draw shadows.
+            table: Table under the chain; None if it floats.
         """
         self._server = server
         self._chain = chain

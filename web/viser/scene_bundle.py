@@ -57,8 +57,8 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
 
     Args:
         chain: The chain.
-        stretch: As of the fold's ``web.timeline.view.TimelineView``.
-        table: What it folds on; None of one that floats.
+        stretch: That of the fold's ``web.timeline.view.TimelineView``.
+        table: Table under the chain; None if it floats.
     """
     module, n = chain.module, len(chain)
     pitch, messages, arrays = _staged_alike(_Alike(chain, stretch, table))
@@ -173,7 +173,9 @@ def viser_scene(
         yield server, Scene(server, chain, stretch=stretch, table=table)
 
 
-def taken_down(server: viser.ViserServer) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
+def capture_messages(
+    server: viser.ViserServer,
+) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
     """Return a server's messages, with ``{"column": name}`` for arrays, and the arrays."""
     messages, buffers = opened_scene(server.get_scene_serializer().serialize())
     arrays: dict[str, NDArray[Any]] = {}
@@ -223,4 +225,4 @@ def _staged_alike(
     alike: _Alike,
 ) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
     with viser_scene(alike.chain, alike.stretch, alike.table) as (server, scene):
-        return scene.pitch, *taken_down(server)
+        return scene.pitch, *capture_messages(server)

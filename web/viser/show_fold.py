@@ -11,7 +11,7 @@ from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import TIMELINE, result
 from planner.plan.plan import Plan
 from planner.progress import Progress
-from web.timeline.moments import Moments, MotionMoments
+from web.timeline.moments import MotionMoments, MotionSource
 from web.timeline.view import TimelineView
 from web.timeline.views import TimelineViews
 from web.viser.shown import Shown
@@ -35,7 +35,7 @@ class Live(Shown):
         """Start the server, which has nothing to show yet; ``show.live`` does so."""
         self._views = TimelineViews()
         self._directory: FilePath | None = None
-        self._whole: Moments | None = None
+        self._whole: MotionSource | None = None
         super().__init__(
             self._newest, host=host, port=port, open_browser=open_browser, follows=True
         )
@@ -65,7 +65,7 @@ class Live(Shown):
     def _growing(self) -> bool:
         return self._whole is None  # also between two attempts
 
-    def _newest(self) -> Moments | None:
+    def _newest(self) -> MotionSource | None:
         if self._whole is not None or self._directory is None:
             return self._whole
         return self._views.get(result(self._directory, TIMELINE))
@@ -90,7 +90,7 @@ class Show:
             port: Port to listen on; the next free one when it is taken, any for 0.
             host: Address to listen on. viser asks nobody who they are: whoever reaches the address
                 can look and move the slider.
-            open_browser: Whether to open a browser.
+            open_browser: True to open a browser.
 
         Raises:
             TimelineError: When there is no timeline there.
@@ -124,7 +124,7 @@ class Show:
         """Show a fold while it is computed: ``fold(shape, progress=show.live())``.
 
         Args:
-            port, host, open_browser: As of ``show`` itself.
+            port, host, open_browser: Same as for ``show``.
 
         Raises:
             InputError: ``no-such-address``.

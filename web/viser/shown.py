@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
 from web.pictures.colours import SELECTED_RGB, error_colours, ramp_colours
-from web.timeline.moments import Moments
+from web.timeline.moments import MotionSource
 from web.timeline.view import Snapshot
 from web.viser.cameras import Cameras
 from web.viser.scene import Scene
@@ -63,12 +63,12 @@ class Shown:
 
     Attributes:
         server: To add to what is shown, and to the controls beside it.
-        url: Where it is.
+        url: Address of the view.
     """
 
     def __init__(
         self,
-        moments: Callable[[], Moments | None],
+        moments: Callable[[], MotionSource | None],
         *,
         host: str,
         port: int,
@@ -79,8 +79,8 @@ class Shown:
 
         Args:
             moments: Gives the motion as it is by now; None while there is none.
-            host, port, open_browser: As of ``web.viser.show``.
-            follows: Whether to begin at the last frame, and to go on to each that comes.
+            host, port, open_browser: Same as for ``web.viser.show``.
+            follows: True to start at the last frame and to follow new ones.
 
         Raises:
             InputError: ``no-such-address``.
@@ -95,7 +95,7 @@ class Shown:
         self._wake = threading.Event()
         self._closed = False
         self._playing = False
-        self._moments: Moments | None = None
+        self._moments: MotionSource | None = None
         self._id = ""
         self._last = -1
         self._frame = 0

@@ -51,8 +51,8 @@ def standalone_html(
     Args:
         timeline: The fold's frames.
         render: Fills the template ``standalone.html`` with the values it is given.
-        facts: What the page says of the fold, as for its own page.
-        curves: What plots are drawn of, as of ``web.timeline.metrics``.
+        facts: Facts of the fold, as for its own page.
+        curves: Data of the plots, from ``web.timeline.metrics``.
         forces: ``web.timeline.metrics.table_forces``, of a fold on a table.
         table: That table.
 

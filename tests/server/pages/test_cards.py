@@ -11,13 +11,13 @@ from server.pages.cards import (
     FEATURED_SHAPES,
     TAG_LABELS,
     Card,
-    Sieve,
-    Standing,
+    FoldStatus,
+    GalleryFilter,
     cards,
+    fold_statuses,
     kinds,
     method_words,
     selected,
-    standings,
 )
 from server.store.folds import Store
 from server.store.gallery import Gallery
@@ -34,7 +34,7 @@ RING = Card(
     modules=12,
     tags=("tetrahedra", "ring"),
 )
-VERIFIED = Standing(status="verified", fold="a")
+VERIFIED = FoldStatus(status="verified", fold="a")
 
 
 @pytest.mark.parametrize(
@@ -64,10 +64,10 @@ VERIFIED = Standing(status="verified", fold="a")
     ],
 )
 def test_an_address_says_which_are_wanted(query: dict[str, str], found: str) -> None:
-    sieve = Sieve.of(query)
+    sieve = GalleryFilter.of(query)
     let = [
         name
-        for name, card, standing in (("heart", HEART, VERIFIED), ("ring", RING, Standing()))
+        for name, card, standing in (("heart", HEART, VERIFIED), ("ring", RING, FoldStatus()))
         if sieve.lets(card, standing)
     ]
     assert let == {"both": ["heart", "ring"], "": []}.get(found, [found])
@@ -95,9 +95,9 @@ def test_the_best_of_several_folds_counts(store: Store) -> None:
         values = {"id": f"fold{number}", "shape": shape, "status": status, "public": True}
         assert store.add(row(None, **values), "token")
     assert store.add(row(None, id="private", shape="dog", status="verified", public=False), "t")
-    assert standings(store) == {
-        "heart": Standing(status="verified", fold="fold1"),
-        "cat": Standing(status="running", fold="fold3"),
+    assert fold_statuses(store) == {
+        "heart": FoldStatus(status="verified", fold="fold1"),
+        "cat": FoldStatus(status="running", fold="fold3"),
     }
 
 

@@ -20,7 +20,7 @@ from planner.parameters.parameters import PRESETS, preset
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.parameters.published import PaperExplosionParameters
 from server.api.schemas import Fold
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.pages import quantities
 from server.pages.facts import fold_facts
 from server.pages.properties import used_parameters
@@ -191,7 +191,7 @@ def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Pat
     with closing(Store(settings)) as store:
         store.add(a_fold("earlier", summary=summary), "a token")
         leases = Leases(store, WorkerIdentities(settings), 1.0)
-        state = Fold.of(store.fold("earlier"), store, Remaining(store, leases)).summary
+        state = Fold.of(store.fold("earlier"), store, EtaEstimator(store, leases)).summary
     assert state["certificate"]["verdict"] == "verified (kinematics only)"
     assert state["certificate"]["rms_position_error"] is None
     assert state["playback"] == {

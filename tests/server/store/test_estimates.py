@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from server.api.schemas import ExpectedTimes
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.settings import Settings
 from server.store.durations import MIN_SIMILAR_FOLDS
 from server.store.estimates import Estimates, expected_of_cost, plain_fold
@@ -41,7 +41,7 @@ def told_everywhere(store: Store, tmp_path: Path) -> tuple[float, float]:
     leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
     leases.beat("one", host="here", pid=1, folds_at_once=1)
     store.add(a_fold("asked", status="queued", modules=160, created_at=time.time()), "a token")
-    outlook = Remaining(store, leases, estimates).of(store.fold("asked"))
+    outlook = EtaEstimator(store, leases, estimates).of(store.fold("asked"))
     assert outlook.remaining_s is not None
     return preview.expected_s, outlook.remaining_s
 

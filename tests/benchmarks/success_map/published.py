@@ -1,7 +1,8 @@
 """The published recipe on random paths of 160 modules, and on five shapes of the paper.
 
-``python -m tests.benchmarks.published`` runs what is missing in ``out/published-….jsonl``, a file
-for each version of the planner; it can be stopped at any time and goes on where it was.
+``python -m tests.benchmarks.success_map.published`` runs what is missing in
+``out/published-….jsonl``, a file for each version of the planner; it can be stopped at any time and
+goes on where it was.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from planner.readers import read
 from tests.benchmarks.success_map.stored import run_missing, version_of
 from tests.benchmarks.tables import Section
 
-ROOT: Final = Path(__file__).parents[2]
+ROOT: Final = Path(__file__).parents[3]
 SHAPES: Final = ("mallet-64", "wrench-94", "wrench-160", "mallet-160", "mallet-192")
 """Shapes of the paper's figures and tables."""
 RANDOM_PATHS: Final = 20
