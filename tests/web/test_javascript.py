@@ -40,7 +40,12 @@ from web.static_files import STATIC, scripts_of
 from web.timeline.columns import encode
 from web.timeline.frame_batch import batch_of
 from web.timeline.view import TimelineView
-from web.timeline.window_columns import PLANES, SHORT, window_columns, windows_of
+from web.timeline.window_columns import (
+    PLANE_COLUMNS,
+    SINGLE_BYTE_COLUMNS,
+    window_columns,
+    windows_of,
+)
 from web.viser.scene_bundle import bundle_of
 
 ROOT = Path(__file__).parents[2]
@@ -176,7 +181,9 @@ def windows() -> list[Vectors]:
             {
                 "name": name,
                 "bundle": text(bundle_of(chain, 40)),
-                "batch": text(encode(header, columns, planes=PLANES, short=SHORT)),
+                "batch": text(
+                    encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
+                ),
                 "frames": frames,
             }
         )

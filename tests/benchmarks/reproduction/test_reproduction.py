@@ -20,7 +20,7 @@ from tests.benchmarks.reproduction.experiments import STATEMENTS, Experiment, ex
 from tests.benchmarks.reproduction.reproduce import reproduce, tell
 from tests.benchmarks.reproduction.runs import stored_runs
 from tests.benchmarks.reproduction.telling import figure, told
-from web.pictures.colours import STUCK
+from web.pictures.colours import STALLED_RGB
 
 pytestmark = pytest.mark.slow
 
@@ -99,7 +99,7 @@ def orange(path: Path) -> int:
     """Pixels of the colour of modules where a fold fails, in whatever light."""
     picture = np.asarray(Image.open(path).convert("RGBA")).astype(float)
     red, green, blue, alpha = np.moveaxis(picture, -1, 0)
-    ratio = STUCK[1] / STUCK[0]
+    ratio = STALLED_RGB[1] / STALLED_RGB[0]
     return int(
         ((alpha > 250) & (blue < 60) & (red > 90) & (abs(green - ratio * red) < 0.1 * red)).sum()
     )
