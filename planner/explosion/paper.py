@@ -25,7 +25,7 @@ from planner.explosion.explosion import (
     Watch,
     run,
 )
-from planner.explosion.recorder import FrameRecorder, Step
+from planner.explosion.recorder import FrameRule, Recorder, Step
 from planner.explosion.step_control import StepControl
 from planner.explosion.whole_chain import chain_at_rest, unfolded_share
 from planner.kernels.pairs import near_pairs, repulsion
@@ -83,12 +83,14 @@ def explode_as_published(
     control = StepControl.fixed(p.step_s, p.damping / (1.0 - p.damping) / p.step_s)
     world = PublishedChain(chain, p, control)
     recorder = IntervalRecorder(
-        FrameRecorder(
-            chain,
-            snapshot_rad=FRAME_SPACING_RAD,
-            snapshot_distance=FRAME_SPACING_PITCH,
-            size=BETWEEN_FRAMES_SIZE,
-            sink=sink,
+        Recorder(
+            FrameRule(
+                chain=chain,
+                snapshot_rad=FRAME_SPACING_RAD,
+                snapshot_distance=FRAME_SPACING_PITCH,
+                size=BETWEEN_FRAMES_SIZE,
+            ),
+            sink,
         ),
         p.snapshot_interval,
     )
@@ -119,7 +121,7 @@ class IntervalRecorder:
         steps: Number of steps so far.
     """
 
-    frames: FrameRecorder
+    frames: Recorder[Step]
     interval: int
     angles: list[Array] = field(default_factory=list)
     steps: int = 0

@@ -29,7 +29,8 @@ from planner.explosion.explosion import (
     run,
 )
 from planner.explosion.peeling_policy import SAME_HEADING_COSINE, Peeling
-from planner.explosion.peeling_recorder import Guarding, Mark, Proof, Refusal, WindowRecorder
+from planner.explosion.peeling_recorder import Proof, WindowRule
+from planner.explosion.recorder import Mark, Recorder, Refusal
 from planner.explosion.step_control import ContactDepth, StepControl
 from planner.explosion.whole_chain import radial_weights
 from planner.explosion.window import (
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from planner.explosion.peeling_core import Core, CoreOnTable
     from planner.explosion.table import TableRules
     from planner.explosion.table_forces import TableForces
+    from planner.explosion.table_guard import Guard
 
 Array = NDArray[np.float64]
 MIN_PEELING_PROGRESS_RAD: Final = 0.5
@@ -130,7 +132,7 @@ def build_peeling(
     rules: FloatingRules | TableRules,
     pulses: Pulses,
     min_progress_rad: float,
-    guard: Guarding | None = None,
+    guard: Guard | None = None,
     sink: Callable[[Motion], None] | None,
     watch: Watch,
 ) -> Peeling:
@@ -153,14 +155,8 @@ def build_peeling(
         )
     )
     proof = Proof(chain, parameters.verify_size)
-    recorder = WindowRecorder(
-        peelable,
-        proof,
-        snapshot_rad=parameters.snapshot_rad,
-        snapshot_distance=parameters.snapshot_distance,
-        sink=sink,
-        guard=guard,
-    )
+    rule = WindowRule(peelable, proof, parameters.snapshot_rad, parameters.snapshot_distance)
+    recorder = Recorder(rule, sink, guard=None if guard is None else guard.refusal)
     room = CONTACT_ROOM_SHARE * (parameters.geom_size - parameters.verify_size)
     allowed = ContactDepth.within(room, MAX_PEELING_DEPTH_PITCH)
     return Peeling(
@@ -266,7 +262,7 @@ class FloatingRules:
     def committed(self) -> None:
         """Do nothing."""
 
-    def released(self, point: ReleasePoint, mark: Mark, first: int) -> None:
+    def released(self, point: ReleasePoint, mark: Mark[WindowConfiguration], first: int) -> None:
         """Do nothing: no run returns to a release."""
 
     def answer(self, refusal: Refusal, window: Window, step: int) -> None:

@@ -14,7 +14,8 @@ from planner.explosion.checkpoint import (
     BendDecrease,
 )
 from planner.explosion.explosion import COMMIT_EVERY_STEPS, STRAIGHT, End, Explosion, Watch
-from planner.explosion.peeling_recorder import TOO_CLOSE, Proof, Refusal, WindowRecorder
+from planner.explosion.peeling_recorder import Proof
+from planner.explosion.recorder import TOO_CLOSE, Recorder, Refusal
 from planner.explosion.straightening import KINEMATIC_FRAME_S
 from planner.explosion.window import Window, WindowConfiguration
 from planner.motion.record import Spent
@@ -55,7 +56,7 @@ class Peeling:
 
     explosion: Explosion[WindowConfiguration]
     window: Window
-    recorder: WindowRecorder
+    recorder: Recorder[WindowConfiguration]
     proof: Proof
     progress: BendDecrease
     rules: FloatingRules | TableRules
@@ -148,7 +149,7 @@ class Peeling:
         """
         self.window.place()
         self.recorder.add(self.window.snapshot())
-        refusal = self.recorder.commit_clear(self.proof.least)
+        refusal = self.recorder.commit(least=self.proof.least)
         if refusal is not TOO_CLOSE:
             self.refusal = refusal
         if refusal is not None:

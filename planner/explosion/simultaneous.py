@@ -33,7 +33,7 @@ from planner.explosion.explosion import (
     Watch,
     run,
 )
-from planner.explosion.recorder import FrameRecorder, Step
+from planner.explosion.recorder import FrameRule, Recorder, Step
 from planner.explosion.step_control import ContactDepth, StepControl
 from planner.explosion.straightening import straightening
 from planner.explosion.whole_chain import RadialForces, WholeChain, body_cap_scale
@@ -141,7 +141,7 @@ class Simultaneous:
 
     explosion: Explosion[Step]
     world: WholeChain
-    recorder: FrameRecorder
+    recorder: Recorder[Step]
     finish: KinematicFinish
     jam: JamDetector
     watch: Watch
@@ -184,14 +184,14 @@ class Simultaneous:
         world = WholeChain(chain, parameters, material, engine, forces)
         # Snapshots of blocks are far apart from the start.
         spacing = body_cap_scale(chain) ** 2 if block_starts is None else 1.0
-        recorder = FrameRecorder(
-            chain,
+        rule = FrameRule(
+            chain=chain,
             snapshot_rad=parameters.snapshot_rad,
             snapshot_distance=parameters.snapshot_distance,
             size=parameters.verify_size,
-            sink=sink,
             spacing=lambda: 1.0 + (spacing - 1.0) * forces.looseness,
         )
+        recorder = Recorder(rule, sink)
         room = 2.0 * chain.module.inner_radius * (parameters.geom_size - parameters.verify_size)
         allowed = ContactDepth.within(room, MAX_EXPLOSION_DEPTH_PITCH)
         return cls(
@@ -277,7 +277,7 @@ class Simultaneous:
         world.place()
         self.recorder.add(world.snapshot())
         self.recorder.commit(end=True)
-        self.recorder.append(rest)
+        self.recorder.append_motion(rest)
         return True
 
     def _check_knot(self) -> None:

@@ -26,7 +26,7 @@ from planner.explosion.from_above import Above
 from planner.explosion.peeling import build_peeling
 from planner.explosion.peeling_core import CoreOnTable
 from planner.explosion.peeling_policy import Peeling
-from planner.explosion.peeling_recorder import Mark, Refusal
+from planner.explosion.recorder import Mark, Refusal
 from planner.explosion.table_forces import TableForces
 from planner.explosion.table_guard import Guard
 from planner.explosion.window import Peelable, ReleasePoint, Window, WindowConfiguration
@@ -91,7 +91,7 @@ def explode_on_table(
         rules=TableRules(parameters, forces, guard, pulses),
         pulses=pulses,
         min_progress_rad=MIN_TABLE_PROGRESS_RAD,
-        guard=guard.refusal,
+        guard=guard,
         sink=sink,
         watch=watch,
     )
@@ -117,7 +117,7 @@ class TableRules:
     forces: TableForces
     guard: Guard
     pulses: Pulses
-    releases: list[tuple[ReleasePoint, Mark]] = field(default_factory=list)
+    releases: list[tuple[ReleasePoint, Mark[WindowConfiguration]]] = field(default_factory=list)
     returns: int = 0
     farthest: int | None = None
     max_finish_contacts: ClassVar = np.inf  # the table is no reason to wait
@@ -157,7 +157,7 @@ class TableRules:
         """Let the guard count recorded frames."""
         self.guard.count_checkpoint()
 
-    def released(self, point: ReleasePoint, mark: Mark, first: int) -> None:
+    def released(self, point: ReleasePoint, mark: Mark[WindowConfiguration], first: int) -> None:
         """Remember a release; progress makes all returns possible again."""
         self.releases.append((point, mark))
         if self.farthest is None or first < self.farthest:
