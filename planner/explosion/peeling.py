@@ -24,12 +24,11 @@ from planner.explosion.explosion import (
     PULSE_REPULSION_SCALE,
     PULSE_TENSION_SCALE,
     STOP_COMPLIANCE_RAD,
-    Explosion,
     Watch,
     run,
 )
-from planner.explosion.peeling_policy import SAME_HEADING_COSINE, Peeling
 from planner.explosion.peeling_recorder import Proof, WindowRule
+from planner.explosion.peeling_run import SAME_HEADING_COSINE, Peeling
 from planner.explosion.recorder import Mark, Recorder, Refusal
 from planner.explosion.step_control import ContactDepth, StepControl
 from planner.explosion.whole_chain import radial_weights
@@ -95,8 +94,8 @@ def peel(
         InputError: ``not-peelable`` for modules that are no cubes, or off the lattice.
     """
     watch = Watch(progress, cancelled, "peeling")
-    policy = floating_peeling(chain, parameters, seed=seed, sink=sink, watch=watch)
-    return run(policy.explosion, policy, watch, strategy="peel")
+    peeling = floating_peeling(chain, parameters, seed=seed, sink=sink, watch=watch)
+    return run(peeling, "peel")
 
 
 def floating_peeling(
@@ -156,25 +155,20 @@ def build_peeling(
     )
     proof = Proof(chain, parameters.verify_size)
     rule = WindowRule(peelable, proof, parameters.snapshot_rad, parameters.snapshot_distance)
-    recorder = Recorder(rule, sink, guard=None if guard is None else guard.refusal)
     room = CONTACT_ROOM_SHARE * (parameters.geom_size - parameters.verify_size)
     allowed = ContactDepth.within(room, MAX_PEELING_DEPTH_PITCH)
     return Peeling(
-        explosion=Explosion(
-            world=window,
-            # Contacts at a checkpoint may be deeper than allowed already: what makes them less
-            # deep is no reason to restart again.
-            control=StepControl.adaptive(parameters, allowed, depth_after_restart=np.inf),
-            checkpoint=Checkpoint(window.time_s, window.state),
-            pulses=pulses,
-            recorder=recorder,
-        ),
-        window=window,
-        recorder=recorder,
+        world=window,
+        # Contacts at a checkpoint may be deeper than allowed already: what makes them less deep is
+        # no reason to restart again.
+        control=StepControl.adaptive(parameters, allowed, depth_after_restart=np.inf),
+        checkpoint=Checkpoint(window.time_s, window.state),
+        pulses=pulses,
+        recorder=Recorder(rule, sink, guard=None if guard is None else guard.refusal),
+        watch=watch,
         proof=proof,
         progress=BendDecrease(min_progress_rad, parameters.patience),
         rules=rules,
-        watch=watch,
     )
 
 
@@ -234,9 +228,9 @@ class FloatingRules:
     pulses: Pulses
     max_finish_contacts: ClassVar = 0.0
 
-    def is_ready(self, window: Window, explosion: Explosion[WindowConfiguration]) -> bool:
+    def is_ready(self, window: Window, control: StepControl) -> bool:
         """Return True if the next unit may be released."""
-        p, control, heading = window.setting.parameters, explosion.control, window.heading
+        p, heading = window.setting.parameters, window.heading
         # The joints next to the core may have to wait for what lies in their way.
         hinges = window.setting.peelable.hinges
         unit = np.abs(window.state.angles[hinges * p.skipped : hinges * window.held.unit])
@@ -249,10 +243,10 @@ class FloatingRules:
             and heading.aim @ heading.target > SAME_HEADING_COSINE
         )
 
-    def is_ready_in_jam(self, window: Window, explosion: Explosion[WindowConfiguration]) -> bool:
+    def is_ready_in_jam(self, window: Window, control: StepControl) -> bool:
         """Return True if the window has room for the next unit."""
         p = window.setting.parameters
-        return window.modules + p.unit <= p.most_modules and explosion.control.is_shallow
+        return window.modules + p.unit <= p.most_modules and control.is_shallow
 
     def allows(self, configurations: Sequence[WindowConfiguration]) -> bool:
         """Return True: the clearance is all that counts."""
@@ -281,9 +275,9 @@ class FloatingRules:
     def progressed(self) -> None:
         """Do nothing: the pulse ends by itself."""
 
-    def retreat(self, policy: Peeling) -> bool:
+    def retreat(self, peeling: Peeling) -> bool:
         """Return False: no run returns to a release."""
-        del policy
+        del peeling
         return False
 
     def end(self, window: Window) -> None:

@@ -93,7 +93,7 @@ class WindowRule:
     proof: Proof
     snapshot_rad: float
     snapshot_distance: float
-    commits_all: ClassVar = True
+    commits_all: ClassVar[bool] = True
 
     def are_far(self, a: WindowConfiguration, b: WindowConfiguration) -> bool:
         """Return True if two snapshots are farther apart than allowed."""

@@ -56,7 +56,7 @@ class Mark(Generic[S]):
 class SnapshotRule(Protocol[S]):
     """Rule by which snapshots are chosen from steps, and form of their motion."""
 
-    commits_all: bool
+    commits_all: ClassVar[bool]
     """True if the last step of each commit is a snapshot."""
 
     def are_far(self, a: S, b: S) -> bool:
@@ -168,11 +168,6 @@ class Recorder(Generic[S]):
         del self._parts[mark.parts :]
         self._last = mark.last
 
-    def close(self, step: S, *, straight: bool) -> None:
-        """Make all steps final; the last one is a snapshot unless the record ends straight."""
-        del step
-        self.commit(end=not straight)
-
     def motion(self) -> Motion:
         """Return all snapshots so far."""
         return Motion.joined(self._parts)
@@ -248,7 +243,7 @@ class FrameRule:
     snapshot_distance: float
     size: float
     spacing: Callable[[], float] = lambda: 1.0
-    commits_all: ClassVar = False
+    commits_all: ClassVar[bool] = False
 
     def are_far(self, a: Step, b: Step) -> bool:
         """Return True if two snapshots are farther apart than allowed."""
