@@ -41,9 +41,9 @@ BLOCK_STEP_IN_CONTACT_S: Final = 0.1
 """Maximum time step in contact, s: blocks are heavier and slower than modules. Larger steps are
 fewer and press contacts deeper. Chosen."""
 SNAPSHOT_TURN_SCALE: Final = 3.0
-"""Factor of the turn between two snapshots. Larger values keep fewer snapshots. Chosen."""
+"""Factor of the turn between two snapshots. Larger values record fewer snapshots. Chosen."""
 SNAPSHOT_DISTANCE_SCALE: Final = 8.0
-"""Factor of the distance between two snapshots. Larger values keep fewer snapshots; the certificate
+"""Factor of the distance between two snapshots. Larger values record fewer; the certificate
 bounds the clearance between them. Chosen."""
 MIN_BLOCK_STEPS: Final = 200
 """Minimum number of steps before all joints are released. Chosen."""

@@ -1,4 +1,4 @@
-"""Peeling: a long chain comes off its folded core unit by unit, from its far end.
+"""Peeling: a long chain leaves its folded core unit by unit, from its far end.
 
 Only a window of modules near the unit that was released last is simulated. What is still folded is
 the core, boxes that don't move; what is straight already is one rod on the window's last module. So

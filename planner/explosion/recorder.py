@@ -20,11 +20,11 @@ from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
 CLEAR_ENOUGH_PITCH: Final = 0.06
-"""Clearance between two snapshots, pitches, that needs no further snapshot. Larger values keep
-more. Chosen."""
+"""Clearance between two snapshots, pitches, that needs no further snapshot. Larger values
+record more. Chosen."""
 MIN_CLEARANCE_LOSS_PITCH: Final = 0.002
-"""Minimum loss of clearance between two snapshots, pitches, for which another one is kept between
-them. Smaller values keep more. Chosen."""
+"""Minimum loss of clearance between two snapshots, pitches, for which another one is recorded
+between them. Smaller values record more. Chosen."""
 
 S = TypeVar("S")
 

@@ -1,4 +1,4 @@
-"""Explosion on a table: a chain comes off its core under gravity and lies down on the table.
+"""Explosion on a table: a chain leaves its core under gravity and lies down on the table.
 
 The folded core stands on the table. From the chain's far end on, joints are released by springs
 whose torque is limited; modules fall, slide and come to lie, and the chain's end is drawn gently
