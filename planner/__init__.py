@@ -94,11 +94,13 @@ _HOMES = {
     "planner.verification.verify": ("Verification", "verify"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+_EARLIER_NAMES = {"Frames": "Motion", "Windows": "Motion"}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME_OF:
+    home = _EARLIER_NAMES.get(name, name)
+    if home not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(import_module(_HOME_OF[name]), name)
+    found = getattr(import_module(_HOME_OF[home]), home)
     globals()[name] = found
     return found

@@ -39,11 +39,11 @@ class ServiceError(Exception):
 
 
 class Malformed(ServiceError):
-    """It makes no sense, whatever it is about."""
+    """The request is invalid."""
 
 
 class Unusable(ServiceError):
-    """It is understood, but nothing can be made of it."""
+    """The request is understood, but its input cannot be used."""
 
     @classmethod
     def of(cls, error: InputError) -> Self:
@@ -52,15 +52,15 @@ class Unusable(ServiceError):
 
 
 class TooLarge(ServiceError):
-    """It is, or would become, larger than it may be here."""
+    """The input or the result is larger than permitted."""
 
 
 class Unidentified(ServiceError):
-    """It is for an owner, and whoever asks has not said that he is one."""
+    """The request is for an owner only, and has no token."""
 
 
 class Forbidden(ServiceError):
-    """It is not for whoever asks."""
+    """The request is not permitted to this client."""
 
 
 class NotFound(ServiceError):
@@ -68,27 +68,27 @@ class NotFound(ServiceError):
 
 
 class NoSuch(NotFound, LookupError):
-    """Nothing has the id that was asked for, or not any more."""
+    """There is nothing with the requested id, or not any more."""
 
 
 class Conflict(ServiceError):
-    """It does not go with the state that a fold is in."""
+    """The request does not match the state of the fold."""
 
 
 class WebsocketNeeded(ServiceError):
-    """It is told over a websocket alone."""
+    """The resource is available over a websocket only."""
 
 
 class TooMany(ServiceError):
-    """Whoever asks has asked for too much already."""
+    """The client has exceeded a limit."""
 
 
 class Unavailable(ServiceError):
-    """It cannot be done just now: others have it done, or a part of the service is away."""
+    """The request cannot be served now: the service is busy, or a part of it is away."""
 
 
 class TooSlow(ServiceError):
-    """It took longer than it may."""
+    """The request exceeded a time limit."""
 
 
 class Damaged(ServiceError):
@@ -107,7 +107,7 @@ def damage_words(names: Iterable[str]) -> str:
 
 
 class NoRoom(ServiceError):
-    """The disk takes nothing any more."""
+    """The disk is full."""
 
 
 def read_only() -> NoRoom:

@@ -218,9 +218,9 @@ def certify(
     unusable = _unusable(chain, record, playback, start)
     if unusable:
         record = playback = None
-    if record is not None and playback is not None and not playback.frames.is_windowed:
-        # As the timeline has them, which holds frames of one kind: a table's record is of windows.
-        record = replace(record, frames=record.frames.dense(chain))
+    if record is not None and playback is not None:
+        # As the timeline has them, which holds one layout: a table's record is windowed.
+        record = replace(record, frames=record.frames.in_layout_of(playback.frames, chain))
 
     of_record = of_plan = of_playback = exempt = None
     of_others: list[Sweep] = []
@@ -297,10 +297,8 @@ def _on_table(
     forces: Callable[[TableForces], object] | None,
 ) -> TableCertificate:
     """Certify the plan on the table that it was made for."""
-    frames, table = playback.reference, parameters.table
-    if not frames.is_windowed:
-        angles = frames.joint_angles_rad
-        frames = playback.frames.planned(chain, angles, clamped=table.held)
+    table = parameters.table
+    frames = playback.frames.planned(chain, playback.reference, clamped=table.held)
     return table_certificate(
         chain,
         frames,
@@ -374,13 +372,11 @@ def _unusable_angles(playback: Playback, joints: int) -> str:
     """
     frames, reference, told = playback.frames, playback.reference_rad, playback.others_rad
     if frames.is_windowed:
-        if reference is None:
-            return ""  # the plan is the playback itself
         expected, of = frames.angles_rad.shape, "angles in windows"
     else:
         expected, of = (len(frames), joints), f"frames of {joints} joint angles"
-        if reference is None:
-            return "the frames have no plan"
+    if reference is None:  # else the plan is the playback itself
+        return "the frames have no plan" if playback.simulated else ""
     if reference.shape != expected:
         return f"the plan has the shape {reference.shape}, expected {expected[0]} {of}"
     if not np.isfinite(reference).all():

@@ -250,15 +250,13 @@ def _slower(timeline: Timeline, parameters: Parameters, certificate: Certificate
         return 1.0
     if certificate is not None and certificate.fold_time_s:
         return certificate.fold_time_s / float(times[-1] - times[0])
-    if timeline.windowed:
-        windows = timeline.windows(len(phases) - len(times), len(phases))
-        steps, _ = windows.steps(timeline.chain)
-        speeds = steps / np.maximum(np.diff(times), 1e-12)
-        return float(speeds.max(initial=0.0)) / parameters.joint_speed_limit_rad_s
     fastest = 0.0
-    for start in range(len(phases) - len(times), len(phases) - 1, FRAMES_A_CHUNK):
-        frames = timeline.frames(start, min(start + FRAMES_A_CHUNK + 1, len(phases)))
-        fastest = max(fastest, float(_speeds(frames).max(initial=0.0)))
+    for start in range(len(phases) - len(times), len(phases) - 1, timeline.chunk_frames):
+        stop = min(start + timeline.chunk_frames + 1, len(phases))
+        motion = timeline.motion(start, stop)
+        steps_rad, _ = motion.steps(timeline.chain)
+        elapsed = np.maximum(np.diff(motion.time_s), 1e-12)
+        fastest = max(fastest, float((steps_rad / elapsed).max(initial=0.0)))
     return fastest / parameters.joint_speed_limit_rad_s
 
 

@@ -271,8 +271,7 @@ def _all_of(plan: Plan, frames: NDArray[np.int64]) -> Track:
     wxyzs = np.empty((len(frames), modules, 4), dtype=np.float32)
     step = max(1, MAX_POSES_AT_ONCE // modules)
     for k in range(0, len(frames), step):
-        part = plan.motion[frames[k : k + step]].dense(plan.chain)
-        poses = plan.chain.poses(part.joint_angles_rad, part.root_position, part.root_wxyz)
+        poses = plan.motion[frames[k : k + step]].poses(plan.chain)
         positions[k : k + step], wxyzs[k : k + step] = poses.positions, poses.wxyzs
     # q and −q are one orientation, but the way between two is long if their signs differ.
     turned = (wxyzs[1:] * wxyzs[:-1]).sum(axis=-1) < 0

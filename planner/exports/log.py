@@ -132,7 +132,7 @@ def _encoder(kind: str) -> Callable[[object], bytes]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Point:
-    """A JointTrajectoryPoint; its list of numbers is made only while it is written."""
+    """A JointTrajectoryPoint; its list of numbers exists only while it is written."""
 
     angles_rad: Array
     time_ns: int

@@ -32,6 +32,30 @@ PHASES: Final = ("explosion", "playback", "unfolding")
 EXPLOSION: Final = PHASES.index("explosion")
 
 
+Columns = dict[str, tuple[tuple[int, ...], str]]
+FRAME_COLUMNS: Final[Columns] = {
+    "time_s": ((), "float64"),
+    "phase": ((), "uint8"),
+    "joint_angles_rad": ((-1,), "float64"),
+    "root_position": ((3,), "float64"),
+    "root_wxyz": ((4,), "float64"),
+    "joint_error_rad": ((-1,), "float64"),
+}
+"""Columns of a dense motion in files: type, and shape behind the first axis, where −1 is the number
+of hinges."""
+WINDOW_COLUMNS: Final[Columns] = {
+    "time_s": ((), "float64"),
+    "phase": ((), "uint8"),
+    "first": ((), "int64"),
+    "offsets": ((), "int64"),
+    "angles_rad": ((), "float32"),
+    "base_position": ((3,), "float64"),
+    "base_wxyz": ((4,), "float64"),
+    "errors_rad": ((), "float32"),
+}
+"""Columns of a windowed motion in files."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion:
     """F snapshots in the order of time; (V,) angles of all their windows together.
@@ -67,6 +91,11 @@ class Motion:
     def is_windowed(self) -> bool:
         """True if only the angles of windows are held, in single precision."""
         return self.hinges is None
+
+    @property
+    def layout(self) -> Literal["frames", "windows"]:
+        """Name of the layout in files."""
+        return "windows" if self.is_windowed else "frames"
 
     @classmethod
     def from_frames(
@@ -128,15 +157,30 @@ class Motion:
         )
 
     @classmethod
-    def from_angles(cls, angles_rad: Array) -> Motion:
-        """Build a dense motion of (F, J) angles alone: a frame a second, the root at the origin."""
-        count = len(angles_rad)
-        return cls.from_frames(
-            time_s=np.arange(count, dtype=np.float64),
-            phase="playback",
-            joint_angles_rad=angles_rad,
-            root_position=np.zeros((count, 3)),
-            root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+    def from_angles(
+        cls, angles_rad: Angles, first: Ints | None = None, offsets: Ints | None = None
+    ) -> Motion:
+        """Build a motion of angles alone: a frame a second, its anchor at the origin.
+
+        Args:
+            angles_rad: (F, J) hinge angles; of windows (V,).
+            first, offsets: Those of the windows; None for a dense motion.
+        """
+        if first is None or offsets is None:
+            frames, hinges = angles_rad.shape
+            first = np.zeros(frames, np.int64)
+            offsets = hinges * np.arange(frames + 1, dtype=np.int64)
+        else:
+            frames, hinges = len(first), None
+        return cls(
+            time_s=np.arange(frames, dtype=np.float64),
+            phase=_phases("playback", frames),
+            first=first,
+            offsets=offsets,
+            angles_rad=angles_rad.reshape(-1),
+            anchor_position=np.zeros((frames, 3)),
+            anchor_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),
+            hinges=hinges,
         )
 
     @classmethod
@@ -183,19 +227,16 @@ class Motion:
 
         A dense motion always has a column of errors, NaN where none is recorded.
         """
-        if self.is_windowed:
-            values = (self.first, self.offsets, self.angles_rad)
-            columns = [*values, self.anchor_position, self.anchor_wxyz, self.errors_rad]
-        else:
-            poses = (self.anchor_position, self.anchor_wxyz)
-            columns = [self.joint_angles_rad, *poses, self.joint_error_rad]
         names = WINDOW_COLUMNS if self.is_windowed else FRAME_COLUMNS
-        found = zip(names, [self.time_s, self.phase, *columns], strict=True)
-        return {name: values for name, values in found if values is not None}
+        found = {name: getattr(self, name.replace("base", "anchor")) for name in names}
+        return {name: values for name, values in found.items() if values is not None}
 
     def with_columns(self, **columns: Any) -> Motion:
         """Return the motion with other columns, by the names that files have."""
-        return Motion.from_columns({**self.columns(), **columns})
+        mine = self.columns()
+        if self.errors_rad is None:
+            mine.pop("joint_error_rad", None)
+        return Motion.from_columns({**mine, **columns})
 
     def with_angles(self, angles_rad: Angles) -> Motion:
         """Return the motion with other angles at the same hinges and times, without errors.
@@ -402,6 +443,10 @@ class Motion:
             joint_error_rad=part.joint_errors(chain),
         )
 
+    def in_layout_of(self, other: Motion, chain: Chain) -> Motion:
+        """Return the motion, dense if another one is."""
+        return self if other.is_windowed else self.dense(chain)
+
     def poses(self, chain: Chain, start: int = 0, stop: int | None = None) -> Poses:
         """Return the poses of all modules in the snapshots ``start`` to ``stop``."""
         part = self.dense(chain, start, stop)
@@ -478,17 +523,21 @@ class Motion:
             anchor_wxyz=wxyz_from_matrix(poses.rotations[:, chain.root]),
         )
 
-    def planned(self, chain: Chain, angles_rad: Array, *, clamped: bool) -> Motion:
-        """Return the dense motion with planned angles, at the expected pose on a table.
+    def planned(self, chain: Chain, plan: Motion, *, clamped: bool) -> Motion:
+        """Return the motion with planned angles, at the expected pose on a table.
+
+        The pose of a windowed motion is that of its first module, and stays.
 
         Args:
             chain: The chain; folded, it stands on the table.
-            angles_rad: (F, J) planned angles.
+            plan: Motion with the planned angles at the same frames.
             clamped: True if the first module has its folded pose. A chain that lies free drifts:
                 turned about the vertical and shifted along the table, its modules then lie as
                 closely as they can to those of this motion.
         """
-        wanted = self.with_angles(angles_rad).clamped(chain)
+        if self.is_windowed:
+            return self.with_angles(plan.angles_rad)
+        wanted = self.with_angles(plan.angles_rad).clamped(chain)
         if clamped:
             return wanted
         poses = wanted.poses(chain)
@@ -499,17 +548,6 @@ class Motion:
             anchor_position=roots[..., 0] + shifts,
             anchor_wxyz=wxyz_from_matrix(turns @ poses.rotations[:, chain.root]),
         )
-
-
-FRAME_COLUMNS: Final = (
-    *("time_s", "phase", "joint_angles_rad", "root_position", "root_wxyz", "joint_error_rad"),
-)
-"""Names of the columns of a dense motion in files."""
-WINDOW_COLUMNS: Final = (
-    *("time_s", "phase", "first", "offsets", "angles_rad", "base_position", "base_wxyz"),
-    "errors_rad",
-)
-"""Names of the columns of a windowed motion in files."""
 
 
 def as_motion(motion: Motion | Array) -> Motion:

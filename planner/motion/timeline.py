@@ -33,7 +33,7 @@ from planner.checked_zarr import (
 )
 from planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
 from planner.files import zarr_group
-from planner.motion.motion import FRAME_COLUMNS, Motion
+from planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
 
 if TYPE_CHECKING:
     import zarr
@@ -59,28 +59,24 @@ MAX_FLUSH_PERIOD_S: Final = 1.0
 """Maximum time between two flushes, s. Chosen."""
 
 
+_WINDOW_ROWS: Final = ("time_s", "phase", "first", "base_position", "base_wxyz")
+_WINDOW_ANGLES: Final = ("angles_rad", "errors_rad")
+
+
 def _columns(windowed: bool, hinges: int) -> dict[str, tuple[tuple[int, ...], str, int]]:
     """Return shape behind the first axis, type, and chunk rows of the columns by name.
 
-    ``ends`` are the ends of the windows in ``angles_rad``.
+    ``ends`` are the ends of the windows in ``angles_rad``. Joint errors are single precision.
     """
-    rows, module = (WINDOWS_PER_CHUNK, "base") if windowed else (FRAMES_A_CHUNK, "root")
-    columns: dict[str, tuple[tuple[int, ...], str, int]] = {
-        "time_s": ((), "float64", rows),
-        "phase": ((), "uint8", rows),
-        f"{module}_position": ((3,), "float64", rows),
-        f"{module}_wxyz": ((4,), "float64", rows),
-    }
+    table: Columns = {**FRAME_COLUMNS, "joint_error_rad": ((-1,), "float32")}
     if windowed:
-        return columns | {
-            "first": ((), "int64", rows),
-            "ends": ((), "int64", rows),
-            "angles_rad": ((), "float32", ANGLES_PER_CHUNK),
-            "errors_rad": ((), "float32", ANGLES_PER_CHUNK),
-        }
-    return columns | {
-        "joint_angles_rad": ((hinges,), "float64", rows),
-        "joint_error_rad": ((hinges,), "float32", rows),
+        names = (*_WINDOW_ROWS[:3], "offsets", *_WINDOW_ROWS[3:], *_WINDOW_ANGLES)
+        table = {"ends" if name == "offsets" else name: WINDOW_COLUMNS[name] for name in names}
+    rows = dict.fromkeys(_WINDOW_ANGLES, ANGLES_PER_CHUNK)
+    most = WINDOWS_PER_CHUNK if windowed else FRAMES_A_CHUNK
+    return {
+        name: (tuple(hinges if size < 0 else size for size in tail), dtype, rows.get(name, most))
+        for name, (tail, dtype) in table.items()
     }
 
 
@@ -317,10 +313,6 @@ class TimelineWriter:
         self._group.attrs.put(self._attributes)
 
 
-_WINDOW_ANGLES: Final = ("angles_rad", "errors_rad")
-_WINDOW_ROWS: Final = ("time_s", "phase", "first", "base_position", "base_wxyz")
-
-
 class Timeline:
     """Reader of a timeline, also of its tail while it grows."""
 
@@ -355,6 +347,11 @@ class Timeline:
     def __len__(self) -> int:
         """Return the number of frames at the last ``refresh``."""
         return self._frames
+
+    @property
+    def chunk_frames(self) -> int:
+        """Number of frames in a chunk: ranges of whole chunks are read fastest."""
+        return WINDOWS_PER_CHUNK if self.windowed else FRAMES_A_CHUNK
 
     @property
     def status(self) -> Status:

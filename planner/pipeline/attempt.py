@@ -1,4 +1,4 @@
-"""Attempt: one explosion or smoothing that may be made, and what came of it and its playback."""
+"""Attempt: one explosion or smoothing, and the result of it and of its playback."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ fail. Chosen."""
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One explosion that may be made.
+    """Specification of one explosion.
 
     Attributes:
         candidate: Index of the path.

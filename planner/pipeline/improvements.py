@@ -1,4 +1,4 @@
-"""Improvements: what is tried once a plan is verified, for one that suits a wish better.
+"""Improvements: attempts after a verified plan, for one that suits a preference better.
 
 The first verified plan is that of a fold without a wish: it costs least, and is what the others are
 measured by. Then the other strategies let the same path go, the best of them lets other paths go,

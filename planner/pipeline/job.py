@@ -36,7 +36,7 @@ _EXPLOSION: Final = PHASES.index("explosion")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watch:
-    """Channels to whoever follows a step while it is computed.
+    """Channels to the observer of a running step.
 
     Attributes:
         progress: Called with the progress.

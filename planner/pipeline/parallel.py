@@ -39,7 +39,7 @@ ended. Chosen."""
 
 
 class AttemptPool:
-    """Holds the processes that make what may come next.
+    """Processes that compute likely next attempts.
 
     Args:
         directory: Directory of the fold, with its input read; None without processes.

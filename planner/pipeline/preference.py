@@ -1,4 +1,4 @@
-"""Preference: which of several verified plans is wished for, and the figures that decide it."""
+"""Preference: the choice among several verified plans, and the figures that decide it."""
 
 from __future__ import annotations
 

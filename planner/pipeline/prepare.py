@@ -1,4 +1,4 @@
-"""Preparation: from the bytes of a file to the chains that may fold into what is in it."""
+"""Preparation: from the bytes of a file to the chains that may fold into its shape."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Request: what somebody asks of a fold, and the one check of it.
+"""Request: options of a fold, and their only check.
 
 The page, the API and the command line refuse what cannot be asked for in these words.
 """

@@ -1,4 +1,4 @@
-"""Warm-up: compiles the kernels into their cache, so that nobody waits for it later."""
+"""Warm-up: compiles the kernels into their cache ahead of the first fold."""
 
 from __future__ import annotations
 

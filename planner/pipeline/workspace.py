@@ -1,4 +1,4 @@
-"""Workspace: a fold's directory as typed values, and the moves that keep it whole at any time.
+"""Workspace: a fold's directory as typed values, written so that it is consistent at any time.
 
 Each file is written aside and renamed, so that a file that is there is whole. Results of an attempt
 are in a folder of their own until the fold is over: ``planner.pipeline.fold_layout``. Of attempts

@@ -45,7 +45,6 @@ CLEARANCE_STEP_PITCH: Final = 2.0**-10
 DIFFERENCE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
 """Order of the differences over time by which an array of angles is coded: the order with the
 smallest numbers, so that the packed file is smallest. Measured."""
-TIMELINE_ARRAYS: Final = ("time_s", "phase", "joint_angles_rad", *ROOT_ARRAYS, "joint_error_rad")
 PLAN_FRAME_COLUMNS: Final = ("phase", "time_s", "joint_angles_rad", *ROOT_ARRAYS, "max_error_rad")
 """Columns of ``plan.json`` with one value for each frame."""
 
@@ -247,5 +246,4 @@ def _write_timeline(directory: FilePath, arrays: Arrays, timeline_id: str) -> No
     refold = (directory / "start.json").exists()
     with TimelineWriter.create(path, chain, timeline_id=timeline_id) as writer:
         for file in ("playback.npz",) if refold else ("record.npz", "playback.npz"):
-            columns = _of_file(arrays, file)
-            writer.append(Motion.from_frames(**{name: columns[name] for name in TIMELINE_ARRAYS}))
+            writer.append(Motion.from_columns(_of_file(arrays, file)))

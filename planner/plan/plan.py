@@ -24,14 +24,13 @@ from planner.motion.angle_steps import (
     MAX_PLAIN_ANGLES,
     PLANES_NAME,
     Planes,
-    frame_angles,
     frame_planes,
     told_of,
     whole_steps,
-    window_angles,
     window_planes,
+    with_plain_angles,
 )
-from planner.motion.motion import PHASES, Motion
+from planner.motion.motion import FRAME_COLUMNS, PHASES, WINDOW_COLUMNS, Columns, Motion
 from planner.motion.record import Record, save_npz
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.parameters.parameters import Parameters
@@ -100,11 +99,10 @@ class Plan:
         """Return a plan from the results of the stages."""
         motion, errors = Motion.empty(len(chain.folded_rad)), np.zeros(0)
         if playback is not None:
-            played, motion = playback.frames, playback.reference
-            errors = played.largest_errors
-            if parameters.world == "table" and not motion.is_windowed:
-                angles = motion.joint_angles_rad
-                motion = played.planned(chain, angles, clamped=parameters.table.held)
+            motion, errors = playback.reference, playback.frames.largest_errors
+            if parameters.world == "table":
+                held = parameters.table.held
+                motion = playback.frames.planned(chain, motion, clamped=held)
             motion = replace(motion, time_s=motion.time_s - motion.time_s[0])
         return cls(
             chain=chain,
@@ -249,7 +247,7 @@ class Plan:
         angles = motion.stored_angles_rad
         return {
             "format": PLAN_FORMAT,
-            "motion": _kind(self.motion),
+            "motion": motion.layout,
             "chain": chain_attributes(self.chain),
             "start": None if self.start is None else chain_attributes(self.start),
             "preset": self.preset,
@@ -272,7 +270,7 @@ class Plan:
     def _columns(self) -> tuple[dict[str, NDArray[Any]], Planes | None]:
         """Return the arrays with a value a frame, by name; angles apart if in planes."""
         motion = self.motion
-        names, stored = _columns_of(_kind(motion)), motion.columns()
+        names, stored = _columns_of(motion.layout), motion.columns()
         columns = {
             "phase": np.array([PHASES[index] for index in self.phase.tolist()], dtype="<U16"),
             **{name: stored[name] for name in names},
@@ -406,64 +404,36 @@ _VALUES: Final = (
 )
 
 
-def _kind(motion: Motion) -> str:
-    return "windows" if motion.is_windowed else "frames"
+def _columns_of(layout: str) -> Columns:
+    """Return the columns of a motion that a plan has as they are: all but phase and errors."""
+    columns = WINDOW_COLUMNS if layout == "windows" else FRAME_COLUMNS
+    others = ("phase", "joint_error_rad", "errors_rad")
+    return {name: column for name, column in columns.items() if name not in others}
 
 
-def _columns_of(kind: str) -> dict[str, tuple[tuple[int, ...], Any]]:
-    """Return a motion's stored arrays besides the phase: shape after the first axis, type."""
-    if kind == "windows":
-        return {
-            "time_s": ((), np.float64),
-            "first": ((), np.int64),
-            "offsets": ((), np.int64),
-            "angles_rad": ((), np.float32),
-            "base_position": ((3,), np.float64),
-            "base_wxyz": ((4,), np.float64),
-        }
-    return {
-        "time_s": ((), np.float64),
-        "joint_angles_rad": ((-1,), np.float64),
-        "root_position": ((3,), np.float64),
-        "root_wxyz": ((4,), np.float64),
-    }
-
-
-def _unpacked(values: dict[str, Any], kind: str, chain: Chain) -> dict[str, Any]:
+def _unpacked(values: dict[str, Any], layout: str, chain: Chain) -> dict[str, Any]:
     """Return a plan's values, with angles that are stored in planes as plain numbers."""
     told = values.get("angles") or {}
-    name = next(name for name in _columns_of(kind) if name.endswith("angles_rad"))
-    forms = [name in values, "data" in told, PLANES_NAME in values]
-    if sum(forms) != 1:
-        raise ValueError(
-            f"got its angles {sum(forms)} times, expected {name}, {PLANES_NAME} or angles.data "
-            "alone"
-        )
     if "data" in told:
+        if PLANES_NAME in values:
+            raise ValueError(f"got its angles 2 times, expected {PLANES_NAME} or angles.data alone")
         planes = np.frombuffer(zlib.decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
-    elif PLANES_NAME in values:
-        planes = values[PLANES_NAME]
-    else:
-        return values
-    if kind == "frames":
-        return values | {name: frame_angles(planes, told)}
-    first, offsets = (np.asarray(values[each], np.int64) for each in ("first", "offsets"))
-    return values | {name: window_angles(planes, told, first, offsets, chain.folded_rad)}
+        values = {**values, PLANES_NAME: planes}
+    return with_plain_angles(values, told, chain.folded_rad, windowed=layout == "windows")
 
 
 def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
     """Return the motion and the largest errors among a plan's values."""
-    kind = EARLIER_FORMATS.get(values["format"]) or values["motion"]
-    windowed = kind == "windows"
-    if not windowed and kind != "frames":
-        raise ValueError(f"got a motion of {kind!r}, expected frames or windows")
-    values = _unpacked(values, kind, chain)
+    layout = EARLIER_FORMATS.get(values["format"]) or values["motion"]
+    if layout not in ("frames", "windows"):
+        raise ValueError(f"got a motion of {layout!r}, expected frames or windows")
+    values = _unpacked(values, layout, chain)
     hinges = len(chain.folded_rad)
     arrays: dict[str, Any] = {
-        name: np.asarray(values[name], dtype=of).reshape(
+        name: np.asarray(values[name], dtype=dtype).reshape(
             -1, *(hinges if length < 0 else length for length in tail)
         )
-        for name, (tail, of) in _columns_of(kind).items()
+        for name, (tail, dtype) in _columns_of(layout).items()
     }
     arrays["phase"] = np.array(
         [PHASES.index(str(name)) for name in values["phase"]], dtype=np.uint8
@@ -471,18 +441,17 @@ def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
     errors = np.asarray(values["max_error_rad"], dtype=np.float64).reshape(-1)
     counts = {name: len(array) for name, array in arrays.items() if name != "angles_rad"}
     counts["max_error_rad"] = len(errors)
-    if windowed:
+    if "offsets" in counts:
         counts["offsets"] -= 1
     if len(set(counts.values())) > 1:
         raise ValueError(f"its arrays differ in their numbers of frames: {counts}")
-    if windowed:
-        windows = Motion.from_windows(**arrays)
+    motion = Motion.from_columns(arrays)
+    if motion.is_windowed:
         try:
-            windows.check(chain)
+            motion.check(chain)
         except InputError as error:
             raise ValueError(error.detail) from error
-        return windows, errors
-    return Motion.from_frames(**arrays), errors
+    return motion, errors
 
 
 def versions() -> dict[str, str]:

@@ -45,11 +45,8 @@ def kinematic_frames(
         frame_rad: Approximate turn of a hinge between two frames, rad.
         unfolding: Motion by which the chain becomes straight first; None if it is straight.
     """
-    if recorded.is_windowed:
-        yield _windows_as_recorded(chain, recorded, parameters, start_s)
-        return
-    if len(chain) > UNSMOOTHED_FROM_MODULES and unfolding is None:
-        yield _as_recorded(recorded, parameters, start_s)
+    if recorded.is_windowed or (len(chain) > UNSMOOTHED_FROM_MODULES and unfolding is None):
+        yield _as_recorded(chain, recorded, parameters, start_s)
         return
     reference = clear_reference(
         chain,
@@ -93,42 +90,28 @@ def kinematic_frames(
         )
 
 
-def _as_recorded(recorded: Motion, parameters: PlaybackParameters, start_s: float) -> Motion:
-    """Return the record in reverse: between two of its frames the hinges run evenly."""
-    angles = snapped(recorded.joint_angles_rad[::-1])
-    steps_rad = np.abs(np.diff(angles, axis=0)).max(axis=1)
-    seconds = parameters.step_s * parameters.steps_per_rad * float(steps_rad.sum())
-    return Motion.from_frames(
-        phase="playback",
-        time_s=start_s + hinge_bounded_times(steps_rad, seconds),
-        joint_angles_rad=angles,
-        root_position=recorded.root_position[::-1].copy(),
-        root_wxyz=recorded.root_wxyz[::-1].copy(),
-    )
-
-
-def _windows_as_recorded(
+def _as_recorded(
     chain: Chain, recorded: Motion, parameters: PlaybackParameters, start_s: float
 ) -> Motion:
-    """Return a windowed record in reverse: between two of its frames the hinges run evenly.
+    """Return the record in reverse: between two of its frames the hinges run evenly.
 
-    All motion has the speed that a smooth reference would have on the same hinges; the folded end
-    of the chain is held still.
+    A windowed motion has the speed of a smooth reference on the same hinges.
     """
-    reversed_record = recorded[::-1]
-    largest, _ = reversed_record.steps(chain)
-    lengths = np.concatenate([[0.0], np.cumsum(largest)])
-    total = float(lengths[-1])
-    duration_s = parameters.steps_per_rad * parameters.step_s * total
-    law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
-    shares = np.interp(lengths / max(total, 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1))
-    # The stops of a simulated joint give a little.
-    angles = snapped(reversed_record.angles_rad, chain.module.angle_limit_rad)
-    return reversed_record.with_columns(
-        angles_rad=angles.astype(np.float32),
-        time_s=start_s + duration_s * shares,
-        phase="playback",
-    )
+    backwards = recorded[::-1]
+    s_per_rad = parameters.step_s * parameters.steps_per_rad
+    if recorded.is_windowed:
+        # The stops of a simulated joint give a little.
+        angles = snapped(backwards.angles_rad, chain.module.angle_limit_rad).astype(np.float32)
+        lengths = np.concatenate([[0.0], np.cumsum(backwards.steps(chain)[0])])
+        total = float(lengths[-1])
+        law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
+        shares = np.interp(lengths / max(total, 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1))
+        times = s_per_rad * total * shares
+    else:
+        angles = snapped(backwards.angles_rad)
+        steps_rad, _ = backwards.with_angles(angles).steps(chain)
+        times = hinge_bounded_times(steps_rad, s_per_rad * float(steps_rad.sum()))
+    return backwards.with_angles(angles).with_columns(time_s=start_s + times, phase="playback")
 
 
 def root_folded(chain: Chain) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from planner.cores import cores
 from planner.errors import InputError
 from planner.motion.angle_steps import packed_frames, unpacked_frames
 from planner.motion.inverse import inverse_dynamics
-from planner.motion.motion import Motion
+from planner.motion.motion import Angles, Motion
 from planner.motion.record import Record, save_npz
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.course import Course
@@ -43,8 +43,8 @@ class Playback:
         reason: Reason in plain English; empty when folded.
         frames: Simulated configurations with their joint errors: from straight on or, of a
             refold, from where it begins on, over straight.
-        reference_rad: (F, J) planned hinge angles at those frames, rad; of windows (V,), as
-            their angles; None if the frames are the plan itself.
+        reference_rad: (F, J) planned hinge angles at those frames, rad; of windows (V,), as their
+            angles; None if the frames are the plan itself.
         steps: Number of simulation steps.
         seconds: Wall time, s.
         rms_position_error: RMS error of the modules' centres at the end, pitches, after
@@ -66,7 +66,7 @@ class Playback:
     status: PlaybackStatus
     reason: str
     frames: Motion
-    reference_rad: Array | NDArray[np.float32] | None
+    reference_rad: Angles | None
     steps: int
     seconds: float
     rms_position_error: float | None
@@ -76,7 +76,7 @@ class Playback:
     kind: Literal["dynamic", "kinematic"] = "dynamic"
     torque_frames: int | None = None
     robots: int | None = None
-    others_rad: Array | NDArray[np.float32] | None = None
+    others_rad: Angles | None = None
 
     @property
     def simulated(self) -> bool:
@@ -87,8 +87,6 @@ class Playback:
     def reference(self) -> Motion:
         """Planned motion: the frames with the angles of the reference, without errors."""
         if self.reference_rad is None:
-            if not self.frames.is_windowed:
-                raise ValueError("got frames of all angles without their reference")
             return self.frames
         return self.frames.with_angles(np.asarray(self.reference_rad, self.frames.angles_rad.dtype))
 
@@ -98,15 +96,13 @@ class Playback:
 
     def save(self, path: FilePath) -> None:
         """Write an ``.npz`` that is either complete or absent."""
-        frames, reference = self.frames.columns(), self.reference_rad
-        if reference is None:
-            packed = {}
-        elif self.frames.is_windowed:
-            packed = {"window_reference_rad": reference}
-        else:
+        frames, reference, packed = self.frames.columns(), self.reference_rad, dict[str, Any]()
+        if not self.frames.is_windowed:
             packed = packed_frames("reference_rad", np.asarray(reference, dtype=np.float64))
             if np.array_equal(reference, frames["joint_angles_rad"]):
                 del frames["joint_angles_rad"]  # of a kinematic playback they are the same
+        elif reference is not None:
+            packed = {"window_reference_rad": reference}
         save_npz(
             path,
             {
@@ -122,8 +118,9 @@ class Playback:
         """Read a file that ``save`` wrote."""
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
-            reference = arrays.get("window_reference_rad")
-            if "offsets" not in arrays:
+            if "offsets" in arrays:
+                reference = arrays.get("window_reference_rad")
+            else:
                 reference = unpacked_frames(arrays, "reference_rad")
                 arrays.setdefault("joint_angles_rad", reference)
             return cls(

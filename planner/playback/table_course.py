@@ -20,6 +20,7 @@ from planner.playback.time_law import (
     MIN_PLAYBACK_STEPS,
     bounded_profile,
     duration,
+    frames_kept,
     law_from_profile,
 )
 from planner.simulation.table_body import TableBody
@@ -61,10 +62,8 @@ class TableCourse:
         steps = max(MIN_PLAYBACK_STEPS, int(np.ceil(duration(share, profile) / parameters.step)))
         law = law_from_profile(share, profile, steps, parameters.step)
         self._u = self.curve.end * law.u
-        gone = np.floor(law.u * self.curve.length_rad / parameters.frame_rad)
-        self.is_kept = np.concatenate([[True], np.diff(gone) > 0.0])
+        self.is_kept = frames_kept(law.u * self.curve.length_rad / parameters.frame_rad)
         """(S + 1,) True if a frame is kept at a step."""
-        self.is_kept[-1] = True
 
     def __len__(self) -> int:
         """Return the number of steps S."""

@@ -277,8 +277,8 @@ class _Run:
         )
         if self.clamped:
             frames = frames.clamped(chain)
-        meant = frames.planned(chain, targets, clamped=self.clamped)
-        wanted = chain.poses(targets, meant.root_position, meant.root_wxyz).positions
+        meant = frames.planned(chain, frames.with_angles(targets), clamped=self.clamped)
+        wanted = meant.poses(chain).positions
         errors = np.sqrt(((positions - wanted) ** 2).sum(axis=2).mean(axis=1))
         aligned = aligned_distances(positions[-1], chain.folded_poses.positions)
         status, reason = self.status, self.reason

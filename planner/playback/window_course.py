@@ -19,11 +19,16 @@ from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.motion.motion import Motion
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.reference import JOINT_LIMIT_MARGIN_RAD, REFERENCE_CLEARANCE_PITCH
+from planner.playback.reference import (
+    JOINT_LIMIT_MARGIN_RAD,
+    REFERENCE_CLEARANCE_PITCH,
+    frames_around,
+)
 from planner.playback.setpoints import SETTLE_STEPS
 from planner.playback.time_law import (
     MIN_PLAYBACK_STEPS,
     TimeLaw,
+    frames_kept,
     law_from_profile,
     torque_bounded_profile,
 )
@@ -103,9 +108,7 @@ class WindowCurve:
         self.length_rad = float(lengths[-1])
         count = max(SUPPORT_POINTS, int(np.ceil(self.length_rad / spacing_rad)) + 1)
         where = np.linspace(0.0, self.length_rad, count)
-        after = np.clip(np.searchsorted(lengths, where), 1, max(1, len(windows) - 1))
-        span = lengths[after] - lengths[after - 1]
-        part = np.where(span > 0.0, (where - lengths[after - 1]) / np.where(span > 0, span, 1), 1.0)
+        after, part = frames_around(lengths, where)
         self._windows = windows
         # Twice again at both ends, where the curve is to begin and to end.
         ends = np.clip(np.arange(-2, count + 2), 0, count - 1)
@@ -222,10 +225,8 @@ class WindowCourse:
         steps = max(MIN_PLAYBACK_STEPS, int(finer * p.steps_per_rad * length))
         law = self._law(steps)
         self._u = self.curve.end * law.u
-        gone = np.floor(law.u * length * finer / FRAME_RAD)
-        self.is_kept = np.concatenate([[True], np.diff(gone) > 0.0])
+        self.is_kept = frames_kept(law.u * length * finer / FRAME_RAD)
         """(S + 1,) True if a frame is kept before a step."""
-        self.is_kept[-1] = True
         self.stretches = tuple(_stretches(self.chain, self.curve, self._u))
         self.reference = self._reference()
         """Planned motion at the kept frames; the pose of module 0 is that at the beginning."""

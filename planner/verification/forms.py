@@ -22,7 +22,7 @@ def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Diffe
     earlier = npz["format"] in EARLIER_FORMATS
     arrays = {**plan.motion.columns(), "max_error_rad": plan.max_error_rad}
     theirs = {**other.motion.columns(), "max_error_rad": other.max_error_rad}
-    if plan.motion.is_windowed != other.motion.is_windowed:
+    if plan.motion.layout != other.motion.layout:
         yield "plan.json and plan.npz differ in the form of their frames"
         return
     for name, mine in arrays.items():

@@ -107,12 +107,11 @@ def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -
     yield from value_differences(told, plan.playback or {}, versus_plan("playback.npz", "playback"))
     if playback is not None:
         yield from _same_motion(found.frames, playback.frames, "playback.npz")
-        if found.reference_rad is not None:
-            yield from array_difference(
-                found.reference_rad,
-                playback.reference_rad,
-                versus_plan("playback.npz", "joint_angles_rad"),
-            )
+        yield from array_difference(
+            found.reference.stored_angles_rad,
+            playback.reference.stored_angles_rad,
+            versus_plan("playback.npz", "joint_angles_rad"),
+        )
 
 
 def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Differences:
@@ -122,11 +121,8 @@ def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Diff
         found.summary(), plan.explosion or {}, versus_plan("record.npz", "explosion")
     )
     if record is not None:
-        frames = found.frames
-        if not record.frames.is_windowed:
-            # A timeline holds motion of one layout: that of a fold on a table is dense once it has
-            # been played back.
-            frames = frames.dense(plan.chain)
+        # A timeline holds one layout: that of a fold on a table is dense once it is played back.
+        frames = found.frames.in_layout_of(record.frames, plan.chain)
         yield from _same_motion(frames, record.frames, "record.npz")
     yield from _snapshots(found, plan)
 
@@ -159,7 +155,7 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
 
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
-    if got.is_windowed != expected.is_windowed:
+    if got.layout != expected.layout:
         yield f"{name}: its frames have another form than those of timeline.zarr"
         return
     theirs = expected.columns()

@@ -79,17 +79,15 @@ def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]
             raise InputError(
                 "wrong-timeline", "the phases in timeline.zarr are not those of plan.npz."
             )
-        reference = None
-        if not plan.motion.is_windowed:
-            reference = plan.joint_angles_rad
-        else:
-            simulated = plan.playback.get("kind") == "dynamic"
+        simulated = plan.playback.get("kind") == "dynamic"
+        if plan.motion.is_windowed:
             same = played.has_windows_of if simulated else played.passes_as
             if not same(plan.motion):
                 raise InputError(
                     "wrong-timeline", "the playback in timeline.zarr is not the motion of plan.npz."
                 )
-            reference = plan.motion.angles_rad if simulated else None
+        kinematic = plan.motion.is_windowed and not simulated
+        reference = None if kinematic else plan.motion.stored_angles_rad
         playback = Playback(frames=played, reference_rad=reference, **plan.playback)
     return record, playback
 
@@ -164,7 +162,7 @@ def _root_differs(plan: Plan, motion: Motion, played: Motion) -> Differences:
     drift of a chain that lies free is known from the simulation alone: the plan follows it.
     """
     held = own_parameters(plan, None).table.held
-    followed = played.planned(plan.chain, motion.joint_angles_rad, clamped=held)
+    followed = played.planned(plan.chain, motion, clamped=held)
     meant = [("plan.npz", motion, followed)]
     how = "that drifts like the playback"
     if held:

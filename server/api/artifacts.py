@@ -1,4 +1,4 @@
-"""Routes of what comes out of a fold: frames of its timeline, and files to download."""
+"""Routes of a fold's results: frames of its timeline, and files to download."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
     frames = timeline.frames(start, until, stride)
     positions = wxyzs = None
     if poses:
-        found = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+        found = frames.poses(chain)
         positions, wxyzs = _short(found.positions), _short(found.wxyzs)
     return FramesBody(
         status=timeline.status,

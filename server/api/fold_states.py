@@ -26,7 +26,7 @@ MAX_CACHED_STATES: Final = 1024
 
 
 class FoldStates:
-    """Keeps each looked-at state for a moment."""
+    """Cache of the states of folds that are being watched."""
 
     def __init__(self, store: Store, remaining: EtaEstimator) -> None:
         self._store = store

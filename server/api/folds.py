@@ -1,4 +1,4 @@
-"""Routes of folds: ask for one, follow it, take its plan, stop it, delete it."""
+"""Routes of folds: request, watch, download, cancel, delete."""
 
 from __future__ import annotations
 
@@ -133,6 +133,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     responses=problems(404, 409, 413, 422, 429, 503, 507),
 )
 def post_fold(
+    *,
     request: Request,
     context: Here,
     credentials: Bearer,

@@ -44,7 +44,7 @@ class _Wait:
 
 
 class FrameWaits:
-    """Places of waiting requests, and the look that ends their waits. Belongs to one event loop.
+    """Waiting requests for frames, and the poll that ends their waits. For one event loop.
 
     Args:
         total: Maximum number of requests that wait at once.

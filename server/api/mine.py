@@ -1,4 +1,4 @@
-"""Routes of what the holder of a token has made: his folds, the shapes he looked at, his movies."""
+"""Routes of an owner's folds, previews and movies."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class MovieMade(BaseModel):
 
 
 class MoviesMade(BaseModel):
-    """Them, newest first."""
+    """Movies of one owner, newest first."""
 
     movies: list[MovieMade]
 

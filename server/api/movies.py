@@ -1,4 +1,4 @@
-"""Routes of movies: ask for one, see how far it is, download it, stop it."""
+"""Routes of movies: request, progress, download, cancel."""
 
 from __future__ import annotations
 

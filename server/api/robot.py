@@ -174,6 +174,7 @@ async def get_trajectory(
     },
 )
 async def get_motors(
+    *,
     request: Request,
     fold_id: str,
     context: Here,

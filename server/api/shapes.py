@@ -54,6 +54,7 @@ def get_shapes(context: Here) -> Shapes:
     responses=problems(404, 413, 422, 429, 503, 504, 507),
 )
 async def post_preview(
+    *,
     request: Request,
     context: Here,
     credentials: Bearer,

@@ -1,4 +1,4 @@
-"""``foldback admin``: see, forget, repeat and keep the folds of a service."""
+"""``foldback admin``: list, delete, repeat and pin the folds of a service."""
 
 from __future__ import annotations
 

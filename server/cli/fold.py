@@ -40,6 +40,7 @@ from server.cli.options import (
     Seed,
     Settings,
     Start,
+    Strategy,
     Workers,
     World,
     settings_text_of,
@@ -57,6 +58,7 @@ STAGE_VERBS = {
 
 
 def fold(
+    *,
     out: PlanDirectory,
     shape: Annotated[
         str | None,
@@ -73,10 +75,7 @@ def fold(
     robot: Robot = "typical",
     seed: Seed = "0",
     module_size: ModuleSize = None,
-    strategy: Annotated[
-        str,
-        typer.Option(help=("Explosion strategy: auto, simultaneous, blocks, peel or one-by-one.")),
-    ] = "auto",
+    strategy: Strategy = "auto",
     prefer: Prefer = "computing",
     module: Module = "cube",
     modules: Modules = None,

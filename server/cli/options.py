@@ -59,6 +59,10 @@ Prefer = Annotated[
         "torque (the least torque at equal time) or clearance (the most clearance)."
     ),
 ]
+Strategy = Annotated[
+    str,
+    typer.Option(help="Explosion strategy: auto, simultaneous, blocks, peel or one-by-one."),
+]
 Module = Annotated[str, typer.Option(help="cube or tetrahedron.")]
 Modules = Annotated[
     str | None, typer.Option(metavar="INTEGER", help="Approximate number of modules, for a mesh.")

@@ -1,4 +1,4 @@
-"""``foldback play``: looks at a finished fold's directory, without a service."""
+"""``foldback play``: view a finished fold's directory, without a service."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def play(
             Workspace(directory).write_figures()
 
     class Server(uvicorn.Server):
-        """Says where it is once it listens."""
+        """HTTP server that prints its address once it listens."""
 
         async def startup(self, sockets: list[Any] | None = None) -> None:
             await super().startup(sockets)

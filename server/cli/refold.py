@@ -38,6 +38,7 @@ yet."""
 
 
 def refold(
+    *,
     start: Annotated[
         str,
         typer.Argument(
@@ -62,6 +63,7 @@ def refold(
 ) -> None:
     """Unfold a folded chain and fold it into another shape; exits like `fold`."""
     begins: Chain | None = None
+    first = out / FIRST_FOLD_DIR
     try:
         request = Request.of(
             preset=preset,
@@ -73,12 +75,10 @@ def refold(
         folded = _plan(start)
         if folded is None:
             data, filename = read_input(start)
-            make_directory(out / FIRST_FOLD_DIR)
-            Workspace(out / FIRST_FOLD_DIR).write_request(replace(request, filename=filename), data)
-            run_stage(STAGES[0], out / FIRST_FOLD_DIR)
-            begins = chain_from_attributes(
-                json.loads((out / FIRST_FOLD_DIR / "chain.json").read_bytes())
-            )
+            make_directory(first)
+            Workspace(first).write_request(replace(request, filename=filename), data)
+            run_stage(STAGES[0], first)
+            begins = chain_from_attributes(json.loads((first / "chain.json").read_bytes()))
         else:
             begins = folded.unfolding().chain
         make_directory(out)
@@ -90,12 +90,12 @@ def refold(
             error = Gallery().advised(error, begins.module.name, len(begins))
         refuse(error, as_json)
     if folded is None:
-        summary = compute(out / FIRST_FOLD_DIR, workers)
-        folded = Plan.load(out / FIRST_FOLD_DIR / "plan.npz")
+        summary = compute(first, workers)
+        folded = Plan.load(first / "plan.npz")
         try:
             folded.unfolding()
         except InputError:
-            finish(summary, out / FIRST_FOLD_DIR, as_json)
+            finish(summary, first, as_json)
     Workspace(out).write_start(folded)
     finish(compute(out, workers), out, as_json)
 

@@ -35,6 +35,7 @@ MAX_LISTED_JOINTS = 10
 
 
 def retime(
+    *,
     directory: FoldDirectory,
     max_speed: Annotated[float, typer.Option(help="Maximum joint speed, rad/s.")],
     max_acceleration: Annotated[float, typer.Option(help="Maximum joint acceleration, rad/s².")],

@@ -110,7 +110,7 @@ def server_of(
     app = create_app(settings, fork_server=fork_server)
 
     class Server(uvicorn.Server):
-        """Says where it is once it listens, and lets its followers go before it ends."""
+        """HTTP server that prints its address, and ends event streams before it stops."""
 
         async def startup(self, sockets: list[Any] | None = None) -> None:
             await super().startup(sockets)

@@ -30,6 +30,7 @@ from server.cli.options import AsJson
 
 
 def servos(
+    *,
     torque: Annotated[
         float, typer.Option(help="Torque of a hinge in w·p (module weight × pitch).")
     ],

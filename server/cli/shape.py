@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 
 def shape(
+    *,
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
     ],
@@ -78,9 +80,8 @@ def shape(
     except InputError as error:
         refuse(error, as_json)
     except OSError as error:
-        refuse(
-            InputError("no-file", f"cannot be written ({error.strerror}).", where=str(out)), as_json
-        )
+        problem = f"cannot be written ({error.strerror})."
+        refuse(InputError("no-file", problem, where=str(out)), as_json)
     report = {
         **prepared.report(full=False),
         "mesh": None,
@@ -95,10 +96,14 @@ def shape(
         print(warning, file=sys.stderr)
     if not prepared.chains:
         if not as_json:
-            refusal = no_path(prepared)
-            told = "\n".join([refusal, *map(offer_words, offers)])
-            Console(stderr=True, soft_wrap=True, highlight=False).print(told, markup=False)
+            print_no_path(prepared, offers)
         raise typer.Exit(3)
+
+
+def print_no_path(prepared: Preparation, offers: Sequence[Offer]) -> None:
+    """Print the reason why there is no path, and the variants that have one, as an error."""
+    text = "\n".join([no_path(prepared), *map(offer_words, offers)])
+    Console(stderr=True, soft_wrap=True, highlight=False).print(text, markup=False)
 
 
 def offers_for(data: bytes, filename: str, request: Request) -> list[Offer]:

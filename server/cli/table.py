@@ -25,6 +25,7 @@ MM_PER_M = 1000.0
 
 
 def table(
+    *,
     plan: Annotated[
         Path,
         typer.Argument(metavar="PLAN", help=("Folder written by `foldback fold`, or a plan file.")),

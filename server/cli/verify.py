@@ -1,4 +1,4 @@
-"""``foldback verify``: a second look at a plan, from its files alone."""
+"""``foldback verify``: check a plan independently, from its files alone."""
 
 from __future__ import annotations
 

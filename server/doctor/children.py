@@ -1,4 +1,4 @@
-"""Check of computing processes: what the kernel keeps them from."""
+"""Check of the confinement of computing processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doctor: looks at all that the service needs."""
+"""Doctor: checks of all that the service needs."""
 
 from __future__ import annotations
 

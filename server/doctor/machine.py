@@ -1,4 +1,4 @@
-"""Checks of the machine: what is installed, ports, memory, files, names, the clock."""
+"""Checks of the machine: packages, ports, memory, files, names, the clock."""
 
 from __future__ import annotations
 

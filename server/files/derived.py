@@ -1,4 +1,4 @@
-"""Derived files: exports, pictures and movies of folds, which can be made again.
+"""Derived files: exports, pictures and movies of folds, which can be computed again.
 
 They count apart from the folds' own files, since anybody with a link may ask for them: none of them
 makes a fold expire, and when room is short they go before any fold does, those that the owner of a

@@ -1,4 +1,4 @@
-"""Exports: files made of a finished fold when they are first asked for, and kept beside it."""
+"""Exports: files computed from a finished fold on request, and stored beside it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PLAN: Final = "plan.npz"
 
 
 class Exports:
-    """Makes exports.
+    """Exports of finished folds.
 
     Args:
         store: Store of the folds.

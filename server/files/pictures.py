@@ -77,7 +77,7 @@ class RecentPictures:
 
 
 class Pictures:
-    """Has pictures drawn. Safe to use from many threads.
+    """Pictures that child processes draw. Thread-safe.
 
     Args:
         pool: Children that draw.

@@ -1,4 +1,4 @@
-"""Preview scenes: what a browser shows of a preview, made when asked for, a few at once."""
+"""Preview scenes: the 3D scene of a preview, computed on request, a few at once."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MAX_SCENE_CACHE_BYTES: Final = 32 * 2**20
 
 
 class PreviewScenes:
-    """Makes the scene of each report once, while it is kept. Belongs to one event loop."""
+    """Cache of the scenes of reports. For one event loop."""
 
     def __init__(self, previews: Previews) -> None:
         self._previews = previews

@@ -1,4 +1,4 @@
-"""Previews: shapes that somebody looks at before folding, kept for a day or while there is room.
+"""Previews: shapes before they are folded, stored for a day or while there is room.
 
 A directory holds one upload; under it lies a directory for each set of options, with what they were
 (``request.json``) and what came of them (``report.json``).

@@ -1,4 +1,4 @@
-"""Trajectories: retimed plans, worked out in a child process, the last few kept by their bytes.
+"""Trajectories: retimed plans, computed in a child process, and cached.
 
 What the child has made is mapped from files that have no name any more by then: the parts of a long
 trajectory that nobody looks at take no memory, and its disk is free with its last user.
@@ -126,7 +126,7 @@ class Retimed:
 
 
 class Trajectories:
-    """Has plans retimed. Belongs to one event loop; whoever waits holds no thread.
+    """Cache of retimed plans. For one event loop; waiting requests hold no thread.
 
     Args:
         pool: Children that retime.

@@ -1,4 +1,4 @@
-"""Uploads: what comes in, on disk from its first bytes on, until it is accepted or forgotten.
+"""Uploads: on disk from the first bytes on, until they are accepted or removed.
 
 Each process has a directory of its own under ``uploads_dir``, held by a lock for as long as the
 process lives; what dead processes have left there was never acknowledged, and is swept away.

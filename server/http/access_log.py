@@ -25,7 +25,7 @@ log = logging.getLogger("foldback.access")
 
 
 class Access:
-    """Gives every request an id, which its answer carries as ``X-Request-ID``; logs and counts it.
+    """Middleware that gives every request an id (``X-Request-ID``), logs and counts it.
 
     One that comes in is kept when it is sane, so that a proxy's log and this one can be joined. The
     query is never logged, nor who asked; of the path, which route it is. Only where there is no

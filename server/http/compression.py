@@ -1,4 +1,4 @@
-"""Compression: what is the same for everybody is packed once, for all browsers that take it so.
+"""Compression: files that are the same for all are compressed once.
 
 Answers that are made for one question are left to what stands in front of the service. Where a
 secret and a stranger's words share an answer, its packed length tells of the secret; what is packed

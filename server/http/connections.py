@@ -45,7 +45,7 @@ log = logging.getLogger("foldback.serve")
 
 
 class Connections:
-    """Counts connections by the visitors and networks that they come from."""
+    """Counts of connections by visitor and network."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings

@@ -131,7 +131,7 @@ class GatedTransport:
 
 
 class Pace:
-    """Counts the events of one connection and holds its transport while there are too many.
+    """Event count of one connection; it pauses the transport above the permitted rate.
 
     Args:
         transport: The connection.

@@ -1,4 +1,4 @@
-"""Read-only disk: what is stored is shown, and every change is refused before its body is read."""
+"""Read-only disk: reading works; every change is refused before its body is read."""
 
 from __future__ import annotations
 

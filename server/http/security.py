@@ -1,4 +1,4 @@
-"""Security: what every answer tells browsers, and whose pages may talk to the service."""
+"""Security: headers of every answer, and the sites whose pages may call the service."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ class SameOrigin:
 
 
 class BodyLimit:
-    """Counts what comes in, and refuses more than the limit before it fills memory or disk.
+    """Middleware that refuses bodies above a limit before they fill memory or disk.
 
     Args:
         app: Inner ASGI application.

@@ -27,7 +27,7 @@ BYTES_PER_EVENT: Final = 8192
 
 
 class _CountingServer(ServerProtocol):
-    """Counts the frames that it parses."""
+    """Websocket server that counts the frames it parses."""
 
     frames = 0
 
@@ -38,7 +38,7 @@ class _CountingServer(ServerProtocol):
 
 
 class BoundedWebSocket(WebSocketsSansIOProtocol):
-    """Holds the permit of its connection until it is closed, and bounds the frames it parses.
+    """Websocket that holds its connection's permit, and bounds the frames it parses.
 
     Args:
         permit: Permit of the connection.

@@ -1,4 +1,4 @@
-"""Janitor: forgets folds that nobody looks at any more, and files that belong to nobody.
+"""Janitor: removes unused folds, and files without a fold.
 
 Folds of the gallery and pinned ones stay, and so do those that are not over. The others go when
 nobody has looked at them for ``keep_days``, or, the longest unseen first, when the folds of a

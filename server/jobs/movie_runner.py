@@ -35,7 +35,7 @@ log = logging.getLogger("foldback.worker")
 
 
 class MovieJobs:
-    """Makes the movies of a queue."""
+    """Jobs of movies."""
 
     def __init__(self, settings: Settings, store: Store) -> None:
         self._settings = settings

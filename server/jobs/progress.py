@@ -1,4 +1,4 @@
-"""Progress of jobs: told to a row at a bounded pace, and stopped when nobody wants the result."""
+"""Progress of jobs: written to a row at a bounded rate; tells when a job is cancelled."""
 
 from __future__ import annotations
 

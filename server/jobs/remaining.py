@@ -67,7 +67,7 @@ class QueueEstimate:
 
 
 class EtaEstimator:
-    """Estimates for all who ask. Safe to use from many threads.
+    """Estimates of remaining times. Thread-safe.
 
     Args:
         store: Store with the rows.

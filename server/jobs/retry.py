@@ -1,4 +1,4 @@
-"""Patience: what is to be noted or kept is so once the database and the storage answer again."""
+"""Retries: writes that wait until the database and the storage answer again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runner: computes the stages of folds in child processes and keeps their rows up to date."""
+"""Runner: computes the stages of folds in child processes and updates their rows."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _outcome(
 
 
 class LeaseLostError(Exception):
-    """The fold has gone to another execution; what came out here is nobody's."""
+    """The fold has gone to another execution; the result here is discarded."""
 
 
 class JobCancelledError(Exception):
@@ -96,7 +96,7 @@ class PausedError(Exception):
 
 
 class Runner:
-    """Holds one child for each fold that is being computed.
+    """Children of the folds that are being computed, one for each.
 
     Args:
         settings: The settings.

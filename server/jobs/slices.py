@@ -23,7 +23,7 @@ at most. Chosen."""
 
 
 class Slice:
-    """The slice of one execution of a fold. It begins when it is made.
+    """Time slice of one execution of a fold; it starts with its construction.
 
     Args:
         store: Rows of the folds.

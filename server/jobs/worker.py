@@ -158,7 +158,7 @@ def _hold_leash(on_end: Callable[[], None]) -> None:
 
 
 class _LeaseMonitor:
-    """Looks after the jobs of all workers: those of dead ones are taken over by living ones."""
+    """Heartbeat of this worker, and recovery of the jobs of expired ones."""
 
     def __init__(
         self,
@@ -181,10 +181,10 @@ class _LeaseMonitor:
         self._preparing: float | None = -1.0  # what an earlier worker of this name noted is wrong
         self._swept_at = time.monotonic()
 
-    def beat(self) -> None:
+    def heartbeat(self) -> None:
         """Send a heartbeat of this worker."""
         at_once = self._settings.folds_per_worker
-        self._leases.beat(
+        self._leases.heartbeat(
             self._name, host=socket.gethostname()[:200], pid=os.getpid(), folds_at_once=at_once
         )
 
@@ -195,19 +195,19 @@ class _LeaseMonitor:
             self._leases.note_preparing(self._name, fraction)
             self._preparing = fraction
 
-    def leave(self) -> None:
+    def deregister(self) -> None:
         """Deregister this worker."""
-        self._leases.leave(self._name)
+        self._leases.deregister(self._name)
 
-    def look(self) -> None:
+    def recover_and_sweep(self) -> None:
         """Requeue jobs of expired workers and orphaned ones; sweep if it is due."""
         running = DBOS.list_workflows(status="PENDING", load_input=False)
         holders = {str(job.executor_id) for job in running}
-        for dead in self._leases.dead(holders) - {self._name}:
+        for dead in self._leases.expired(holders) - {self._name}:
             if dead in holders:
                 log.info("taking over the folds of %s", dead)
                 requeue_all(dead)
-            self._leases.leave(dead)
+            self._leases.deregister(dead)
         self._requeue_orphans(
             [str(job.workflow_id) for job in running if job.executor_id == self._name]
         )
@@ -248,15 +248,28 @@ def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], w
     threading.Thread(target=loop, name=what, daemon=True).start()
 
 
+def _config(settings: Settings, worker: str) -> DBOSConfig:
+    """Return the job system's configuration of a worker."""
+    config: DBOSConfig = {
+        "name": APPLICATION,
+        "system_database_url": settings.queue_url,
+        "application_version": APPLICATION_VERSION,
+        "executor_id": worker,
+        "log_level": "WARNING",
+    }
+    config.update(tracing(settings))
+    return config
+
+
 def work(settings: Settings, *, leashed: bool = False) -> None:
     """Process jobs until a signal, or the end of the parent process.
 
-    Told so it takes nothing new, goes on for as long as the settings let it, and hands back to the
-    queue what is not over by then. Told twice it does not go on.
+    After the first signal it takes no new jobs, continues for ``drain_s``, and returns unfinished
+    jobs to the queue; after a second one it does so at once.
 
     Args:
         settings: The settings.
-        leashed: End when standard input ends.
+        leashed: True to end when standard input ends.
     """
     keep_secrets()
     set_up_logs(settings)
@@ -283,26 +296,20 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     signal.signal(signal.SIGINT, tell)
     if leashed:
         _hold_leash(end)
-    config: DBOSConfig = {
-        "name": APPLICATION,
-        "system_database_url": settings.queue_url,
-        "application_version": APPLICATION_VERSION,
-        "executor_id": identity.name,
-        "log_level": "WARNING",
-    }
-    config.update(tracing(settings))
-    DBOS(config=config)
+    DBOS(config=_config(settings, identity.name))
     active = Active()
     register(runner, MovieJobs(settings, store), identity.name, active)
     stopping = threading.Event()
     monitor = _LeaseMonitor(settings, store, jobs, runner, identity.name, active)
-    monitor.beat()
+    monitor.heartbeat()
     monitor.tell_preparing()
     DBOS.launch()
     _repeat(stopping, COMPILING_REPORT_S, monitor.tell_preparing, "reporting compiled solvers")
-    _repeat(stopping, settings.lease_s / HEARTBEATS_PER_LEASE, monitor.beat, "sending heartbeats")
-    look_every_s = min(RECOVERY_POLL_S, settings.lease_s / RECOVERY_POLLS_PER_LEASE)
-    _repeat(stopping, look_every_s, monitor.look, "checking for expired workers")
+    _repeat(
+        stopping, settings.lease_s / HEARTBEATS_PER_LEASE, monitor.heartbeat, "sending heartbeats"
+    )
+    recovery_poll_s = min(RECOVERY_POLL_S, settings.lease_s / RECOVERY_POLLS_PER_LEASE)
+    _repeat(stopping, recovery_poll_s, monitor.recover_and_sweep, "checking for expired workers")
     log.info("worker %s is ready", identity.name)
     told.acquire()
     stop_dequeuing()
@@ -314,7 +321,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     runner.stop()
     try:
         requeue_all(identity.name)
-        monitor.leave()
+        monitor.deregister()
     except Exception:
         log.exception("jobs could not be put back; other workers will take them over")
     # Steps that were cut off must not get the time to note a result.

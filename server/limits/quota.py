@@ -1,4 +1,4 @@
-"""Quotas: bounds on what is held at once, in total, of a visitor and of a network.
+"""Quotas: limits on concurrent use, in total, per visitor and per network.
 
 Three rules share a quota out:
 
@@ -83,7 +83,7 @@ class Permit:
 
 
 class Quota:
-    """Counts permits. Safe to use from many threads.
+    """Permits in use. Thread-safe.
 
     Args:
         what: Name of what the permits are for, in the plural.

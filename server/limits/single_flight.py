@@ -1,4 +1,4 @@
-"""Single flight: what takes seconds is made once for all who ask for it meanwhile.
+"""Single flight: concurrent requests for the same slow result share one computation.
 
 It has threads of its own, so that those of the event loop stay free for what is quick, and whoever
 waits holds none. Visitors take turns.

@@ -45,7 +45,7 @@ class State:
 
 
 class Readiness:
-    """Looks at what the service needs, at most every ``READINESS_CACHE_S``.
+    """State of all that the service needs, cached for ``READINESS_CACHE_S``.
 
     Args:
         settings: The settings.

@@ -1,4 +1,4 @@
-"""Starting: what is said when a process of the service can't start, or not as it was told."""
+"""Starting: errors if a process of the service cannot start, or not as configured."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ log = logging.getLogger("foldback.supervisor")
 
 
 class Supervisor:
-    """Keeps as many workers running as the settings say.
+    """Running workers, as many as the settings say.
 
     Workers end when their standard input does: when this process is killed, they follow.
     """

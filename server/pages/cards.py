@@ -133,7 +133,7 @@ class FoldStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GalleryFilter:
-    """Which cards are wanted. What is empty or None lets all of them through.
+    """Filter of the gallery's cards. An empty field, or None, accepts all.
 
     Every one of the ``words`` must begin a word of the card.
     """

@@ -81,7 +81,7 @@ class Problem(TypedDict):
 
 
 class Suggestion(TypedDict):
-    """Another fold to ask for, or to look at: words for a button, and its form or id."""
+    """Another fold to request or to view: the button's label, and its form or id."""
 
     text: str
     hint: NotRequired[str]

@@ -65,7 +65,11 @@ def fold_shape(
     """Fold an example shape and redirect to its fold, for browsers without scripts."""
     try:
         accepted = post_fold(
-            request, context_of(request), None, ShapeOptions(world=world), shape=name
+            request=request,
+            context=context_of(request),
+            credentials=None,
+            options=ShapeOptions(world=world),
+            shape=name,
         )
     except ServiceError as error:
         problem = Problem.of(error)

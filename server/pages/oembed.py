@@ -1,4 +1,4 @@
-"""oEmbed (https://oembed.com): how other sites show a fold whose link somebody pastes."""
+"""oEmbed (https://oembed.com): the frame that other sites show for a link to a fold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Privacy: what is stored, for how long, who sees it; as the settings have it."""
+"""Privacy: stored data, its lifetime and its visibility, by the settings."""
 
 from __future__ import annotations
 

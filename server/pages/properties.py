@@ -124,7 +124,7 @@ class BeforeAfter(TypedDict):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Fold:
-    """A fold with everything that its properties are made of."""
+    """A fold with all that its properties are derived from."""
 
     row: ShownFold
     summary: FoldSummary

@@ -1,4 +1,4 @@
-"""Sharing: a fold in somebody else's page, in one file, and beside another fold."""
+"""Sharing: a fold in another site's page, in one file, and beside another fold."""
 
 from __future__ import annotations
 

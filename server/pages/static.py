@@ -1,4 +1,4 @@
-"""Static files: style sheets, scripts, pictures, and whatever browsers keep until it changes."""
+"""Static files: style sheets, scripts, pictures, and their caching."""
 
 from __future__ import annotations
 

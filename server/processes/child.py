@@ -359,40 +359,40 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
         return
     parent.listen()
     while True:
-        try:
-            result = task(
-                request["task"], Path(request["directory"]), parent.progress, parent.cancelled
-            )
-        except InputError as error:
-            parent.tell("bad-input", code=error.code, detail=error.detail, where=error.where)
-        except MemoryError:
-            parent.tell("problem", code="memory-limit", detail=memory_words(limits["memory_bytes"]))
-        except Exception as error:
-            traceback.print_exc()
-            if isinstance(error, OSError) and error.errno in FULL_DISK_ERRNOS:
-                parent.tell(
-                    "problem",
-                    code="disk-full",
-                    detail=(
-                        "the disk of the service is full; nothing else was lost. Try again later."
-                    ),
-                )
-            elif isinstance(error, OSError) and error.errno in FAILED_DISK_ERRNOS:
-                parent.tell(
-                    "problem",
-                    code="disk-failed",
-                    detail=f"the disk of the service cannot be written ({error.strerror}); nothing "
-                    "else was lost. Try again later.",
-                )
-            else:
-                parent.tell(
-                    "problem",
-                    code="internal",
-                    detail=f"the stage '{request['task']}' failed: {type(error).__name__}: {error}",
-                )
-        else:
-            parent.tell("done", result=result)
+        _answer(parent, task, request, limits["memory_bytes"])
         request = parent.request()
+
+
+def _answer(parent: _Parent, task: Task, request: Mapping[str, Any], memory_bytes: int) -> None:
+    """Run the task of a request, and send its result or its error."""
+    try:
+        result = task(
+            request["task"], Path(request["directory"]), parent.progress, parent.cancelled
+        )
+    except InputError as error:
+        parent.tell("bad-input", code=error.code, detail=error.detail, where=error.where)
+    except MemoryError:
+        parent.tell("problem", code="memory-limit", detail=memory_words(memory_bytes))
+    except Exception as error:
+        traceback.print_exc()
+        code, detail = _problem(error, request["task"])
+        parent.tell("problem", code=code, detail=detail)
+    else:
+        parent.tell("done", result=result)
+
+
+def _problem(error: Exception, task: str) -> tuple[str, str]:
+    """Return the code and the detail of an unexpected error of a task."""
+    if isinstance(error, OSError) and error.errno in FULL_DISK_ERRNOS:
+        return "disk-full", (
+            "the disk of the service is full; nothing else was lost. Try again later."
+        )
+    if isinstance(error, OSError) and error.errno in FAILED_DISK_ERRNOS:
+        return "disk-failed", (
+            f"the disk of the service cannot be written ({error.strerror}); nothing "
+            "else was lost. Try again later."
+        )
+    return "internal", f"the stage '{task}' failed: {type(error).__name__}: {error}"
 
 
 def main() -> None:

@@ -459,7 +459,7 @@ class Pool:
 
 
 class Reader:
-    """Reads uploads in a pool of children, of which one visitor has one at a time.
+    """Children that read uploads; one visitor has one at a time.
 
     Args:
         pool: The children.

@@ -90,7 +90,7 @@ def _wake(number: int, frame: FrameType | None) -> None:
 
 
 class _Forks:
-    """Forks children, and tells how they end."""
+    """Forked children, and how they end."""
 
     def __init__(self, requests: _Requests, tasks: Mapping[str, Task]) -> None:
         self._requests = requests

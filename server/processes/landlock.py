@@ -1,4 +1,4 @@
-"""Landlock: has the kernel keep a thread, and all that it starts, away from files and TCP.
+"""Landlock: denies a thread, and what it starts, files and TCP.
 
 Linux 5.13 and newer, without any privilege; see landlock(7). Nothing takes it back.
 """

@@ -1,4 +1,4 @@
-"""Scratch: directories for what is being made; those of processes that died are swept."""
+"""Scratch directories of computations; those of processes that died are removed."""
 
 from __future__ import annotations
 

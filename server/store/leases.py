@@ -54,7 +54,7 @@ def _preparing_key(name: str) -> str:
 
 
 class Leases:
-    """Looks at the workers' rows. Safe to use from many threads.
+    """Rows of the workers. Thread-safe.
 
     Args:
         store: Store with the rows.
@@ -90,7 +90,7 @@ class Leases:
         identities = WorkerIdentities(settings)
         return cls(store, identities, settings.lease_s, expects_workers=settings.workers > 0)
 
-    def beat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
+    def heartbeat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
         """Increment the heartbeat counter of a worker."""
         about = {"host": host, "pid": pid, "folds_at_once": folds_at_once}
         with self._store.changing() as session:
@@ -109,7 +109,7 @@ class Leases:
                 )
             )
 
-    def leave(self, name: str) -> None:
+    def deregister(self, name: str) -> None:
         """Deregister a worker."""
         with self._store.changing() as session:
             session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
@@ -160,7 +160,7 @@ class Leases:
         silent = self._silent({row.name: row.beat for row in rows})
         return [row for row in rows if row.name not in silent]
 
-    def dead(self, holders: Iterable[str]) -> set[str]:
+    def expired(self, holders: Iterable[str]) -> set[str]:
         """Return the expired workers among those with a row and ``holders`` of folds.
 
         It must be asked several times a lease: after a longer pause, as when the database was away

@@ -1,4 +1,4 @@
-"""Storage: where the files of folds are kept when they are not kept on this machine.
+"""Object store: files of folds that are not stored on this machine.
 
 It holds copies of directories under keys such as ``folds/<id>/<epoch>``. Machines work on local
 directories: ``keep`` brings what changed in one to the storage, ``fetch`` brings a copy up to date.

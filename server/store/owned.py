@@ -1,4 +1,4 @@
-"""Owned: what the holder of a token has made, in lists, and what he may change of it.
+"""Owned: the folds, previews and movies of a token, and changes to them.
 
 Tokens are looked up by their hashes, so that neither the database nor the time that it takes tells
 anything of one.
@@ -24,7 +24,7 @@ MAX_LISTED_PREVIEWS: Final = 50
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoldsMade:
-    """Some of the folds that somebody has made.
+    """One page of an owner's folds.
 
     Attributes:
         rows: The newest first.

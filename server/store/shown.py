@@ -1,4 +1,4 @@
-"""A fold as pages show it, whether a service computes it or somebody looks at its directory."""
+"""A fold as pages show it, from a service or from a directory."""
 
 from __future__ import annotations
 

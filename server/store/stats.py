@@ -52,7 +52,7 @@ class Figures:
 
 
 class Stats:
-    """Counts, at most every ``FIGURES_CACHE_S``.
+    """Counts for operators, cached for ``FIGURES_CACHE_S``.
 
     It has a connection of its own: when a crowd holds all others, operators want to see it.
 

@@ -134,7 +134,7 @@ class WorkerRow(Base):
 
 
 class MovieRow(Base):
-    """A movie of a fold that somebody asked for.
+    """A requested movie of a fold.
 
     ``id`` is the key of its options, which are ``wishes``; ``job`` the name of what makes it, whose
     end is that of its file; ``status`` one of ``queued``, ``running``, ``ready`` and ``failed``;
@@ -175,7 +175,7 @@ def movie_file(job: str) -> str:
 
 
 class PreviewRow(Base):
-    """A preview in the list of who has sent its upload, with what he looked at last.
+    """A preview in the list of its upload's owner, with the options last viewed.
 
     ``owner`` is the hash of his token; ``key`` stands for the options, which are the ``query`` of
     the page's address. Its files may be gone before: see ``server/files/previews.py``.

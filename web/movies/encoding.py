@@ -50,7 +50,7 @@ class NoEncoderError(EncodingError):
 
 
 class Encoder(Protocol):
-    """Takes the pictures of a movie one by one; its file is whole once it is closed in order."""
+    """Encoder of a movie's pictures, one by one; its file is complete once it is closed."""
 
     def add(self, picture: NDArray[np.uint8]) -> None:
         """Add a picture.

@@ -1,4 +1,4 @@
-"""Makes a movie of a timeline, picture by picture, without simulating anything."""
+"""Movies of a timeline, picture by picture, without a simulation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Movie: what somebody wants a movie of a fold to be, and the bounds of that."""
+"""Movie: options of a movie, and their bounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stage: draws a chain offscreen with MuJoCo's renderer, in the look of the page.
+"""Stage: a chain drawn offscreen by MuJoCo's renderer, in the look of the page.
 
 Nothing is simulated: the modules are put into MuJoCo's scene where the timeline says they are.
 """
@@ -65,7 +65,7 @@ class Shot:
 
 
 class Stage:
-    """Holds the OpenGL context and what it draws; use it in one thread and close it there."""
+    """OpenGL context with the drawn chain; use it in one thread and close it there."""
 
     def __init__(
         self, module: Module, modules: int, *, width: int, height: int, theme: Theme, backend: str

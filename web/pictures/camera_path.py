@@ -1,4 +1,4 @@
-"""Camera path: the camera of a whole movie, which knows what comes and what was.
+"""Camera path: the camera of a whole movie, smoothed over past and future.
 
 A camera that follows a live view can only lag behind. This one is smoothed over the whole movie at
 once, the same forwards and backwards in time, and never cuts anything off.

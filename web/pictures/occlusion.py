@@ -1,4 +1,4 @@
-"""Occlusion: how much light other modules keep from each face.
+"""Occlusion: the light that other modules keep from each face.
 
 One number for each face, computed: no shadow map with its jagged edges, no second pass of drawing,
 and nothing that flickers from frame to frame.

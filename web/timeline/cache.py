@@ -1,4 +1,4 @@
-"""Caches: what was read or made lately, bounded by its size."""
+"""Caches: recently read or computed values, bounded by their size."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Thing = TypeVar("Thing")
 
 
 class Cache(Generic[Thing]):
-    """Keeps what was asked for last under its key. Safe to use from several threads.
+    """Least-recently-used values by key. Thread-safe.
 
     Args:
         most_bytes: Maximum size of all values together; a larger one is not stored.

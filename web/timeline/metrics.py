@@ -25,7 +25,7 @@ from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import FORCES, TableForces
 from planner.errors import UNREADABLE, InputError
 from planner.files import json_of
-from planner.motion.angle_steps import plan_angles, plan_window_angles
+from planner.motion.angle_steps import plan_columns
 from planner.motion.motion import Motion
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
@@ -225,28 +225,11 @@ def _reference(directory: Path, timeline: Timeline) -> Motion | None:
         key = (path, found.st_ino, found.st_mtime_ns)
         reference = _REFERENCES.get(key)
         if reference is None:
-            reference = _plan_motion(path, timeline)
+            reference = Motion.from_angles(**plan_columns(path, timeline.chain.folded_rad))
             _REFERENCES.keep(key, reference)
     except UNREADABLE:
         return None
     return reference if len(reference) else None
-
-
-def _plan_motion(path: Path, timeline: Timeline) -> Motion:
-    """Return the angles of a plan's frames as a motion, without times and poses."""
-    if not timeline.windowed:
-        return Motion.from_angles(plan_angles(path))
-    first, offsets, angles = plan_window_angles(path, timeline.chain.folded_rad)
-    count = len(first)
-    return Motion.from_windows(
-        time_s=np.zeros(count),
-        phase=np.zeros(count, np.uint8),
-        first=first,
-        offsets=offsets,
-        angles_rad=angles,
-        base_position=np.zeros((count, 3)),
-        base_wxyz=np.zeros((count, 4)),
-    )
 
 
 def _position_errors(

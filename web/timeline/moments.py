@@ -1,4 +1,4 @@
-"""Moments: a chain's motion, of which any frame can be shown; on disk or in memory."""
+"""Motion sources: a chain's motion, of which any frame can be shown; on disk or in memory."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class MotionSource(Protocol):
 
 
 class MotionMoments:
-    """Those of a motion in memory: poses by forward kinematics, whenever one is asked for."""
+    """Motion in memory: poses by forward kinematics, computed on request."""
 
     growing = False
 

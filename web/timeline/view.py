@@ -1,4 +1,4 @@
-"""Timeline view: a timeline made ready for showing, shared by everybody who looks at the same fold.
+"""Timeline view: a timeline prepared for display, shared by all viewers of a fold.
 
 It holds the poses and errors of the frames lately asked for, computed chunk by chunk with
 vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
+from planner.chain.kinematics import Poses, forward_kinematics
 from planner.errors import TimelineError
 from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline
@@ -83,35 +83,6 @@ class Snapshot:
     framed: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Chunk:
-    frames: Motion
-    positions: Floats
-    wxyzs: Floats
-    module_error_rad: Array
-
-    @property
-    def nbytes(self) -> int:
-        f = self.frames
-        return (
-            self.positions.nbytes
-            + self.wxyzs.nbytes
-            + self.module_error_rad.nbytes
-            + 2 * f.joint_angles_rad.nbytes
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _WindowChunk:
-    windows: Motion
-
-    @property
-    def nbytes(self) -> int:
-        windows, errors = self.windows, self.windows.errors_rad
-        told = 0 if errors is None else errors.nbytes
-        return windows.angles_rad.nbytes + told + 100 * len(windows)
-
-
 class TimelineView:
     """See the module's description. Safe to use from several threads."""
 
@@ -131,7 +102,7 @@ class TimelineView:
     def _begin(self) -> None:
         stamp = self._stamp_now()  # first: what is written from now on is seen to be newer
         self._timeline, self._stamp = Timeline.open(self.path), stamp
-        self._chunks: OrderedDict[int, _Chunk | _WindowChunk] = OrderedDict()
+        self._chunks: OrderedDict[int, Motion] = OrderedDict()
         self._bytes = 0
         self._table: TableTop | None = None
         self._refreshed = time.monotonic()
@@ -352,44 +323,23 @@ class TimelineView:
         return CACHED_CHUNK_WINDOWS if self.windowed else CACHED_CHUNK_FRAMES
 
     def _exact(self, frame: int) -> Snapshot:
-        chunk = self._chunk(frame // self._rows)
-        k = frame % self._rows
-        if isinstance(chunk, _WindowChunk):
-            return self._of_window(chunk.windows, k, frame)
-        f = chunk.frames
+        chain, motion, k = self.chain, self._chunk(frame // self._rows), frame % self._rows
+        angles = motion.angles(chain, k, k + 1)[0]
+        errors = motion.joint_errors(chain, k, k + 1)[0]
+        poses = self._poses(angles, motion.anchor_position[k], motion.anchor_wxyz[k])
+        framed = len(chain)
+        if self.stretch is not None:
+            framed = modules_framed(chain, int(motion.last[k]), self.stretch)
         return Snapshot(
             frame=float(frame),
-            time_s=float(f.time_s[k]),
-            phase=PHASES[int(f.phase[k])],
-            positions=chunk.positions[k],
-            wxyzs=chunk.wxyzs[k],
-            joint_angles_rad=f.joint_angles_rad[k],
-            joint_error_rad=f.joint_error_rad[k],
-            module_error_rad=chunk.module_error_rad[k],
-            framed=len(self.chain),
-        )
-
-    def _of_window(self, windows: Motion, k: int, frame: float) -> Snapshot:
-        chain, stretch = self.chain, self.stretch
-        assert stretch is not None
-        angles = windows.angles(chain, k, k + 1)[0]
-        errors = windows.joint_errors(chain, k, k + 1)[0]
-        poses = forward_kinematics(
-            chain.module,
-            angles,
-            root_position=windows.anchor_position[k],
-            root_wxyz=windows.anchor_wxyz[k],
-        )
-        return Snapshot(
-            frame=float(frame),
-            time_s=float(windows.time_s[k]),
-            phase=PHASES[int(windows.phase[k])],
+            time_s=float(motion.time_s[k]),
+            phase=PHASES[int(motion.phase[k])],
             positions=poses.positions.astype(np.float32),
             wxyzs=poses.wxyzs.astype(np.float32),
             joint_angles_rad=angles,
             joint_error_rad=errors,
             module_error_rad=chain_errors(chain, errors),
-            framed=modules_framed(chain, int(windows.last[k]), stretch),
+            framed=framed,
         )
 
     def _between(self, low: int, share: float) -> Snapshot:
@@ -397,14 +347,7 @@ class TimelineView:
         first, second = (self._given(k) for k in (low, low + 1))
         angles = _mix(a.joint_angles_rad, b.joint_angles_rad, share)
         turn = _mix(first[1], second[1] * (1.0 if first[1] @ second[1] >= 0 else -1.0), share)
-        chain = self.chain
-        poses = forward_kinematics(
-            chain.module,
-            angles,
-            root=0 if self.windowed else chain.root,
-            root_position=_mix(first[0], second[0], share),
-            root_wxyz=turn / np.linalg.norm(turn),
-        )
+        poses = self._poses(angles, _mix(first[0], second[0], share), turn / np.linalg.norm(turn))
         return Snapshot(
             frame=low + share,
             time_s=a.time_s + (b.time_s - a.time_s) * share,
@@ -417,46 +360,45 @@ class TimelineView:
             framed=max(a.framed, b.framed),
         )
 
+    def _poses(self, angles: Array, position: Array, wxyz: Array) -> Poses:
+        """Return the poses of (J,) angles and the pose of the module that frames tell."""
+        return forward_kinematics(
+            self.chain.module,
+            angles,
+            root=0 if self.windowed else self.chain.root,
+            root_position=position,
+            root_wxyz=wxyz,
+        )
+
     def _given(self, frame: int) -> tuple[Array, Array]:
         """Return the pose that a frame tells: that of its root, or of the first module."""
-        chunk = self._chunk(frame // self._rows)
-        k = frame % self._rows
-        if isinstance(chunk, _WindowChunk):
-            return chunk.windows.anchor_position[k], chunk.windows.anchor_wxyz[k]
-        return chunk.frames.root_position[k], chunk.frames.root_wxyz[k]
+        motion, k = self._chunk(frame // self._rows), frame % self._rows
+        return motion.anchor_position[k], motion.anchor_wxyz[k]
 
-    def _chunk(self, index: int) -> _Chunk | _WindowChunk:
+    def _chunk(self, index: int) -> Motion:
         found = self._chunks.get(index)
         if found is not None:
             self._chunks.move_to_end(index)
             return found
         start = index * self._rows
-        stop = min(start + self._rows, self._summarised)
-        chunk = (
-            _WindowChunk(self.windows(start, stop))
-            if self.windowed
-            else self._posed(self.frames(start, stop))
-        )
+        with self.reading():
+            chunk = self._timeline.motion(start, min(start + self._rows, self._summarised))
         self._chunks[index] = chunk
-        self._bytes += chunk.nbytes
+        self._bytes += _bytes(chunk)
         while self._bytes > MAX_CHUNK_CACHE_BYTES and len(self._chunks) > 2:
             _, old = self._chunks.popitem(last=False)
-            self._bytes -= old.nbytes
+            self._bytes -= _bytes(old)
         return chunk
-
-    def _posed(self, frames: Motion) -> _Chunk:
-        chain = self.chain
-        poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
-        return _Chunk(
-            frames,
-            poses.positions.astype(np.float32),
-            poses.wxyzs.astype(np.float32),
-            chain_errors(chain, frames.joint_error_rad),
-        )
 
     def _forget(self, first: int) -> None:
         for index in [k for k in self._chunks if k >= first]:
-            self._bytes -= self._chunks.pop(index).nbytes
+            self._bytes -= _bytes(self._chunks.pop(index))
+
+
+def _bytes(motion: Motion) -> int:
+    """Return the approximate size of a motion in memory."""
+    errors = 0 if motion.errors_rad is None else motion.errors_rad.nbytes
+    return motion.angles_rad.nbytes + errors + 100 * len(motion)
 
 
 def _mix(a: Array, b: Array, share: float) -> Array:

@@ -1,4 +1,4 @@
-"""Timeline views: open ones by path, shared while anybody looks."""
+"""Timeline views: open ones by path, shared while they are in use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras: those of all who look at a viser server, which keep the chain in view."""
+"""Cameras of all clients of a viser server, which keep the chain in view."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Cameras:
-    """Each shows the whole chain from where somebody has turned it to, in a window of any shape.
+    """Cameras that show the whole chain from where a client has turned them to.
 
     Attributes:
         following: True if they follow the chain.

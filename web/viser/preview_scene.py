@@ -98,7 +98,7 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
 
 
 class _PreviewScene:
-    """Draws a report into a viser server."""
+    """Scene of a preview's report in a viser server."""
 
     def __init__(self, server: viser.ViserServer, report: Mapping[str, Any]) -> None:
         self._scene = server.scene

@@ -49,7 +49,7 @@ def path_colours(modules: int) -> NDArray[np.uint8]:
 
 
 class Scene:
-    """Draws snapshots of one chain; tells which module was clicked."""
+    """Scene of one chain; it draws snapshots and reports clicked modules."""
 
     def __init__(
         self,

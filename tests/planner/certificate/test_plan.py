@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from planner.errors import InputError
-from planner.motion.angle_steps import frame_planes, plan_angles
+from planner.motion.angle_steps import frame_planes, plan_columns
 from planner.plan.plan import PLAN_FORMAT, Plan, versions
 from tests.planner.plans import changed
 
@@ -125,8 +125,8 @@ def test_angles_that_stand_twice_are_refused(plan: Plan, suffix: str, tmp_path: 
         path.write_text(json.dumps(values))
     else:
         np.savez(path, **plan.npz_arrays(), angle_planes=planes)
-        with pytest.raises(ValueError, match="got both"):
-            plan_angles(path)
+        with pytest.raises(ValueError, match="got its angles 2 times"):
+            plan_columns(path, plan.chain.folded_rad)
     with pytest.raises(InputError, match="got its angles 2 times"):
         Plan.load(path)
 

@@ -1,4 +1,4 @@
-"""Tries that are made beside: the same plan as one after the other, and no process left behind."""
+"""Attempts made beside: the same plan as one after the other, and no process left behind."""
 
 from __future__ import annotations
 
@@ -293,10 +293,10 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the backgrou
 from pathlib import Path
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.parallel import Tries
-with Tries(Path(sys.argv[1]), 3) as tries:
+from planner.pipeline.parallel import AttemptPool
+with AttemptPool(Path(sys.argv[1]), 3) as pool:
     choice = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
-    tries.come_to(choice, [Attempt(trial=Trial(0, 3, "peel"), status="stalled")],
+    pool.schedule(choice, [Attempt(trial=Trial(0, 3, "peel"), status="stalled")],
                   Trial(0, 3, "simultaneous"))
     time.sleep(600.0)
 """

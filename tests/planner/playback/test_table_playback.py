@@ -135,7 +135,7 @@ def test_a_chain_that_lies_free_drifts_and_is_told_from_where_it_lies(
     # It lies elsewhere, in the shape and at the height that it should have.
     assert free.position_errors.max() < 0.05
     assert free.final_error < 0.005
-    meant = free.frames.planned(chain, free.reference_rad, clamped=False)
+    meant = free.frames.planned(chain, free.frames.with_angles(free.reference_rad), clamped=False)
     poses = chain.poses(meant.joint_angles_rad, meant.root_position, meant.root_wxyz)
     np.testing.assert_allclose(poses.positions[..., 2], chain.folded_position[2], atol=1e-6)
 

@@ -47,7 +47,7 @@ def clock() -> Clock:
 @pytest.fixture
 def remaining(tmp_path: Path, store: Store, clock: Clock) -> EtaEstimator:
     leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
-    leases.beat("one", host="here", pid=1, folds_at_once=1)
+    leases.heartbeat("one", host="here", pid=1, folds_at_once=1)
     return EtaEstimator(store, leases, clock=clock)
 
 

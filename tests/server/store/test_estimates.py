@@ -39,7 +39,7 @@ def told_everywhere(store: Store, tmp_path: Path) -> tuple[float, float]:
     estimates = Estimates(store)
     preview = ExpectedTimes.of(REPORT, "floating", estimates.total_s)
     leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
-    leases.beat("one", host="here", pid=1, folds_at_once=1)
+    leases.heartbeat("one", host="here", pid=1, folds_at_once=1)
     store.add(a_fold("asked", status="queued", modules=160, created_at=time.time()), "a token")
     outlook = EtaEstimator(store, leases, estimates).of(store.fold("asked"))
     assert outlook.remaining_s is not None

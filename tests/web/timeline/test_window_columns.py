@@ -31,7 +31,7 @@ def there_and_back(windows: Motion) -> Motion:
 
 
 def assert_same(found: Motion, windows: Motion) -> None:
-    for name in ("time_s", "phase", "first", "offsets", "base_position", "base_wxyz"):
+    for name in ("time_s", "phase", "first", "offsets", "anchor_position", "anchor_wxyz"):
         assert np.array_equal(getattr(found, name), getattr(windows, name)), name
     assert (
         np.abs(found.angles_rad - windows.angles_rad).max(initial=0.0) <= 0.51 * SENT_ANGLE_STEP_RAD

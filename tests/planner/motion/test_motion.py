@@ -1,4 +1,4 @@
-"""Windows hold what frames of all angles do."""
+"""A windowed motion holds what a dense one does; neither copies what it need not."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+import planner
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.motion import PHASES, Motion
@@ -97,3 +98,45 @@ def test_joint_errors_are_those_of_the_windows(chain: Chain) -> None:
     assert not windows.recorded.any()
     assert np.isnan(windows.largest_errors).all()
     assert np.isnan(windows.joint_errors(chain)).all()
+
+
+def test_a_dense_motion_copies_no_angles(chain: Chain) -> None:
+    angles = np.zeros((4, len(chain.folded_rad)))
+    motion = Motion.from_angles(angles)
+    assert not motion.is_windowed and motion.layout == "frames"
+    for part in (motion.joint_angles_rad, motion.angles(chain), motion[1:3].joint_angles_rad):
+        assert np.shares_memory(part, angles)
+    assert motion.dense(chain, 1, 3).joint_angles_rad.shape == (2, len(chain.folded_rad))
+    assert np.shares_memory(motion[1:3].angles_rad, motion.angles_rad)
+
+
+def test_layouts_are_not_mixed(chain: Chain) -> None:
+    dense = frames_of(chain)
+    windows = dense.windowed(chain)
+    with pytest.raises(TypeError, match="expected one layout"):
+        Motion.joined([dense, windows])
+    with pytest.raises(TypeError, match="expected a dense one"):
+        _ = windows.root_position
+    assert not dense.passes_as(windows)
+    assert windows.in_layout_of(dense, chain).layout == "frames"
+    assert windows.in_layout_of(windows, chain) is windows
+
+
+def test_columns_of_either_layout_make_the_same_motion(chain: Chain) -> None:
+    for motion in (frames_of(chain), frames_of(chain).windowed(chain)):
+        again = Motion.from_columns(motion.columns())
+        assert again.layout == motion.layout and again.passes_as(motion)
+        moved = motion.with_columns(time_s=motion.time_s + 1.0)
+        assert moved.time_s[0] == 1.0 and moved.errors_rad is None
+
+
+def test_steps_are_the_same_in_either_layout(chain: Chain) -> None:
+    dense = frames_of(chain)
+    largest, moving = dense.steps(chain, fraction=0.1)
+    of_windows = dense.windowed(chain).steps(chain, fraction=0.1)
+    np.testing.assert_allclose(of_windows[0], largest, rtol=0.0, atol=1e-7)
+    np.testing.assert_array_equal(of_windows[1], moving)
+
+
+def test_a_motion_has_the_names_of_earlier_versions() -> None:
+    assert planner.Motion is planner.Frames is planner.Windows  # type: ignore[attr-defined]
