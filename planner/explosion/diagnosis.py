@@ -175,7 +175,7 @@ def _blocks(
         return None
     size, hinges, unit, first = parameters.module_size, chain.module.hinges_per_joint, None, 0
     if record.strategy == "peel":
-        if record.table is None:  # on a table, the module size to verify is what is kept clear
+        if record.table is None:  # on a table, frames are clear at the size to verify
             size = max(size, parameters.peeling.verify_size)
         peeling = parameters.peeling if record.table is None else parameters.table
         first = _first_released(chain, record, last)
