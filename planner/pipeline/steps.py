@@ -281,7 +281,10 @@ def _explode(job: Job, search: Search, trial: Trial, watch: Watch, pool: Attempt
     number, chain = len(search.history), job.candidates.chain_of(trial)
     parameters = job.parameters()
     record, recorded = None, None
-    if trial.smooths is not None or job.request.smooth:
+    smooths = trial.smooths is not None or job.request.smooth
+    if watch.timeline is not None and (smooths or parameters.explosion is None):
+        TimelineWriter.create(watch.timeline, chain)  # an explosion begins its own
+    if smooths:
         if trial.smooths is not None:
             recorded = search.results[trial.smooths].plan(job.request)
         source = recorded or job.recorded
