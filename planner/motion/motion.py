@@ -167,16 +167,15 @@ class Motion:
             first, offsets: Those of the windows; None for a dense motion.
         """
         if first is None or offsets is None:
-            frames, hinges = angles_rad.shape
-            first = np.zeros(frames, np.int64)
-            offsets = hinges * np.arange(frames + 1, dtype=np.int64)
+            frames, hinges = len(angles_rad), int(angles_rad.shape[1])
+            held = (np.zeros(frames, np.int64), hinges * np.arange(frames + 1, dtype=np.int64))
         else:
-            frames, hinges = len(first), None
+            frames, hinges, held = len(first), None, (first, offsets)
         return cls(
             time_s=np.arange(frames, dtype=np.float64),
             phase=_phases("playback", frames),
-            first=first,
-            offsets=offsets,
+            first=held[0],
+            offsets=held[1],
             angles_rad=angles_rad.reshape(-1),
             anchor_position=np.zeros((frames, 3)),
             anchor_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),

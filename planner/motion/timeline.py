@@ -72,7 +72,7 @@ def _columns(windowed: bool, hinges: int) -> dict[str, tuple[tuple[int, ...], st
     if windowed:
         names = (*_WINDOW_ROWS[:3], "offsets", *_WINDOW_ROWS[3:], *_WINDOW_ANGLES)
         table = {"ends" if name == "offsets" else name: WINDOW_COLUMNS[name] for name in names}
-    rows = dict.fromkeys(_WINDOW_ANGLES, ANGLES_PER_CHUNK)
+    rows: dict[str, int] = {name: ANGLES_PER_CHUNK for name in _WINDOW_ANGLES}
     most = WINDOWS_PER_CHUNK if windowed else FRAMES_A_CHUNK
     return {
         name: (tuple(hinges if size < 0 else size for size in tail), dtype, rows.get(name, most))

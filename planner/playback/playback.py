@@ -98,8 +98,9 @@ class Playback:
         """Write an ``.npz`` that is either complete or absent."""
         frames, reference, packed = self.frames.columns(), self.reference_rad, dict[str, Any]()
         if not self.frames.is_windowed:
-            packed = packed_frames("reference_rad", np.asarray(reference, dtype=np.float64))
-            if np.array_equal(reference, frames["joint_angles_rad"]):
+            planned = np.asarray(reference, dtype=np.float64)
+            packed = packed_frames("reference_rad", planned)
+            if np.array_equal(planned, frames["joint_angles_rad"]):
                 del frames["joint_angles_rad"]  # of a kinematic playback they are the same
         elif reference is not None:
             packed = {"window_reference_rad": reference}
