@@ -13,11 +13,12 @@ from planner.kernels.kinematics import (
     copy_vector,
     cross,
     matrix,
+    multiply,
     product,
     rodrigues,
     vector,
 )
-from planner.kernels.module import Joint, ModuleStates
+from planner.kernels.module import Joint, Lumps, ModuleStates
 
 Array = NDArray[np.float64]
 
@@ -107,6 +108,32 @@ def chain_velocities(
         )
         for r in range(3):
             velocities[new, r] = velocities[known, r] + near[r] + far[r]
+
+
+@njit(**INNER)
+def write_lump(
+    end: int, i: int, lumps: Lumps, modules: ModuleStates, arm: Array, inertia: Array
+) -> None:
+    """Write a lump's centre of mass relative to its module, and its inertia, in the world frame.
+
+    Args:
+        end: 0 for the lump of the first module, 1 for that of the last one.
+        i: Index of that module.
+        lumps: The lumps.
+        modules: Poses of all modules.
+        arm: (3,) written: vector from the module's centre to the centre of mass.
+        inertia: (3, 3) written: about the centre of mass.
+    """
+    axes = np.empty((3, 3))
+    multiply(modules.rotations[i], lumps.axes[end], axes)
+    for r in range(3):
+        arm[r] = 0.0
+        for k in range(3):
+            arm[r] += modules.rotations[i, r, k] * lumps.centres[end, k]
+        for c in range(3):
+            inertia[r, c] = 0.0
+            for k in range(3):
+                inertia[r, c] += axes[r, k] * lumps.moments[end, k] * axes[c, k]
 
 
 @njit(**INNER)

@@ -22,12 +22,7 @@ from planner.clearance.sweep import sweep
 from planner.cores import cores
 from planner.explosion.paper import explode_as_published
 from planner.explosion.simultaneous import explode
-from planner.kernels.articulated import (
-    NO_TAIL,
-    Accelerations,
-    ArticulatedBodies,
-    ChainModel,
-)
+from planner.kernels.articulated import Accelerations, ArticulatedBodies
 from planner.kernels.contact_forces import ContactModel, PairContacts, add_many_contacts
 from planner.kernels.module import ModuleStates
 from planner.kernels.trails import one_circuit
@@ -45,6 +40,7 @@ from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
+from planner.simulation.engine import build_chain_model
 from planner.simulation.model import SOLIMP
 from planner.simulation.robot import Robot, RobotBody
 
@@ -123,7 +119,7 @@ def _many_contacts(chain: Chain) -> None:
     add_many_contacts(
         PairContacts(np.array([[0, 2]]), normal, np.zeros((1, 3)), np.full(1, 0.01)),
         ContactModel(0.02, 1.0, np.array(SOLIMP)),
-        ChainModel(module.joint, module.inertia, NO_TAIL, False, 0),
+        build_chain_model(chain, root=0),
         ModuleStates(still, np.zeros((n, 3, 3)), still, still),
         aba,
         Accelerations(np.zeros(len(chain.folded_rad)), np.zeros(6)),

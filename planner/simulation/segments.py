@@ -26,6 +26,7 @@ from planner.errors import SimulationError
 from planner.kernels.clearance import least_separation
 from planner.kernels.module import ModuleStates
 from planner.kernels.segment_state import SegmentLayout, write_root_velocities, write_state
+from planner.simulation.engine import DetectedContacts, SpringChain, build_chain_model
 from planner.simulation.model import (
     SEGMENT_MODULES,
     Material,
@@ -34,7 +35,7 @@ from planner.simulation.model import (
     segment_starts,
 )
 from planner.simulation.mujoco import mujoco
-from planner.simulation.reduced import Acceleration, Found, ReducedChain, State
+from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
 BIAS_STEP_S: Final = 1e-4
@@ -45,7 +46,7 @@ WELD_STIFFENING: Final = 1e-4
 """Factor of the bodies' inverse weights in MuJoCo's regularisation of weld rows."""
 
 
-class Segments(ReducedChain):
+class Segments(SpringChain):
     """A chain as MuJoCo's segments. Holds a model and its data; the root is the middle module."""
 
     def __init__(
@@ -56,7 +57,7 @@ class Segments(ReducedChain):
         self.model: Any = compiled(segment_spec(chain, material, starts))
         self._set_options()
         self.data: Any = mujoco.MjData(self.model)
-        super().__init__(chain, material, root=chain.root)
+        super().__init__(chain, material, build_chain_model(chain, root=chain.root))
         self._geom_size = material.geom_size
         joints = [self.model.joint(name) for name in chain.joint_names]
         hinge_qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
@@ -80,13 +81,12 @@ class Segments(ReducedChain):
         twin = copy(self)
         twin.model = copy(self.model)
         twin.data = mujoco.MjData(twin.model)
-        twin._make_room()
+        twin._make_buffers()
         return twin
 
-    def _make_room(self) -> None:
-        super()._make_room()
-        n = len(self.chain)
-        self._ahead = ModuleStates.empty(n)
+    def _make_buffers(self) -> None:
+        super()._make_buffers()
+        self._ahead = ModuleStates.empty(len(self.positions))
         self._bias = np.zeros(self.model.nv)
 
     def _set_options(self) -> None:
@@ -163,7 +163,7 @@ class Segments(ReducedChain):
             near: (P, 2) all pairs of modules that are not linked and so near that they may touch.
         """
         module = self.chain.module
-        if np.abs(state.angles).max() >= self._stop_rad:
+        if np.abs(state.angles).max() >= self.stop_rad:
             return False
         least, _, _ = least_separation(
             self.positions,
@@ -197,14 +197,14 @@ class Segments(ReducedChain):
         self._write(state)
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_collision(self.model, data)
-        found = Found.of(self.model, data, self._module_of_geom)
-        return self._held_accelerations(state, forces, found)
+        contacts = DetectedContacts.from_mujoco(self.model, data, self._module_of_geom)
+        return self._contact_accelerations(state, forces, contacts)
 
     def _add_bias_to_contacts(self, state: State) -> None:
         data = self.data
         ahead = state.copy()
         ahead.advance(BIAS_STEP_S)
-        self._kinematics(ahead, self._ahead)
+        self._compute_kinematics(ahead, self._ahead)
         # Constant hinge velocities: only those of the roots change.
         bias = self._bias
         bias[:] = data.qvel
