@@ -132,17 +132,3 @@ class ChainModel(NamedTuple):
     lumps: Lumps
     fixed_base: bool
     root: int
-
-
-class ReducedAcceleration(NamedTuple):
-    """Accelerations of the generalised coordinates of a free chain.
-
-    Attributes:
-        qdd: (J,) hinge accelerations q̈, in rad/s².
-        linear: (3,) acceleration of the root in the world frame.
-        angular: (3,) angular acceleration α of the root in its own frame.
-    """
-
-    qdd: Array
-    linear: Array
-    angular: Array

@@ -40,9 +40,10 @@ from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
+from planner.simulation.contacts import robot_contacts
 from planner.simulation.engine import build_chain_model
 from planner.simulation.model import SOLIMP
-from planner.simulation.robot import Robot, RobotBody
+from planner.simulation.robot import Robot
 
 STEPPING_BACK: Final = 10
 """Niceness of what nobody waits for yet."""
@@ -99,8 +100,9 @@ def warm_up_motions(chain: Chain) -> None:
     explode(chain, ExplosionParameters(), cancelled=lambda: True)
     still = np.tile(chain.folded_rad, (2, 1))
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
-    body = RobotBody(chain, geom_size=0.95, step_s=0.01)
-    robot = Robot(body, RobotParameters(), peak_torque=1.0, seed=[0])
+    contacts = robot_contacts(chain, geom_size=0.95, step_s=0.01)
+    contacts.prepare(len(chain))
+    robot = Robot(chain, contacts, RobotParameters(), peak_torque=1.0, seed=[0], step_s=0.01)
     robot.place(chain.folded_rad, chain.folded_position, chain.folded_wxyz)
     robot.begin_step()
     robot.follow(chain.folded_rad, 0.0 * chain.folded_rad, 0.0 * chain.folded_rad)

@@ -44,6 +44,8 @@ class WindowRun:
             peak_torque=course.peak_torque,
             seed=seed,
             base=(course.reference.base_position[0], course.reference.base_wxyz[0]),
+            geom_size=course.module_size,
+            step_s=course.step_s,
         )
         self._angles: list[Floats] = []
         self._poses: list[tuple[Array, Array]] = []
@@ -80,7 +82,7 @@ class WindowRun:
         course, robot = self.course, self._robot
         reported, reported_steps = time.perf_counter(), 0
         for number, stretch in enumerate(course.stretches):
-            robot.take(stretch.first, course.body(stretch.joints))
+            robot.take(stretch.first, stretch.joints)
             targets, torques = course.targets(number), course.torques(number)
             for k in range(stretch.stop - stretch.start):
                 self._note(targets.angles[k])

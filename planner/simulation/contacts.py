@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.kernels.folded_core import box_cover
 from planner.kernels.segment_state import write_wxyzs
 from planner.simulation.engine import DetectedContacts
 from planner.simulation.model import (
-    MEMORY_A_MODULE,
-    OWN_MEMORY_FROM,
+    MIN_LIMITED_MEMORY_MODULES,
+    MODULE_MEMORY_BYTES,
     SOLIMP,
     Material,
     add_module_geom,
@@ -30,9 +31,12 @@ from planner.simulation.model import (
 from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 SPARE_BODIES: Final = 32
 """Number of modules and boxes beyond those needed that a model of a window is compiled with. Larger
 values compile less often and cost a little in every step. Chosen."""
+CONTACT_STEPS: Final = 2.0
+"""Time constant of contacts, in steps: MuJoCo's limit of stability."""
 TAIL: Final = "tail"
 
 
@@ -105,8 +109,8 @@ class ContactFinder:
 
     def _compile(self) -> None:
         spec = base_spec()
-        if self._cubes > OWN_MEMORY_FROM:
-            spec.memory = MEMORY_A_MODULE * self._cubes
+        if self._cubes > MIN_LIMITED_MEMORY_MODULES:
+            spec.memory = MODULE_MEMORY_BYTES * self._cubes
         add_module_mesh(spec, self._module, self._material.geom_size)
         for _ in range(self._boxes):
             self._add_box(spec.worldbody.add_body())
@@ -172,3 +176,31 @@ class ContactFinder:
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_collision(self.model, data)
         return DetectedContacts.from_mujoco(self.model, data, self._of_geom)
+
+
+def robot_contacts(chain: Chain, *, geom_size: float, step_s: float) -> ContactFinder:
+    """Return a finder of the contacts of robots.
+
+    Args:
+        chain: The chain.
+        geom_size: Size of the colliding modules as a fraction of the pitch.
+        step_s: Time step of the robots, s.
+    """
+    contact_time_constant = CONTACT_STEPS * step_s
+    return ContactFinder(
+        chain, Material(geom_size=geom_size, contact_time_constant=contact_time_constant)
+    )
+
+
+def boxes_around(cells: Ints) -> tuple[Array, Array]:
+    """Return (B, 3) centres and half sides of boxes that hold exactly the (k, 3) cells."""
+    if not len(cells):
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    low = cells.min(axis=0)
+    grid = np.full(cells.max(axis=0) - low + 1, -1, dtype=np.int32)
+    grid[tuple((cells - low).T)] = 0
+    boxes = np.empty((len(cells), 6), dtype=np.int64)
+    count = box_cover(grid, 0, boxes)
+    corners = boxes[:count].astype(np.float64)
+    half = 0.5 * corners[:, 3:]
+    return corners[:, :3] + low - 0.5 + half, half

@@ -126,9 +126,6 @@ class Engine:
     def __init__(self, chain_model: ChainModel, stop_rad: float) -> None:
         self.chain_model = chain_model
         self.stop_rad = stop_rad
-        self._make_buffers()
-
-    def _make_buffers(self) -> None:
         n, hinges = len(self.chain_model.masses), self.chain_model.joint.axes.shape[0]
         self.modules = ModuleStates.empty(n)
         self.positions, self.rotations, self.velocities, self.spins = self.modules
@@ -137,6 +134,15 @@ class Engine:
     def place(self, state: State) -> None:
         """Compute poses and velocities of all modules of a state."""
         self._compute_kinematics(state, self.modules)
+
+    @property
+    def centre_of_mass(self) -> Array:
+        """(3,) centre of mass of all modules and lumps, as placed last, pitches."""
+        masses, lumps = self.chain_model.masses, self.chain_model.lumps
+        ends = [0, -1]
+        arms = (self.rotations[ends] @ lumps.centres[:, :, None])[:, :, 0]
+        moment = masses @ self.positions + lumps.masses @ (self.positions[ends] + arms)
+        return moment / (masses.sum() + lumps.masses.sum())
 
     def place_velocities(self, state: State) -> None:
         """Compute velocities alone, of a state whose poses are those placed last."""
@@ -161,7 +167,7 @@ class Engine:
         outwards = np.sign(state.angles) * (np.abs(state.angles) >= self.stop_rad)
         locked = outwards != 0.0
         accelerations = self._locked(state, loads, locked, contacts)
-        for _ in range(MAX_STOP_ITERATIONS):
+        for _ in range(MAX_STOP_ITERATIONS if locked.any() else 0):
             wrong = ((outwards * accelerations.qdd > 0.0) != locked) & (outwards != 0.0)
             if not wrong.any():
                 break
