@@ -35,7 +35,7 @@ def drawn(shape: str, title: str) -> str:
 def main() -> None:
     """Writes the pictures."""
     for name, shape, title in PICTURES:
-        (ROOT / "docs" / name).write_text(drawn(shape, title), encoding="utf-8")
+        (ROOT / "docs" / "pictures" / name).write_text(drawn(shape, title), encoding="utf-8")
 
 
 if __name__ == "__main__":

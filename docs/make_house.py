@@ -14,7 +14,7 @@ from typing import Final
 HERE: Final = Path(__file__).parent
 ROOT: Final = HERE.parent
 PAGE: Final = HERE / "house.md"
-PICTURE: Final = HERE / "house.svg"
+PICTURE: Final = HERE / "pictures" / "house.svg"
 BEGIN, END = "<!-- rooms -->\n", "<!-- end of rooms -->\n"
 FLOORS: Final = (
     ("planner",),

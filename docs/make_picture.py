@@ -26,7 +26,7 @@ from planner.motion.timeline import Timeline  # noqa: E402
 from tests.browser.conftest import FLAGS  # noqa: E402
 from tests.tools import CHROMIUM  # noqa: E402
 
-OUT = ROOT / "docs" / "wrench.gif"
+OUT = ROOT / "docs" / "pictures" / "wrench.gif"
 SIZE = (640, 360)
 PICTURES = (26, 54)
 FRAME_MS = 90

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic.fields import FieldInfo
 
-from server.settings import MIB, Settings
+from server.settings import MIB_BYTES, Settings
 
 PAGE = Path(__file__).with_name("operations.md")
 BEGIN, END = "<!-- settings -->\n", "<!-- end of settings -->\n"
@@ -28,8 +28,8 @@ def default(name: str, field: FieldInfo) -> str:
         return "–"
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
-    if name.endswith("_bytes") and value % MIB == 0:
-        return f"`{value}` ({value // MIB} MiB)"
+    if name.endswith("_bytes") and value % MIB_BYTES == 0:
+        return f"`{value}` ({value // MIB_BYTES} MiB)"
     return f"`{value:g}`" if isinstance(value, float) else f"`{value}`"
 
 

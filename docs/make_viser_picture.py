@@ -21,7 +21,7 @@ from tests.tools import CHROMIUM
 from web.viser import show
 
 ROOT: Final = Path(__file__).parents[1]
-OUT: Final = ROOT / "docs" / "viser.webp"
+OUT: Final = ROOT / "docs" / "pictures" / "viser.webp"
 SIZE: Final = (1100, 620)
 SHARE: Final = 0.86
 """How much of the motion is over."""

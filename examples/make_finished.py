@@ -18,17 +18,17 @@ import numpy as np
 
 from planner.certificate.metrics import Figures, write
 from planner.motion.angle_steps import PLAN_STEP_RAD
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.pipeline import manifest
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.packed import CLEARANCE_STEP, ROOT_STEPS, pack, torque_step, unpack
+from planner.plan.packed import CLEARANCE_STEP_PITCH, ROOT_STEPS, pack, torque_step, unpack
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
-from server.api.finished import FOLDER
+from server.api.finished import FINISHED_FOLDS_DIR
 from server.store.gallery import Gallery
 
 SHAPES = Path(__file__).parent / "shapes"
@@ -63,10 +63,9 @@ def in_steps(values: np.ndarray, step: float) -> np.ndarray:
     return np.rint(values / step) * step + 0.0
 
 
-def rounded(frames: Frames, angles_rad: np.ndarray, errors_rad: np.ndarray) -> Frames:
+def rounded(frames: Motion, angles_rad: np.ndarray, errors_rad: np.ndarray) -> Motion:
     """Return frames with other angles and errors, and roots in whole steps."""
-    return replace(
-        frames,
+    return frames.with_columns(
         joint_angles_rad=angles_rad,
         joint_error_rad=errors_rad,
         **{name: in_steps(getattr(frames, name), step) for name, step in ROOT_STEPS.items()},
@@ -78,7 +77,7 @@ def round_motion(directory: Path) -> None:
     record = Record.load(directory / "record.npz")
     playback = Playback.load(directory / "playback.npz")
     exploded, played, reference = record.frames, playback.frames, playback.reference_rad
-    assert isinstance(exploded, Frames) and isinstance(played, Frames) and reference is not None
+    assert not exploded.is_windowed and not played.is_windowed and reference is not None
     wanted = np.rint(reference / PLAN_STEP_RAD)
     reference = np.asarray(reference) + 0.0
 
@@ -133,7 +132,7 @@ def _round_figures(directory: Path) -> None:
     path = directory / "figures.zarr"
     figures = Figures.load(path)
     step = torque_step(figures.torque_nm.astype(float))
-    down = np.floor(figures.clearance.astype(float) / CLEARANCE_STEP) * CLEARANCE_STEP
+    down = np.floor(figures.clearance.astype(float) / CLEARANCE_STEP_PITCH) * CLEARANCE_STEP_PITCH
     figures = replace(
         figures,
         clearance=down.astype(np.float32),
@@ -158,7 +157,7 @@ def about(directory: Path, shape: str, start: str | None) -> dict[str, Any]:
 
 def main() -> None:
     """Make all of them, or those that are named."""
-    FOLDER.mkdir(exist_ok=True)
+    FINISHED_FOLDS_DIR.mkdir(exist_ok=True)
     for shape, start in FOLDS:
         name = shape if start is None else f"{start}-to-{shape}"
         if sys.argv[1:] and name not in sys.argv[1:]:
@@ -169,7 +168,7 @@ def main() -> None:
             data = pack(Path(place), about(Path(place), shape, start))
             unpack(data, Path(again))
             assert manifest.changed_fields(Path(again)) == []
-        (FOLDER / f"{name}.fold").write_bytes(data)
+        (FINISHED_FOLDS_DIR / f"{name}.fold").write_bytes(data)
         print(f"{name}: {len(data) / 1e3:.0f} kB", flush=True)
 
 

@@ -17,24 +17,26 @@ import httpx
 from foldback_client.downloads import save
 from foldback_client.fold import Fold
 from foldback_client.problem import Problem
-from foldback_client.retries import TRY_AGAIN, Retries
+from foldback_client.retries import RETRIED_STATUSES, Retries
 from foldback_client.upload import FoldOptions, ShapeOptions, Source, file_of, form_of
 
 T = TypeVar("T")
-CONNECT_S: Final = 10.0
+CONNECT_TIMEOUT_S: Final = 10.0
+"""Maximum time to open a connection, in s. A larger value notices later that a service cannot be
+reached. Chosen."""
 
 
 class Client:
-    """Asks one service. Everything it asks for may be asked for twice, so it is when need be.
+    """Client of one service. Requests are idempotent, so a lost answer is requested again.
 
     Args:
-        base_url: Where the service is.
-        token: Proves what is one's own: 24 to 200 characters, kept secret. A new one if not given.
-        retries: How often to ask where the service is busy or out of reach.
-        timeout_s: How long an answer may be silent.
-        verify: How to check the certificate of ``https``, as httpx takes it.
+        base_url: Address of the service.
+        token: Secret of the folds' owner: 24 to 200 characters. A new one if omitted.
+        retries: When to repeat a request if the service is busy or cannot be reached.
+        timeout_s: Maximum time without data of an answer.
+        verify: Check of the ``https`` certificate, as for httpx.
 
-    It may be used from many threads. Close it, or use it in a ``with``.
+    Thread-safe. Close it, or use it in a ``with``.
     """
 
     def __init__(
@@ -52,7 +54,7 @@ class Client:
         self.retries = retries or Retries()
         self._http = httpx.Client(
             base_url=self.base_url,
-            timeout=httpx.Timeout(timeout_s, connect=min(timeout_s, CONNECT_S)),
+            timeout=httpx.Timeout(timeout_s, connect=min(timeout_s, CONNECT_TIMEOUT_S)),
             limits=httpx.Limits(max_connections=None),
             verify=verify,
         )
@@ -64,7 +66,7 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        """Closes its connections."""
+        """Close the connections."""
         self._http.close()
 
     def fold(
@@ -75,23 +77,23 @@ class Client:
         filename: str | None = None,
         **options: Unpack[FoldOptions],
     ) -> Fold:
-        """Asks for a fold; the same again gives the same fold.
+        """Request a fold; the same request again returns the same fold.
 
         Args:
             source: A file's path, its bytes, an open file, cells in the order of a path as (n, 3)
                 numbers (or of a solid, with ``as_voxels``), or a solid as a 3D array.
-            shape: Or the name of a gallery shape.
-            filename: What to call the source; its ending tells some formats apart.
-            options: How to fold it, as ``POST /api/folds`` has it.
+            shape: The name of a gallery shape instead.
+            filename: Name of the source; its ending distinguishes some formats.
+            options: Options of the fold, as for ``POST /api/folds``.
 
         Raises:
-            Problem: When the service refuses it.
-            ConnectionError: When the service cannot be reached.
+            Problem: The service refuses it.
+            ConnectionError: The service cannot be reached.
         """
-        told = self._post(
+        payload = self._post(
             "/api/folds", source, shape, filename, form_of(options, FoldOptions, shape)
         )
-        return Fold(self, told["id"], token=told["owner_token"], existing=told["existing"])
+        return Fold(self, payload["id"], token=payload["owner_token"], existing=payload["existing"])
 
     def preview(
         self,
@@ -103,19 +105,19 @@ class Client:
         full: bool = True,
         **options: Unpack[ShapeOptions],
     ) -> dict[str, Any]:
-        """What would come of a shape: cells, a path, whether there is one. ``fold(preview=id)``.
+        """Preview a shape: its cells and path. ``fold(preview=id)`` folds it.
 
         Args:
-            source: As ``fold`` takes it.
-            shape: Or the name of a gallery shape.
-            filename: What to call the source.
-            path: Whether to look for a path; without one, cells come sooner.
-            full: Whether to tell cells and mesh too, which may be large.
-            options: How it is to become a chain.
+            source: Same as for ``fold``.
+            shape: The name of a gallery shape instead.
+            filename: Name of the source.
+            path: True to search for a path; without one the cells are ready sooner.
+            full: True to return cells and mesh too, which may be large.
+            options: Options that turn the shape into a chain.
 
         Raises:
-            Problem: When the service refuses it.
-            ConnectionError: When the service cannot be reached.
+            Problem: The service refuses it.
+            ConnectionError: The service cannot be reached.
         """
         asked = {"path": path, "full": full}
         words = {name: "true" if value else "false" for name, value in asked.items()}
@@ -123,50 +125,50 @@ class Client:
         return self._post("/api/shapes/preview", source, shape, filename, form)
 
     def get(self, fold_id: str, token: str | None = None) -> Fold:
-        """A fold that is there, by its id.
+        """Return an existing fold by its id.
 
         Raises:
-            Problem: When there is none.
+            Problem: There is none.
         """
         return Fold(self, fold_id, token=token or self.token).refresh()
 
     def folds(self) -> list[Fold]:
-        """Folds of the gallery and one's own, newest first."""
-        told = self.ask("GET", "/api/folds", token=self.token)["folds"]
-        return [Fold(self, each["id"], token=self.token, state=each) for each in told]
+        """Return the folds of the gallery and one's own, newest first."""
+        payload = self.ask("GET", "/api/folds", token=self.token)["folds"]
+        return [Fold(self, each["id"], token=self.token, state=each) for each in payload]
 
     def mine(self) -> Iterator[Fold]:
-        """All folds that were asked for with one's own token, newest first."""
+        """Yield all folds requested with this client's token, newest first."""
         path: str | None = "/api/mine/folds"
         while path is not None:
-            told = self.ask("GET", path, token=self.token)
-            for each in told["folds"]:
+            payload = self.ask("GET", path, token=self.token)
+            for each in payload["folds"]:
                 yield Fold(self, each["id"], token=self.token, state=each)
-            path = told["next"]
+            path = payload["next"]
 
     def shapes(self) -> list[dict[str, Any]]:
-        """Shapes of the gallery by ``name``, shortest chain first."""
+        """Return the shapes of the gallery by ``name``, shortest chain first."""
         return self.ask("GET", "/api/shapes")["shapes"]
 
     def ask(self, method: str, path: str, **asked: Any) -> Any:
-        """The JSON of an answer; None when it is empty or what was wanted was done already."""
+        """Return an answer's JSON; None if it is empty or an earlier attempt had succeeded."""
         return self._call(_json, method, path, **asked)
 
     def save(self, path: str, to: Path, filename: str) -> Path:
-        """The file that an answer was written to."""
+        """Write an answer to a file; return the file's path."""
         saved = self._call(partial(save, to=to, filename=filename), "GET", path)
         assert saved is not None
         return saved
 
     @contextmanager
     def opened(self, path: str, *, silence_s: float) -> Generator[httpx.Response]:
-        """An answer without an end, asked for once.
+        """Open an endless answer, without retries.
 
         Raises:
-            Problem: When the service refuses it.
-            ConnectionError: When it breaks off.
+            Problem: The service refuses it.
+            ConnectionError: The connection breaks.
         """
-        timeout = httpx.Timeout(silence_s, connect=min(silence_s, CONNECT_S))
+        timeout = httpx.Timeout(silence_s, connect=min(silence_s, CONNECT_TIMEOUT_S))
         try:
             with self._http.stream("GET", self._inside(path), timeout=timeout) as answer:
                 if not answer.is_success:
@@ -201,15 +203,15 @@ class Client:
         again: Collection[int] = (),
         **asked: Any,
     ) -> T | None:
-        """What is taken from a good answer; None when an earlier attempt had done it already.
+        """Return what ``take`` reads; None if an earlier attempt had succeeded.
 
         Args:
-            take: Takes the content, which is still to come.
-            method: Of HTTP.
-            path: Within the service.
-            token: The owner token, where it is asked for.
-            again: Statuses which say so from the second attempt on.
-            asked: As httpx takes it.
+            take: Reads the content, which has not been read yet.
+            method: HTTP method.
+            path: Path within the service.
+            token: Owner token, if the request needs it.
+            again: Statuses which show, from the second attempt on, that an earlier one succeeded.
+            asked: Further arguments of httpx.
         """
         path = self._inside(path)
         headers = {} if token is None else {"Authorization": f"Bearer {token}"}
@@ -224,7 +226,7 @@ class Client:
                 if unsure and problem.status in again:
                     return None
                 pause_s = self.retries.pause_s(attempt, problem.retry_after)
-                if problem.status not in TRY_AGAIN or pause_s is None:
+                if problem.status not in RETRIED_STATUSES or pause_s is None:
                     raise problem
             except httpx.TransportError as error:
                 unsure = True
@@ -238,7 +240,7 @@ class Client:
         raise AssertionError
 
     def _inside(self, path: str) -> str:
-        """The path; what the service tells must not lead elsewhere."""
+        """Return the path; raise ``Problem`` if it leads to another host."""
         if not path.startswith("/"):
             raise Problem(
                 "bad-link", f"got the link {path[:100]!r}, expected a link of the service."

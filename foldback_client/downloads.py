@@ -12,12 +12,12 @@ Place = str | os.PathLike[str]
 
 
 def save(answer: httpx.Response, to: Path, filename: str) -> Path:
-    """Writes an answer beside its place as it comes, and renames it when it is complete.
+    """Write an answer to a temporary file, and rename it when it is complete.
 
     Args:
         answer: Whose content is still to come.
         to: The file, or a directory that is there.
-        filename: What the file is called in a directory.
+        filename: Name of the file in a directory.
     """
     path = to / Path(filename).name if to.is_dir() else to
     aside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")

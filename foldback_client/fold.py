@@ -1,4 +1,4 @@
-"""Fold: one fold of the service, to follow and to download."""
+"""Fold: one fold of the service, to watch and to download."""
 
 from __future__ import annotations
 
@@ -12,28 +12,31 @@ import httpx
 
 from foldback_client.frames import Frames
 from foldback_client.problem import Problem
-from foldback_client.progress import OVER, Progress, lines_of
-from foldback_client.retries import TRY_AGAIN
+from foldback_client.progress import FINAL_STATUSES, Progress, lines_of
+from foldback_client.retries import RETRIED_STATUSES
 from foldback_client.upload import MovieOptions
 
 if TYPE_CHECKING:
     from foldback_client.client import Client
     from foldback_client.downloads import Place
 
-SILENCE_S: Final = 45.0
-"""The service says something every 15 seconds; a stream that is silent for longer is gone."""
-FILES: Final = frozenset({"plan.json", "plan.npz", "model.xml", "certificate.json"})
+EVENT_TIMEOUT_S: Final = 45.0
+"""Time without an event, in s, after which a stream of events counts as broken and is opened again.
+The service sends one at least every 15 s; a smaller value breaks off slow connections, a larger one
+notices later that one is dead. Chosen."""
+DIRECT_FILES: Final = frozenset({"plan.json", "plan.npz", "model.xml", "certificate.json"})
+"""Files of a fold with an address of their own; all other names are those of exports."""
 
 
 class Fold:
-    """A fold, as the service last told it.
+    """A fold, as last reported by the service.
 
     Args:
-        client: Who asks.
-        fold_id: Its id.
-        token: The owner token, which cancel and delete ask for; None for another's fold.
-        existing: Whether the same had been asked for before.
-        state: What the service has told of it.
+        client: Client that requests it.
+        fold_id: Id of the fold.
+        token: Owner token, which cancel and delete need; None for a fold of another owner.
+        existing: True if the same fold had been requested before.
+        state: Last reported state.
     """
 
     def __init__(
@@ -57,7 +60,7 @@ class Fold:
 
     @property
     def state(self) -> dict[str, Any]:
-        """All that the service tells of it; asked for once, and again by ``refresh``."""
+        """All that the service reports of it; requested once, and again by ``refresh``."""
         return self._state if self._state is not None else self.refresh().state
 
     @property
@@ -67,26 +70,26 @@ class Fold:
 
     @property
     def over(self) -> bool:
-        """Whether it has ended."""
-        return self.status in OVER
+        """True if the fold has ended."""
+        return self.status in FINAL_STATUSES
 
     @property
     def verified(self) -> bool:
-        """Whether it ended as a plan that passed its certificate."""
+        """True if the fold ended as a plan that passed its certificate."""
         return self.status == "verified"
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Figures of the plan; empty until it is over."""
+        """Figures of the plan; empty until the fold has ended."""
         return self.state["summary"]
 
     @property
     def page(self) -> str:
-        """The address of its page."""
+        """Address of the fold's page."""
         return f"{self._client.base_url}/folds/{self.id}"
 
     def refresh(self) -> Fold:
-        """Asks how it is now."""
+        """Request the current state."""
         self._state = self._client.ask("GET", self._here)
         return self
 
@@ -95,11 +98,11 @@ class Fold:
         timeout_s: float | None = None,
         on_progress: Callable[[Progress], None] | None = None,
     ) -> Fold:
-        """Follows it to its end, whatever happens to the connection meanwhile.
+        """Wait until the fold has ended, and reconnect as often as necessary.
 
         Raises:
-            TimeoutError: When it is not over after ``timeout_s``; it goes on.
-            Problem: When it is deleted.
+            TimeoutError: The fold has not ended after ``timeout_s``; it continues.
+            Problem: It was deleted.
         """
         deadline = time.monotonic() + (float("inf") if timeout_s is None else timeout_s)
         attempt = 0
@@ -112,9 +115,9 @@ class Fold:
             except ConnectionError:
                 pass
             except Problem as problem:
-                if problem.status not in TRY_AGAIN:
+                if problem.status not in RETRIED_STATUSES:
                     raise
-            # Without a stream, this goes on by asking now and then.
+            # Without a stream the state is polled.
             attempt += 1
             left_s = deadline - time.monotonic()
             if left_s <= 0.0 and not self.refresh().over:
@@ -142,23 +145,23 @@ class Fold:
             Problem: When there is no such stretch, or no timeline (yet).
         """
         asked = {"from": start, "to": stop, "stride": stride, "poses": "true" if poses else None}
-        told = {name: value for name, value in asked.items() if value is not None}
-        path: str | None = f"{self._here}/frames?{httpx.QueryParams(told)}"
+        query = {name: value for name, value in asked.items() if value is not None}
+        path: str | None = f"{self._here}/frames?{httpx.QueryParams(query)}"
         while path is not None:
             page = self._client.ask("GET", path)
             yield Frames.of(page)
             path = page["next"]
 
     def exports(self) -> list[dict[str, Any]]:
-        """The formats that a finished fold can be downloaded in, by ``name``.
+        """Return the formats in which a finished fold can be downloaded, by ``name``.
 
         Raises:
-            Problem: When it is not finished.
+            Problem: The fold has not finished.
         """
         return self._client.ask("GET", f"{self._here}/exports")["exports"]
 
     def download(self, name: str, to: Place) -> Path:
-        """Takes ``plan.json``, ``plan.npz``, ``model.xml``, ``certificate.json`` or an export.
+        """Download ``plan.json``, ``plan.npz``, ``model.xml``, ``certificate.json`` or an export.
 
         Args:
             name: The file, or the name of an export, such as ``urdf``.
@@ -168,7 +171,7 @@ class Fold:
             Problem: When the service does not have it (yet).
             OSError: When it cannot be written.
         """
-        if name in FILES:
+        if name in DIRECT_FILES:
             return self._client.save(f"{self._here}/{name}", Path(to), name)
         filename = name
         if Path(to).is_dir():
@@ -183,17 +186,17 @@ class Fold:
         on_progress: Callable[[int, int], None] | None = None,
         **options: Unpack[MovieOptions],
     ) -> Path:
-        """Has a movie made and takes it.
+        """Request a movie and download it.
 
         Args:
-            to: The file to write; its ending says the format unless ``format`` does.
-            timeout_s: How long it may take.
-            on_progress: Told how many pictures are drawn, of how many.
-            options: What it is to be.
+            to: The file to write; its ending determines the format unless ``format`` does.
+            timeout_s: Maximum time to wait, in s.
+            on_progress: Called with the numbers of drawn pictures and of all pictures.
+            options: Options of the movie.
 
         Raises:
-            Problem: When it cannot be made.
-            TimeoutError: When it takes longer; it goes on being made.
+            Problem: It cannot be made.
+            TimeoutError: It takes longer; the service continues to make it.
         """
         deadline = time.monotonic() + (float("inf") if timeout_s is None else timeout_s)
         if Path(to).suffix.lower() == ".gif":
@@ -208,13 +211,13 @@ class Fold:
             time.sleep(max(0.0, min(0.5, deadline - time.monotonic())))
             movie = self._client.ask("GET", here)
         if movie["status"] == "failed":
-            told = movie["problem"] or {}
-            detail = told.get("detail", "the service gave no reason.")
-            raise Problem(told.get("code", "failed"), detail, where=told.get("where"))
+            problem = movie["problem"] or {}
+            detail = problem.get("detail", "the service gave no reason.")
+            raise Problem(problem.get("code", "failed"), detail, where=problem.get("where"))
         return self._client.save(f"{here}/file", Path(to), f"{self.id}.{movie['format']}")
 
     def cancel(self) -> Fold:
-        """Stops it.
+        """Cancel the fold.
 
         Raises:
             Problem: When the token is not its owner's, or others asked for the same shape of the
@@ -224,7 +227,7 @@ class Fold:
         return self.refresh()
 
     def rename(self, name: str) -> Fold:
-        """Calls it otherwise: on pages, in lists and in names of files.
+        """Change its name on pages, in lists and in names of files.
 
         Args:
             name: 1 to 200 characters.
@@ -236,7 +239,7 @@ class Fold:
         return self
 
     def delete(self) -> None:
-        """Deletes it for good.
+        """Delete the fold for good.
 
         Raises:
             Problem: When the token is not its owner's, or it belongs to the gallery.
@@ -244,12 +247,12 @@ class Fold:
         self._client.ask("DELETE", self._here, token=self.token, again={403, 404})
 
     def _events(self, deadline: float) -> Iterator[Progress]:
-        silence_s = max(0.001, min(SILENCE_S, deadline - time.monotonic()))
+        silence_s = max(0.001, min(EVENT_TIMEOUT_S, deadline - time.monotonic()))
         with self._client.opened(f"{self._here}/events", silence_s=silence_s) as answer:
             for event in lines_of(answer):
                 if event is not None and event[0] == "progress":
                     progress = Progress.of(json.loads(event[1]))
-                    if progress.status in OVER:  # what follows is its end, told by ``wait``
+                    if progress.status in FINAL_STATUSES:  # ``wait`` reports the end
                         return
                     yield progress
                 if time.monotonic() >= deadline:

@@ -1,4 +1,4 @@
-"""Frames: a stretch of a fold's timeline."""
+"""Frames: a range of a fold's timeline."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-ARRAYS: Final = (
+FRAME_ARRAYS: Final = (
     "time_s",
     "phase",
     "joint_angles_rad",
@@ -16,6 +16,7 @@ ARRAYS: Final = (
     "positions",
     "wxyzs",
 )
+"""Names of the arrays with a value for each frame, as the service's JSON has them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,13 +26,13 @@ class Frames:
     Values are NumPy arrays where NumPy is installed, else lists; what is not known is NaN or None.
 
     Attributes:
-        status: Of the timeline: ``growing``, ``complete`` or ``failed``.
+        status: Status of the timeline: ``growing``, ``complete`` or ``failed``.
         total: Frames that the timeline has.
         start: The first of these.
         stop: Past the last.
         stride: Every so many-th.
-        phases: What the numbers in ``phase`` stand for.
-        joint_names: Of the J hinges.
+        phases: Names of the numbers in ``phase``.
+        joint_names: Names of the J hinges.
         time_s: (F,)
         phase: (F,)
         joint_angles_rad: (F, J)
@@ -59,17 +60,17 @@ class Frames:
     wxyzs: Any
 
     @classmethod
-    def of(cls, told: Mapping[str, Any]) -> Frames:
-        """What an answer says."""
+    def of(cls, payload: Mapping[str, Any]) -> Frames:
+        """Return the frames in an answer."""
         return cls(
-            status=told["status"],
-            total=told["total"],
-            start=told["from"],
-            stop=told["to"],
-            stride=told["stride"],
-            phases=tuple(told["phases"]),
-            joint_names=tuple(told["joint_names"]),
-            **{name: _array(name, told[name]) for name in ARRAYS},
+            status=payload["status"],
+            total=payload["total"],
+            start=payload["from"],
+            stop=payload["to"],
+            stride=payload["stride"],
+            phases=tuple(payload["phases"]),
+            joint_names=tuple(payload["joint_names"]),
+            **{name: _array(name, payload[name]) for name in FRAME_ARRAYS},
         )
 
     def __len__(self) -> int:

@@ -1,4 +1,4 @@
-"""Problem: the service's word that something is wrong."""
+"""Problem: an error that the service reports."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class Problem(Exception):
     Attributes:
         status: The HTTP status; None when a job ended so.
         code: Short stable word for programs.
-        detail: What was found, what was expected, what to do.
-        where: Where in the input, or None.
+        detail: Value found, value expected, remedy.
+        where: Position in the input, or None.
         retry_after: Seconds after which to try again, when the service says so.
     """
 
@@ -36,20 +36,20 @@ class Problem(Exception):
 
     @classmethod
     def of(cls, answer: httpx.Response) -> Problem:
-        """The problem in an answer that was read; something in between may have written it."""
+        """Return the problem in an answer that was read; a proxy may have written it."""
         try:
             body: Any = answer.json()
         except ValueError:
             body = None
-        told: dict[str, Any] = body if isinstance(body, dict) else {}
+        problem: dict[str, Any] = body if isinstance(body, dict) else {}
         plain = f"got the HTTP status {answer.status_code}"
         if answer.has_redirect_location:
             plain += f" and the address {answer.headers['location']}; use that one"
         return cls(
-            str(told.get("code") or f"http-{answer.status_code}"),
-            str(told.get("detail") or plain),
+            str(problem.get("code") or f"http-{answer.status_code}"),
+            str(problem.get("detail") or plain),
             status=answer.status_code,
-            where=told.get("where"),
+            where=problem.get("where"),
             retry_after=_seconds(answer.headers.get("retry-after")),
         )
 

@@ -1,4 +1,4 @@
-"""Progress: how far a fold has come."""
+"""Progress of a fold."""
 
 from __future__ import annotations
 
@@ -8,28 +8,29 @@ from typing import Any, Final
 
 import httpx
 
-OVER: Final = frozenset({"verified", "failed", "cancelled"})
+FINAL_STATUSES: Final = frozenset({"verified", "failed", "cancelled"})
+"""Statuses of a fold that has ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """How far a fold has come.
+    """Progress of a fold.
 
     Attributes:
         status: ``queued``, ``running``, ``verified``, ``failed``, ``cancelled`` or ``deleted``.
-        stage: What is computed, or None.
-        fraction: Of the stage, 0 to 1.
-        steps: Of the simulation.
-        steps_per_second: How fast they come.
-        simulated_s: Simulated time of the stage; 0 where none is told.
-        message: In words.
-        modules: Of the chain.
-        queue_position: 1 is next; 0 when it does not wait.
-        paused: True if it made room for others that wait; it goes on by itself.
-        frames: Frames that can be seen so far.
-        remaining_s: About how long until it is over, by what like folds took there; 0 when it takes
-            longer, None when nobody knows.
-        told: All that the service said.
+        stage: Current stage, or None.
+        fraction: Progress of the stage, 0 to 1.
+        steps: Simulation steps of the stage.
+        steps_per_second: Simulation steps per second of wall time.
+        simulated_s: Simulated time of the stage, in s; 0 if unknown.
+        message: Short text for people.
+        modules: Number of modules of the chain.
+        queue_position: Position in the queue, 1 for the next; 0 if it does not wait.
+        paused: True if it makes room for waiting folds; it continues by itself.
+        frames: Number of frames that can be displayed so far.
+        remaining_s: Estimated time until it ends, in s, by similar folds there; 0 if it takes
+            longer than they did, None if unknown.
+        told: All fields that the service reported.
     """
 
     status: str
@@ -48,13 +49,13 @@ class Progress:
 
     @classmethod
     def of(cls, told: Mapping[str, Any]) -> Progress:
-        """What an answer or an event says."""
+        """Return the progress in an answer or an event."""
         names = {each.name for each in fields(cls)} - {"told"}
         return cls(**{name: value for name, value in told.items() if name in names}, told=told)
 
 
 def lines_of(answer: httpx.Response) -> Iterator[tuple[str, str] | None]:
-    """Server-sent events as name and data; None for any other line, as a sign of life."""
+    """Yield server-sent events as name and data; None for each other line, a sign of life."""
     return _events(answer.iter_lines())
 
 

@@ -1,4 +1,4 @@
-"""Upload: what a fold is made of, as bytes with a name."""
+"""Upload: the source of a fold, as bytes with a name."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import IO, Any, Literal, Protocol, TypedDict
 
 
 class Array(Protocol):
-    """As NumPy has it, which need not be installed."""
+    """Array like NumPy's, which need not be installed."""
 
     @property
     def ndim(self) -> int:
-        """How many dimensions it has."""
+        """Number of dimensions."""
         ...
 
     def tolist(self) -> Any:
-        """Its numbers."""
+        """Return its numbers as nested lists."""
         ...
 
 
@@ -28,7 +28,7 @@ Source = str | os.PathLike[str] | bytes | IO[bytes] | Sequence[Sequence[int]] | 
 
 
 class ShapeOptions(TypedDict, total=False):
-    """How a shape is to become a chain; what is not said is as the service has it."""
+    """Options that turn a shape into a chain; the service has defaults."""
 
     module: Literal["cube", "tetrahedron"]
     modules: int
@@ -43,7 +43,7 @@ class ShapeOptions(TypedDict, total=False):
 
 
 class FoldOptions(ShapeOptions, total=False):
-    """How it is to be folded, too."""
+    """Options of a fold, with those of its shape."""
 
     fold: str
     refold: str
@@ -56,7 +56,7 @@ class FoldOptions(ShapeOptions, total=False):
 
 
 class MovieOptions(TypedDict, total=False):
-    """What a movie is to be."""
+    """Options of a movie."""
 
     format: Literal["mp4", "gif"]
     width: int
@@ -72,7 +72,7 @@ class MovieOptions(TypedDict, total=False):
 
 
 def form_of(options: Any, known: type[Any], shape: str | None) -> dict[str, str]:
-    """The fields of a form.
+    """Return the fields of a form.
 
     Raises:
         TypeError: When an option is not known; the service would not notice.
@@ -84,7 +84,7 @@ def form_of(options: Any, known: type[Any], shape: str | None) -> dict[str, str]
 
 
 def file_of(source: Source, filename: str | None) -> tuple[str, bytes]:
-    """The name and the bytes of a source.
+    """Return the name and the bytes of a source.
 
     Raises:
         OSError: When a file cannot be read.

@@ -25,10 +25,9 @@ if TYPE_CHECKING:
     from planner.chain.path import Path
     from planner.errors import InputError, PlannerError, SimulationError, TimelineError
     from planner.explosion.simultaneous import explode
-    from planner.motion.frames import Frames
+    from planner.motion.motion import Motion
     from planner.motion.record import Record
     from planner.motion.timeline import Timeline, TimelineWriter
-    from planner.motion.windows import Windows
     from planner.parameters.parameters import PRESETS, Parameters, preset
     from planner.pipeline.fold import fold, refold, smooth_plan
     from planner.plan.plan import Plan
@@ -43,9 +42,9 @@ __all__ = [
     "TETRAHEDRON",
     "Certificate",
     "Chain",
-    "Frames",
     "InputError",
     "Module",
+    "Motion",
     "Parameters",
     "Path",
     "Plan",
@@ -60,7 +59,6 @@ __all__ = [
     "TimelineError",
     "TimelineWriter",
     "Verification",
-    "Windows",
     "certify",
     "explode",
     "fold",
@@ -81,7 +79,7 @@ _HOMES = {
     "planner.chain.chain": ("Chain",),
     "planner.errors": ("InputError", "PlannerError", "SimulationError", "TimelineError"),
     "planner.explosion.simultaneous": ("explode",),
-    "planner.motion.frames": ("Frames",),
+    "planner.motion.motion": ("Motion",),
     "planner.pipeline.fold": ("fold", "refold", "smooth_plan"),
     "planner.chain.kinematics": ("Poses", "forward_kinematics"),
     "planner.chain.module": ("CUBE", "TETRAHEDRON", "Module"),
@@ -92,16 +90,17 @@ _HOMES = {
     "planner.readers": ("read",),
     "planner.motion.record": ("Record",),
     "planner.motion.timeline": ("Timeline", "TimelineWriter"),
-    "planner.motion.windows": ("Windows",),
     "planner.progress": ("Progress",),
     "planner.verification.verify": ("Verification", "verify"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+_EARLIER_NAMES = {"Frames": "Motion", "Windows": "Motion"}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME_OF:
+    home = _EARLIER_NAMES.get(name, name)
+    if home not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(import_module(_HOME_OF[name]), name)
+    found = getattr(import_module(_HOME_OF[home]), home)
     globals()[name] = found
     return found

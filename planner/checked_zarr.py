@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 
 ROOT_FILE: Final = "zarr.json"
 DIGEST: Final = "sha256"
-"""Attribute with the digest of all other attributes."""
+"""Name of the zarr attribute with the SHA-256 digest of all other attributes."""
 CHECKSUMS: Final = "chunks"
-"""Attribute with the checksums of the chunk files of each array; only in complete groups."""
+"""Name of the zarr attribute with the checksums of each array's chunk files; only complete groups
+have it."""
 Checksums = dict[str, list[int | None]]
 """By name of an array: CRC-32 of each chunk file, None for a chunk that was never written."""
 

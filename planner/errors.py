@@ -1,4 +1,4 @@
-"""What the planner raises. A failed plan is data; a broken call raises one of these."""
+"""Errors of the planner. A failed plan is data; a broken call raises one of these."""
 
 from __future__ import annotations
 
@@ -84,4 +84,5 @@ UNREADABLE: Final = (
     BadZipFile,
     zlib.error,
 )
-"""What readers of damaged files raise: zip, NumPy, zarr, blosc and JSON each have their own."""
+"""Exceptions that reading a damaged file may raise: zip, NumPy, zarr, blosc and JSON each raise
+their own."""

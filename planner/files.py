@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 _LOADING: Final = Lock()
 READ_ONLY_ERRORS: Final = frozenset({errno.EROFS, errno.EACCES, errno.EPERM})
-"""Error numbers of writing to a read-only disk, or to a directory without write permission."""
+"""Error numbers (errno) of a write to a read-only disk or to a directory without permission."""
 
 
 TEMPORARY_SUFFIX: Final = ".partial"
-"""Ending of files and directories that are being written, as zarr has it for its own."""
+"""Suffix of files and directories that are being written, as zarr names its own."""
 
 
 EARLIER_TEMPORARY: Final = (".figures.zarr.*", ".*.npz.*", ".*.json.*")
-"""Patterns of names that earlier versions gave to files and directories being written."""
+"""Patterns of the names of temporary files of earlier versions; they are removed as well."""
 
 
 def temporary_path(path: FilePath) -> FilePath:

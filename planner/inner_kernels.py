@@ -18,7 +18,7 @@ from numba.core.targetconfig import TargetConfig
 from numba.core.typed_passes import BaseNativeLowering
 
 ENVIRONMENT: Final = "_ZN08NumbaEnv"
-"""Start of the names of global variables that numba writes to after each compilation."""
+"""Prefix of the global variables that numba writes to after each compilation."""
 
 
 class InnerLibrary(JITCodeLibrary):

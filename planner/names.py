@@ -6,22 +6,25 @@ import unicodedata
 from typing import Final
 
 MAX_NAME_LENGTH: Final = 80
-"""Characters of a name that is shown."""
+"""Maximum length of a displayed name, in characters; the rest is cut off. Chosen."""
 MAX_INPUT_FACTOR: Final = 20
-"""Characters that are looked at, as a multiple of the length of the result. Chosen."""
-MAX_MARKS: Final = 4
-"""Combining marks on one character. Scripts need three at most; stacks of more cover other lines.
+"""Characters of a name that are read, as a multiple of the length of the cleaned name. It bounds
+the work for hostile names; a smaller value could cut off names with many invisible characters.
 Chosen."""
+MAX_COMBINING_MARKS: Final = 4
+"""Maximum number of combining marks that are kept on one character. Scripts need three at most;
+higher stacks cover other lines. Chosen."""
 _BLANKS: Final = frozenset("\u2800\u3164\uffa0\u115f\u1160\u17b4\u17b5\U0001d159\U00016fe4")
-"""Letters, marks and symbols without a form: Braille blank, fillers of Hangul, Khmer and Khitan,
-and a note head of nothing. Their categories do not tell."""
+"""Letters, marks and symbols without a visible form (Braille blank, fillers of Hangul, Khmer and
+Khitan, the null notehead); their Unicode categories do not show that."""
 _IGNORABLE_MARKS: Final = (
     (0x034F, 0x034F),
     (0x180B, 0x180F),
     (0xFE00, 0xFE0F),
     (0xE0100, 0xE01EF),
 )
-"""First and last code points of marks that are not shown: joiners and variation selectors."""
+"""Ranges of code points (first, last) of marks without a visible form: joiners and variation
+selectors."""
 
 
 def clean_name(name: str, *, max_length: int = MAX_NAME_LENGTH) -> str:
@@ -45,7 +48,7 @@ def clean_name(name: str, *, max_length: int = MAX_NAME_LENGTH) -> str:
             continue
         elif kind[0] == "M":
             marks += 1
-            if not shown or shown[-1] == " " or marks > MAX_MARKS:
+            if not shown or shown[-1] == " " or marks > MAX_COMBINING_MARKS:
                 continue
             shown.append(letter)
             continue

@@ -8,24 +8,24 @@ from pathlib import Path as FilePath
 from typing import Final
 
 COMPILING: Final = "compiling"
-"""The message while kernels are compiled, which happens once on a machine."""
+"""Message of a progress report while kernels are compiled, which happens once on a machine."""
 PROGRESS_PERIOD_S: Final = 0.1
-"""Minimum wall time between two reports of progress of one run, s. Smaller values report more
+"""Minimum wall time between two progress reports of one run, in s. Smaller values report more
 often, and cost more. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """How far a stage has come.
+    """Progress of one stage.
 
     Attributes:
         stage: One of ``planner.pipeline.stages.STAGES``.
-        fraction: 0 to 1, an honest guess.
+        fraction: Estimated progress of the stage, 0 to 1.
         steps: Simulation steps so far.
         steps_per_second: Simulation steps a second of wall time, lately.
         simulated_s: Simulated time so far, in seconds.
-        message: A few plain words.
-        pushes: How many pushes in a row moved nothing on; from a few on it may well be stuck.
+        message: Short text for people.
+        pushes: Consecutive pulses without progress; several mean that the explosion may be stalled.
         plan: Number of the plan that is computed, from 1; 0 where it is not counted.
         plans: About how many plans are computed in all; 0 where that is not known.
         directory: Of the fold, with its timeline; None where it is not told. One that ``fold`` was
@@ -49,15 +49,15 @@ Cancelled = Callable[[], bool]
 
 
 def naming(directory: FilePath, report: Report) -> Report:
-    """A report that also tells the fold's directory."""
+    """Return a report that also states the fold's directory."""
     return lambda progress: report(replace(progress, directory=str(directory)))
 
 
 def silent(progress: Progress) -> None:
-    """Reports to nobody."""
+    """Discard a report."""
     del progress
 
 
 def never() -> bool:
-    """Nobody cancels."""
+    """Return False: the computation is not cancelled."""
     return False

@@ -39,10 +39,10 @@ from server.http.security import (
     SecurityHeaders,
     hosts_of,
 )
-from server.http.uploads import LARGEST_FIELD_BYTES, MOST_FIELDS, MOST_FILES, UploadsAtOnce
+from server.http.uploads import MAX_FORM_FIELD_BYTES, MAX_FORM_FIELDS, MAX_FORM_FILES, UploadsAtOnce
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.limits.fair_threads import FairThreads
 from server.limits.quota import Quota
 from server.limits.single_flight import SingleFlight
@@ -76,9 +76,11 @@ from server.store.leases import Leases
 from server.store.stats import Stats
 from web.timeline.views import TimelineViews
 
-WARM_AFTER_S: Final = 1.5
-READING_TIMEOUT_S: Final = 60.0
-"""How long an upload may wait for its turn to be read."""
+WARM_UP_DELAY_S: Final = 1.5
+"""Time after the start of the web process before it prepares the landing page, in s, so that first
+requests do not wait for it. Chosen."""
+UPLOAD_QUEUE_TIMEOUT_S: Final = 60.0
+"""Maximum time that an upload waits for its turn to be read, in s; then it is refused. Chosen."""
 log = logging.getLogger("foldback.web")
 
 ROUTERS: Final = (
@@ -108,7 +110,7 @@ ROUTERS: Final = (
 def create_app(
     settings: Settings | None = None, *, fork_server: ForkServer | None = None
 ) -> FastAPI:
-    """The application with the given settings, or those of the environment.
+    """Return the application with the given settings, or those of the environment.
 
     Args:
         settings: The settings.
@@ -152,9 +154,9 @@ def create_app(
         description="Plans how a straight chain of modules folds into a solid.",
         lifespan=lifespan,
         form_limits={
-            "max_files": MOST_FILES,
-            "max_fields": MOST_FIELDS,
-            "max_part_size": LARGEST_FIELD_BYTES,
+            "max_files": MAX_FORM_FILES,
+            "max_fields": MAX_FORM_FIELDS,
+            "max_part_size": MAX_FORM_FIELD_BYTES,
         },
         openapi_url="/api/openapi.json",
         # FastAPI's own pages load scripts from elsewhere; ours is in server/pages/same_for_all.py.
@@ -193,11 +195,11 @@ def create_app(
 
 
 async def _warm_up(context: Context) -> None:
-    """Starts and loads what the first visitors would wait for."""
+    """Start and load what the first visitors would wait for."""
     # In a thread: starting a process takes a moment that the first answer need not wait for.
     if context.fork_server is not None:
         await asyncio.to_thread(context.fork_server.start)
-    await asyncio.sleep(WARM_AFTER_S)  # the service has come to rest
+    await asyncio.sleep(WARM_UP_DELAY_S)  # the service has come to rest
     await asyncio.to_thread(landing.warm_up, context.gallery)
 
 
@@ -225,7 +227,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     motions = Scratch(settings.motions_dir)
     motions.sweep()
     estimates = Estimates(store)
-    remaining = Remaining(store, leases, estimates)
+    remaining = EtaEstimator(store, leases, estimates)
     gallery = Gallery()
     if settings.finished_folds and not settings.read_only:
         import_finished(settings, store, gallery)
@@ -309,6 +311,6 @@ def _reader(pool: Pool, what: str, *, total: int, per_visitor: int) -> Reader:
         at_once_per_visitor=1,
         total=total,
         per_visitor=per_visitor,
-        timeout_s=READING_TIMEOUT_S,
+        timeout_s=UPLOAD_QUEUE_TIMEOUT_S,
     )
     return Reader(pool, quota)

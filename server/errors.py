@@ -13,18 +13,19 @@ from planner.files import READ_ONLY_ERRORS
 
 MOTION_FILES: Final = ("timeline.zarr", "chain.json", "plan.npz", "plan.json")
 """Files that hold the motion of a fold."""
-FULL_RETRY_S: Final = 60
+FULL_DISK_RETRY_S: Final = 60
+"""``Retry-After`` of a refusal because the disk is full, in s. Chosen."""
 READ_ONLY_WORDS: Final = "New folds cannot be accepted: the disk is read-only."
 
 
 class ServiceError(Exception):
-    """What was asked for is not done. Its subclasses say what kind of reason that has.
+    """Root of the reasons for which a request is refused. Subclasses are kinds of reasons.
 
     Attributes:
         code: Short stable word for programs.
-        detail: What was found, what was expected, what to do.
-        where: Where in the input, or None.
-        retry_after_s: When to try again, where that may help.
+        detail: The value found, the value expected, and the remedy.
+        where: Part of the input, or None.
+        retry_after_s: Time after which another attempt may succeed, in s; None if it would not.
     """
 
     def __init__(
@@ -38,56 +39,56 @@ class ServiceError(Exception):
 
 
 class Malformed(ServiceError):
-    """It makes no sense, whatever it is about."""
+    """The request is invalid."""
 
 
 class Unusable(ServiceError):
-    """It is understood, but nothing can be made of it."""
+    """The request is understood, but its input cannot be used."""
 
     @classmethod
     def of(cls, error: InputError) -> Self:
-        """Why the planner cannot use an input."""
+        """Return the error that the planner cannot use an input."""
         return cls(error.code, error.detail, where=error.where)
 
 
 class TooLarge(ServiceError):
-    """It is, or would become, larger than it may be here."""
+    """The input or the result is larger than permitted."""
 
 
 class Unidentified(ServiceError):
-    """It is for an owner, and whoever asks has not said that he is one."""
+    """The request is for an owner only, and has no token."""
 
 
 class Forbidden(ServiceError):
-    """It is not for whoever asks."""
+    """The request is not permitted to this client."""
 
 
 class NotFound(ServiceError):
-    """What it is about is not there."""
+    """The requested thing does not exist."""
 
 
 class NoSuch(NotFound, LookupError):
-    """Nothing has the id that was asked for, or not any more."""
+    """There is nothing with the requested id, or not any more."""
 
 
 class Conflict(ServiceError):
-    """It does not go with the state that a fold is in."""
+    """The request does not match the state of the fold."""
 
 
 class WebsocketNeeded(ServiceError):
-    """It is told over a websocket alone."""
+    """The resource is available over a websocket only."""
 
 
 class TooMany(ServiceError):
-    """Whoever asks has asked for too much already."""
+    """The client has exceeded a limit."""
 
 
 class Unavailable(ServiceError):
-    """It cannot be done just now: others have it done, or a part of the service is away."""
+    """The request cannot be served now: the service is busy, or a part of it is away."""
 
 
 class TooSlow(ServiceError):
-    """It took longer than it may."""
+    """The request exceeded a time limit."""
 
 
 class Damaged(ServiceError):
@@ -106,12 +107,12 @@ def damage_words(names: Iterable[str]) -> str:
 
 
 class NoRoom(ServiceError):
-    """The disk takes nothing any more."""
+    """The disk is full."""
 
 
 def read_only() -> NoRoom:
     """Return the error of a disk that cannot be written at all."""
-    return NoRoom("read-only", READ_ONLY_WORDS, retry_after_s=FULL_RETRY_S)
+    return NoRoom("read-only", READ_ONLY_WORDS, retry_after_s=FULL_DISK_RETRY_S)
 
 
 def not_stored(what: str, error: OSError) -> NoRoom:
@@ -119,10 +120,10 @@ def not_stored(what: str, error: OSError) -> NoRoom:
     if error.errno in READ_ONLY_ERRORS:
         return read_only()
     words = f"The {what} could not be stored ({error.strerror}); try again later."
-    return NoRoom("no-room", words, retry_after_s=FULL_RETRY_S)
+    return NoRoom("no-room", words, retry_after_s=FULL_DISK_RETRY_S)
 
 
 def nearly_full() -> NoRoom:
-    """For a disk that has less left than it is to keep."""
+    """Return the error for a disk with less than the minimum of free space."""
     words = "The disk of the service is nearly full; try again later."
-    return NoRoom("no-room", words, retry_after_s=FULL_RETRY_S)
+    return NoRoom("no-room", words, retry_after_s=FULL_DISK_RETRY_S)

@@ -22,14 +22,14 @@ MESSAGES: Final = (
         '"{sign}" isn\'t an angle. Use 0, + or − for each hinge.',
     ),
 )
-"""Errors that people meet most, with a sentence of their own."""
+"""Messages for the most frequent errors, by a pattern of their text."""
 
 
 def message_for_people(detail: str) -> str:
     """Return an error's detail as sentences for people; the API keeps the detail itself.
 
     Args:
-        detail: What was found, what was expected and what to do, as programs read it.
+        detail: The error as programs get it: value found, value expected, remedy.
     """
     for pattern, message in MESSAGES:
         if match := pattern.fullmatch(detail):

@@ -18,17 +18,18 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from planner.files import refuses_writing
 
-MIB = 1024 * 1024
-PREFIX: Final = "FOLDBACK_"
+MIB_BYTES = 1024 * 1024
+"""Bytes in a MiB."""
+VARIABLE_PREFIX: Final = "FOLDBACK_"
 MIN_TOKEN_LENGTH: Final = 16
-"""Characters of an operator's token. A shorter one could be guessed. Chosen."""
+"""Minimum length of an operator's token, in characters; a shorter one could be guessed. Chosen."""
 
 
 class Settings(BaseSettings):
     """All settings, with defaults for one small machine."""
 
     model_config = SettingsConfigDict(
-        env_prefix=PREFIX, frozen=True, extra="ignore", allow_inf_nan=False
+        env_prefix=VARIABLE_PREFIX, frozen=True, extra="ignore", allow_inf_nan=False
     )
 
     host: str = Field(default="127.0.0.1", description="Address to listen on.")
@@ -50,19 +51,19 @@ class Settings(BaseSettings):
         "the usual AWS_… variables. Needs pip install 'foldback[storage]'. Default: data_dir.",
     )
     cache_bytes: int = Field(
-        default=2048 * MIB,
-        ge=MIB,
+        default=2048 * MIB_BYTES,
+        ge=MIB_BYTES,
         description="Disk space for local copies of files from the object store.",
     )
     storage_bytes: int | None = Field(
         default=None,
-        ge=MIB,
+        ge=MIB_BYTES,
         description="Storage for all folds. When it is full, files that can be recreated are "
         "deleted first, then the folds that have gone unviewed for longest.",
     )
     storage_of_visitor_bytes: int | None = Field(
         default=None,
-        ge=MIB,
+        ge=MIB_BYTES,
         description="Storage for the folds of one visitor, waiting folds included. Exports, "
         "pictures and movies do not count.",
     )
@@ -183,7 +184,7 @@ class Settings(BaseSettings):
     )
 
     max_upload_bytes: int = Field(
-        default=64 * MIB, ge=1024, description="Maximum size of an upload."
+        default=64 * MIB_BYTES, ge=1024, description="Maximum size of an upload."
     )
     max_uploads: int = Field(
         default=24, ge=1, description="Maximum number of uploads that are received or read at once."
@@ -234,7 +235,7 @@ class Settings(BaseSettings):
         default=12_000, ge=3, description="Maximum number of modules of a chain."
     )
     min_free_disk_bytes: int = Field(
-        default=64 * MIB, ge=0, description="Free disk space below which uploads are refused."
+        default=64 * MIB_BYTES, ge=0, description="Free disk space below which uploads are refused."
     )
     read_seconds: float = Field(default=10.0, gt=0, description="Maximum time to read an upload.")
     preview_seconds: float = Field(
@@ -276,10 +277,12 @@ class Settings(BaseSettings):
         default=86400.0, gt=0, description="Time after which an unused preview is deleted."
     )
     previews_bytes: int = Field(
-        default=512 * MIB, ge=MIB, description="Maximum disk space for previews."
+        default=512 * MIB_BYTES, ge=MIB_BYTES, description="Maximum disk space for previews."
     )
     previews_of_visitor_bytes: int = Field(
-        default=128 * MIB, ge=MIB, description="Maximum disk space for one visitor's previews."
+        default=128 * MIB_BYTES,
+        ge=MIB_BYTES,
+        description="Maximum disk space for one visitor's previews.",
     )
     most_previews: int = Field(
         default=10_000, ge=1, description="Maximum number of stored previews."
@@ -294,7 +297,7 @@ class Settings(BaseSettings):
         default=3600.0, gt=0, description="Maximum CPU time of a fold."
     )
     child_memory_bytes: int = Field(
-        default=2048 * MIB, ge=128 * MIB, description="Maximum memory of a fold."
+        default=2048 * MIB_BYTES, ge=128 * MIB_BYTES, description="Maximum memory of a fold."
     )
     niceness: int = Field(
         default=19,
@@ -441,7 +444,7 @@ class Settings(BaseSettings):
 
     @property
     def work_dir(self) -> Path:
-        """Where folds are computed that are kept elsewhere."""
+        """Directory in which folds are computed if they are stored elsewhere."""
         return self.root / "work"
 
     @property
@@ -466,7 +469,7 @@ class Settings(BaseSettings):
 
     @property
     def store_url(self) -> str:
-        """Where the rows are."""
+        """URL of the database with the rows."""
         url = self.database_url or f"sqlite:///{self.root / 'foldback.db'}"
         for scheme in ("postgres://", "postgresql://"):
             if url.startswith(scheme):
@@ -475,7 +478,7 @@ class Settings(BaseSettings):
 
     @property
     def queue_url(self) -> str:
-        """Where the job system keeps its tables."""
+        """URL of the database with the job system's tables."""
         if self.jobs_url is None and self.store_url.startswith("postgresql"):
             return self.store_url
         return self.jobs_url or f"sqlite:///{self.root / 'jobs.db'}"
@@ -491,19 +494,19 @@ class Settings(BaseSettings):
 
 
 def unknown_names(names: Iterable[str]) -> dict[str, str | None]:
-    """Names that look like settings and are none, each with the nearest one that is."""
+    """Return names that resemble settings but are none, each with the most similar setting."""
     known = [name.upper() for name in Settings.model_fields]
     found: dict[str, str | None] = {}
     for name in sorted(names):
-        rest = name.upper().removeprefix(PREFIX)
-        if name.upper().startswith(PREFIX) and rest not in known:
+        rest = name.upper().removeprefix(VARIABLE_PREFIX)
+        if name.upper().startswith(VARIABLE_PREFIX) and rest not in known:
             nearest = get_close_matches(rest, known, n=1)
-            found[name] = f"{PREFIX}{nearest[0]}" if nearest else None
+            found[name] = f"{VARIABLE_PREFIX}{nearest[0]}" if nearest else None
     return found
 
 
 def unknown_words(name: str, nearest: str | None) -> str:
-    """What is said of a name that is no setting."""
+    """Return the message about a name that is no setting."""
     return f"{name} is not a setting and is ignored" + (f"; is {nearest} meant?" if nearest else "")
 
 

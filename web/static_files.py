@@ -10,31 +10,29 @@ from posixpath import normpath
 from typing import Final
 
 STATIC: Final = Path(__file__).parent / "static"
-IMPORT: Final = re.compile(
+SCRIPT_IMPORT: Final = re.compile(
     r'(\bfrom\s+|\bimport\s+|\bimport\()"(\.{1,2}/[a-z_/]+\.js)"(?!\)\.[A-Z])'
 )
-"""An import, of a type no: the words before the address, and the address.
-
-``import(`` stands before what is loaded when it is first used.
-"""
+"""Pattern of an import in a script, except of types: the words before the address, and the address.
+``import(`` loads a module on first use."""
 
 
 def text_of(name: str) -> str:
-    """The text of a file, by its path below ``static``."""
+    """Return the text of a file, by its path below ``static``."""
     return (STATIC / name).read_text(encoding="utf-8")
 
 
 VERSIONED: Final = "version"
-"""Folder in addresses before the version of the scripts."""
-COMMENT: Final = re.compile(
+"""Directory in addresses of scripts, before their version."""
+COMMENT_LINES: Final = re.compile(
     r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n", re.MULTILINE | re.DOTALL
 )
-"""Lines of a script that are comments alone; types stand in those of ``/**``."""
+"""Pattern of lines of a script with nothing but a comment; ``/**`` comments hold types."""
 
 
 def code_of(name: str) -> str:
-    """A script without its comments, a quarter of it, which no browser needs."""
-    return COMMENT.sub("", text_of(name))
+    """Return a script without its comments, a quarter of it, which no browser needs."""
+    return COMMENT_LINES.sub("", text_of(name))
 
 
 @cache
@@ -51,21 +49,21 @@ def scripts_version() -> str:
 
 
 def imported(name: str, address: str) -> str:
-    """The path of the script that ``name`` imports from a relative address."""
+    """Return the path of the script that ``name`` imports from a relative address."""
     return normpath(str(PurePosixPath(name).parent / address))
 
 
 @cache
 def scripts_of(entry: str, *, later: bool = True) -> tuple[str, ...]:
-    """The paths of all scripts that one needs, itself first, none twice.
+    """Return the paths of all scripts that one needs, itself first, none twice.
 
     Args:
         entry: The one.
-        later: Whether those are among them that are only loaded when they are used.
+        later: True to include those that are loaded on first use.
     """
     found = [entry]
     for name in found:
-        matches = IMPORT.finditer(text_of(name))
+        matches = SCRIPT_IMPORT.finditer(text_of(name))
         addresses = (match[2] for match in matches if later or match[1] != "import(")
         found += [
             path

@@ -24,12 +24,10 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.chain.statics import GRAVITY_M_S2, static_torque
 from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
-from planner.clearance.sweep import BOUND_RATIO, Sweep, check_windows, sweep
+from planner.clearance.sweep import BOUND_RATIO, Sweep, sweep
 from planner.errors import InputError
-from planner.motion.frames import PHASES, Frames
-from planner.motion.motion import Motion
+from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
-from planner.motion.windows import Windows
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD
@@ -213,18 +211,16 @@ def certify(
         asked_to_stop = asked_to_stop or cancelled()
         return asked_to_stop
 
-    def swept(
-        motion: Array | Windows, name: str, fraction: float, share: float = BOUND_RATIO
-    ) -> Sweep:
+    def swept(motion: Motion, name: str, fraction: float, share: float = BOUND_RATIO) -> Sweep:
         progress(Progress(stage="certify", fraction=fraction, message=f"checking the {name}"))
         return sweep(chain, motion, size=size, share=share, cancelled=stopped)
 
     unusable = _unusable(chain, record, playback, start)
     if unusable:
         record = playback = None
-    if record is not None and playback is not None and isinstance(playback.frames, Frames):
-        # As the timeline has them, which holds frames of one kind: a table's record is of windows.
-        record = replace(record, frames=record.frames.dense(chain))
+    if record is not None and playback is not None:
+        # As the timeline has them, which holds one layout: a table's record is windowed.
+        record = replace(record, frames=record.frames.in_layout_of(playback.frames, chain))
 
     of_record = of_plan = of_playback = exempt = None
     of_others: list[Sweep] = []
@@ -236,18 +232,19 @@ def certify(
             if sink is not None and not asked_to_stop:
                 sink(of_plan.per_frame)
             if playback.simulated:
-                of_playback = swept(_angles(playback.frames), "playback", 0.7)
+                of_playback = swept(playback.frames, "playback", 0.7)
                 of_others = [
                     swept(one, "playback of another robot", 0.8) for one in others(playback)
                 ]
             figures = _plan_figures(chain, playback, parameters)
             exempt = linked.result()
     if record is not None:
-        if playback is not None and _runs_back(record.frames, playback.frames):
+        frames = None if playback is None else playback.frames
+        if frames is not None and frames.is_windowed and record.frames.passes_as(frames[::-1]):
             of_record = of_plan  # the same places, and the same ways between them
         else:
             # Nothing is proved of a record, whose clearance is only told.
-            of_record = swept(_angles(record.frames), "record", 0.0, share=0.0)
+            of_record = swept(record.frames, "record", 0.0, share=0.0)
     if given_up := stopped():
         # What was not looked at to its end proves nothing, and nobody knows what is least in it.
         of_record = of_plan = of_playback = None
@@ -283,7 +280,7 @@ def certify(
         min_clearance_playback_at=_place(of_playback),
         min_clearance_record=of_record and of_record.clearance,
         min_clearance_record_at=_place(of_record),
-        max_angle_record_rad=None if record is None else _largest_angle(_angles(record.frames)),
+        max_angle_record_rad=None if record is None else _largest_angle(record.frames),
         in_betweens=_in_betweens(of_record, of_plan, of_playback, *of_others),
         joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
         gravity_torque_folded_nm=weight * static_torque(chain, chain.folded_rad),
@@ -300,12 +297,8 @@ def _on_table(
     forces: Callable[[TableForces], object] | None,
 ) -> TableCertificate:
     """Certify the plan on the table that it was made for."""
-    reference, table = playback.reference, parameters.table
-    frames = playback.frames
-    if isinstance(reference, Windows):
-        frames = reference
-    elif isinstance(frames, Frames):
-        frames = frames.planned(chain, reference, clamped=table.held)
+    table = parameters.table
+    frames = playback.frames.planned(chain, playback.reference, clamped=table.held)
     return table_certificate(
         chain,
         frames,
@@ -357,21 +350,14 @@ def _unusable(
     for name, frames in motions.items():
         if not len(frames):
             return f"the {name} has no frames"
-        if isinstance(frames, Windows):
+        if frames.is_windowed:
             try:
-                check_windows(chain, frames)
+                frames.check(chain)
             except InputError as error:
                 return f"the {name} cannot be checked: {error.detail}"
-            numbers = (frames.time_s, frames.base_position, frames.base_wxyz)
-        else:
-            if frames.joint_angles_rad.shape != (len(frames), joints):
-                return f"the {name} does not consist of frames of {joints} joint angles"
-            numbers = (
-                frames.time_s,
-                frames.joint_angles_rad,
-                frames.root_position,
-                frames.root_wxyz,
-            )
+        elif (len(frames.first), frames.hinges) != (len(frames), joints):
+            return f"the {name} does not consist of frames of {joints} joint angles"
+        numbers = (frames.time_s, frames.angles_rad, frames.anchor_position, frames.anchor_wxyz)
         if not all(np.isfinite(values).all() for values in numbers):
             return f"the {name} has numbers that are not finite"
         if (np.diff(frames.time_s) < 0.0).any():
@@ -385,14 +371,12 @@ def _unusable_angles(playback: Playback, joints: int) -> str:
     The frames of the playback itself are checked elsewhere.
     """
     frames, reference, told = playback.frames, playback.reference_rad, playback.others_rad
-    if isinstance(frames, Windows):
-        if reference is None:
-            return ""  # the plan is the playback itself
+    if frames.is_windowed:
         expected, of = frames.angles_rad.shape, "angles in windows"
     else:
         expected, of = (len(frames), joints), f"frames of {joints} joint angles"
-        if reference is None:
-            return "the frames have no plan"
+    if reference is None:  # else the plan is the playback itself
+        return "the frames have no plan" if playback.simulated else ""
     if reference.shape != expected:
         return f"the plan has the shape {reference.shape}, expected {expected[0]} {of}"
     if not np.isfinite(reference).all():
@@ -402,35 +386,18 @@ def _unusable_angles(playback: Playback, joints: int) -> str:
     return ""
 
 
-def _angles(motion: Motion) -> Array | Windows:
-    """Return the angles of a motion, as the sweep takes them."""
-    return motion if isinstance(motion, Windows) else motion.joint_angles_rad
-
-
-def _angles_at(chain: Chain, motion: Array | Windows, frame: int) -> Array:
-    """Return the (J,) angles of one frame, rad."""
-    if isinstance(motion, Windows):
-        frame %= len(motion)
-        return motion.angles(chain, frame, frame + 1)[0]
-    return motion[frame]
-
-
-def followed(playback: Playback) -> tuple[Array | Windows, ...]:
+def followed(playback: Playback) -> tuple[Motion, ...]:
     """Return the motions that have to be clear: the plan, and the simulated playbacks."""
     plan = playback.reference
     if not playback.simulated:
         return (plan,)
-    return (plan, _angles(playback.frames), *others(playback))
+    return (plan, playback.frames, *others(playback))
 
 
-def others(playback: Playback) -> tuple[Array | Windows, ...]:
-    """Return the hinge angles of each robot whose playback is not the one that is shown."""
-    if playback.others_rad is None:
-        return ()
-    if isinstance(playback.frames, Windows):
-        frames = replace(playback.frames, errors_rad=None)
-        return tuple(replace(frames, angles_rad=angles) for angles in playback.others_rad)
-    return tuple(playback.others_rad)
+def others(playback: Playback) -> tuple[Motion, ...]:
+    """Return the motion of each robot whose playback is not the one that is shown."""
+    told = playback.others_rad
+    return () if told is None else tuple(playback.frames.with_angles(one) for one in told)
 
 
 def _robots(
@@ -446,7 +413,7 @@ def _robots(
         found.append(
             RobotFigures(
                 max_angle_error_rad=_largest_difference(motion, plan),
-                rms_position_error=_rms(_off(chain, _angles_at(chain, motion, -1))),
+                rms_position_error=_rms(_off(chain, motion.angles_at(chain, -1))),
                 min_clearance=swept.clearance,
                 clearance_bound=swept.bound,
             )
@@ -454,12 +421,9 @@ def _robots(
     return tuple(found)
 
 
-def _largest_difference(motion: Array | Windows, plan: Array | Windows) -> float:
+def _largest_difference(motion: Motion, plan: Motion) -> float:
     """Return the largest difference of a robot's hinges from the plan at its frames, rad."""
-    if isinstance(motion, Windows) and isinstance(plan, Windows):
-        return float(np.abs(motion.angles_rad - plan.angles_rad).max(initial=0.0))
-    assert not (isinstance(motion, Windows) or isinstance(plan, Windows))
-    return float(np.abs(motion - plan).max())
+    return float(np.abs(motion.angles_rad - plan.angles_rad).max(initial=0.0))
 
 
 def _rms(values: Array) -> float:
@@ -472,22 +436,14 @@ def _off(chain: Chain, angles: Array) -> Array:
     return aligned_distances(ends.positions, chain.folded_poses.positions)
 
 
-def _largest_angle(motion: Array | Windows) -> float:
-    angles = motion.angles_rad if isinstance(motion, Windows) else motion
-    return float(np.abs(angles).max(initial=0.0))
+def _largest_angle(motion: Motion) -> float:
+    return float(np.abs(motion.angles_rad).max(initial=0.0))
 
 
 def _in_betweens(*sweeps: Sweep | None) -> int:
     """Count configurations checked between frames; a sweep that serves two motions counts once."""
     different = {id(sweep): sweep for sweep in sweeps if sweep is not None}
     return sum(sweep.in_betweens for sweep in different.values())
-
-
-def _runs_back(record: Motion, playback: Motion) -> bool:
-    """Return True if a playback passes exactly the record's configurations in reverse."""
-    if not (isinstance(record, Windows) and isinstance(playback, Windows)):
-        return False
-    return record.passes_as(playback[::-1])
 
 
 def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:
@@ -506,12 +462,7 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
         figures |= _simulation_figures(chain, playback)
     if len(plan) < 2:
         return figures
-    if isinstance(plan, Windows):
-        steps, moving = plan.steps(chain, fraction=MOVING_SPEED_SHARE)
-    else:
-        each = np.abs(np.diff(plan, axis=0))
-        steps = each.max(axis=1)
-        moving = (each > MOVING_SPEED_SHARE * steps[:, None]).sum(axis=1)
+    steps, moving = plan.steps(chain, fraction=MOVING_SPEED_SHARE)
     fastest = steps / np.maximum(np.diff(times), 1e-12)
     moving = moving[fastest > 1e-9]
     slower = float(fastest.max()) / parameters.joint_speed_limit_rad_s
@@ -537,9 +488,8 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
 
 def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
     """Return the end error and the largest joint error of a simulated playback."""
-    simulated = _angles(playback.frames)
-    last = _angles_at(chain, simulated, -1)
-    distances = _off(chain, last)
+    simulated = playback.frames
+    distances = _off(chain, simulated.angles_at(chain, -1))
     # The playback says how far off its hinges were at any step; its frames must bear it out.
     off = playback.max_angle_error_rad or 0.0
     off = max(off, _largest_difference(simulated, playback.reference))
@@ -550,8 +500,8 @@ def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
     }
 
 
-def _end_error(chain: Chain, plan: Array | Windows) -> float:
-    return float(np.abs(_angles_at(chain, plan, -1) - chain.folded_rad).max(initial=0.0))
+def _end_error(chain: Chain, plan: Motion) -> float:
+    return float(np.abs(plan.angles_at(chain, -1) - chain.folded_rad).max(initial=0.0))
 
 
 def _verdict(
@@ -594,7 +544,7 @@ def _verdict(
             "folded shape"
         )
     for other in others(playback):
-        if (error := _rms(_off(chain, _angles_at(chain, other, -1)))) > MAX_VERIFIED_ERROR_PITCH:
+        if (error := _rms(_off(chain, other.angles_at(chain, -1)))) > MAX_VERIFIED_ERROR_PITCH:
             return (
                 f"failed: the playback of another robot ends {error:.2g} pitch (RMS) from the "
                 "folded shape"
@@ -615,20 +565,16 @@ def _unproved(name: str, found: Sweep) -> str:
     )
 
 
-def _beyond_range(chain: Chain, motion: Array | Windows) -> str:
+def _beyond_range(chain: Chain, motion: Motion) -> str:
     """Describe the joint that a motion bends beyond its range; empty if there is none."""
-    limit = chain.module.angle_limit_rad
-    angles = motion.angles_rad if isinstance(motion, Windows) else motion
+    limit, angles = chain.module.angle_limit_rad, motion.angles_rad
     if not angles.size or np.abs(angles).max() <= limit + MAX_ANGLE_DIFFERENCE_RAD:
         return ""
     worst = int(np.abs(angles).argmax())
-    if isinstance(motion, Windows):
-        frame = int(np.searchsorted(motion.offsets, worst, side="right")) - 1
-        hinge = int(motion.first[frame] + worst - motion.offsets[frame])
-    else:
-        frame, hinge = divmod(worst, angles.shape[1])
+    frame = int(np.searchsorted(motion.offsets, worst, side="right")) - 1
+    hinge = int(motion.first[frame] + worst - motion.offsets[frame])
     return (
-        f"bends {chain.joint_names[hinge]} to {np.rad2deg(angles.flat[worst]):.4g}°, beyond its "
+        f"bends {chain.joint_names[hinge]} to {np.rad2deg(angles[worst]):.4g}°, beyond its "
         f"range of ±{np.rad2deg(limit):.4g}° (frame {frame}"
     )
 
@@ -642,25 +588,26 @@ def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> 
         expected[:straight] = PHASES.index("unfolding")
     if not np.array_equal(frames.phase, expected) or straight == len(frames):
         return "the phases of the playback are out of order"
-    if np.abs(_angles_at(chain, plan, straight)).max() > MAX_ANGLE_DIFFERENCE_RAD:
+    if np.abs(plan.angles_at(chain, straight)).max() > MAX_ANGLE_DIFFERENCE_RAD:
         passes = "start" if start is None else "become"
         return f"the plan does not {passes} straight"
     if start is None:
         return ""
-    if isinstance(plan, Windows) or isinstance(frames, Windows):
+    if plan.is_windowed:
         return f"a playback of windows does not start folded as {start.name}"
-    if not straight or np.abs(plan[0] - start.folded_rad).max() > MAX_ANGLE_DIFFERENCE_RAD:
+    off_rad = np.abs(plan.joint_angles_rad[0] - start.folded_rad).max() if straight else np.inf
+    if off_rad > MAX_ANGLE_DIFFERENCE_RAD:
         return f"the plan does not start folded as {start.name}"
     simulated = frames.joint_angles_rad
-    first = chain.poses(simulated[0], frames.root_position[0], frames.root_wxyz[0])
+    first = frames.poses(chain, 0, 1)
     if (
         np.abs(simulated[0] - start.folded_rad).max() > MAX_ANGLE_DIFFERENCE_RAD
-        or np.abs(first.positions - start.folded_poses.positions).max() > MAX_START_ERROR_PITCH
+        or np.abs(first.positions[0] - start.folded_poses.positions).max() > MAX_START_ERROR_PITCH
     ):
         return f"the playback does not start folded as {start.name}"
     still, identity = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     passed = chain.poses(simulated[straight], still, identity).positions
-    line = chain.poses(np.zeros_like(plan[0]), still, identity).positions
+    line = chain.poses(np.zeros_like(start.folded_rad), still, identity).positions
     off = _rms(aligned_distances(passed, line))
     if off > MAX_VERIFIED_ERROR_PITCH:
         return f"the playback passes {off:.2g} pitch (RMS) from straight"

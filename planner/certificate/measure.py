@@ -31,10 +31,9 @@ from planner.chain.dynamics import floating_torques, motion_of
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.sweep import sweep
 from planner.kernels.clearance import Solid, module_clearances
-from planner.motion.frames import PHASES, Frames
 from planner.motion.inverse import inverse_dynamics
+from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline
-from planner.motion.windows import Windows
 from planner.parameters.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -115,7 +114,7 @@ def _parts(
     unit = torque_unit_nm(timeline.chain, parameters)
     unit /= max(_slower(timeline, parameters, certificate), 1e-12) ** 2
 
-    def part(around: Frames, here: slice) -> Figures:
+    def part(around: Motion, here: slice) -> Figures:
         torque = unit * _torques(timeline.chain, around, here, whole=not here.start)
         return _of_frames(timeline.chain, around, here, torque, parameters.module_size)
 
@@ -126,7 +125,7 @@ def _parts(
     with ThreadPoolExecutor(threads) as pool:
         while now is not None:
             after = next(chunks, None)
-            around = Frames.joined(
+            around = Motion.joined(
                 [before, now, *([] if after is None else [after[:SPLINE_MARGIN_FRAMES]])]
             )
             due.append(pool.submit(part, around, slice(len(before), len(before) + len(now))))
@@ -150,7 +149,7 @@ def _curves(
     moving = np.zeros(len(windows), dtype=np.int32)
     unit = torque_unit_nm(chain, parameters)
     unit /= max(_slower(timeline, parameters, certificate), 1e-12) ** 2
-    seen: tuple[Windows, Floats] | None = None
+    seen: tuple[Motion, Floats] | None = None
     for phase in np.unique(windows.phase)[::-1]:
         numbers = np.flatnonzero(windows.phase == phase)
         part = windows[numbers]
@@ -178,13 +177,13 @@ def _curves(
     )
 
 
-def _read_chunks(timeline: Timeline) -> Iterator[Frames]:
+def _read_chunks(timeline: Timeline) -> Iterator[Motion]:
     """Yield all frames, each chunk read once."""
     for start in range(0, max(1, len(timeline)), FRAMES_A_CHUNK):
         yield timeline.frames(start, min(start + FRAMES_A_CHUNK, len(timeline)))
 
 
-def _of_frames(chain: Chain, around: Frames, here: slice, torque: Array, size: float) -> Figures:
+def _of_frames(chain: Chain, around: Motion, here: slice, torque: Array, size: float) -> Figures:
     frames = around[here]
     broken = np.flatnonzero(~np.isfinite(frames.joint_angles_rad).all(axis=1))
     angles = frames.joint_angles_rad.copy()
@@ -210,7 +209,7 @@ def _largest(values: Array) -> Floats:
     return values.max(axis=1).astype(np.float32)
 
 
-def _moving(frames: Frames) -> Integers:
+def _moving(frames: Motion) -> Integers:
     """Count hinges that move from the frame before; at the start of a phase, to the frame after."""
     count = len(frames)
     if count < 2:
@@ -224,7 +223,7 @@ def _moving(frames: Frames) -> Integers:
     return moving[np.minimum(step, count - 2)].astype(np.int32)
 
 
-def _torques(chain: Chain, around: Frames, here: slice, *, whole: bool) -> Array:
+def _torques(chain: Chain, around: Motion, here: slice, *, whole: bool) -> Array:
     """Return torques in simulation units of the frames ``here``, from the motion around them.
 
     They are NaN in the explosion and where they cannot be computed. With ``whole``, no frames come
@@ -251,19 +250,17 @@ def _slower(timeline: Timeline, parameters: Parameters, certificate: Certificate
         return 1.0
     if certificate is not None and certificate.fold_time_s:
         return certificate.fold_time_s / float(times[-1] - times[0])
-    if timeline.windowed:
-        windows = timeline.windows(len(phases) - len(times), len(phases))
-        steps, _ = windows.steps(timeline.chain)
-        speeds = steps / np.maximum(np.diff(times), 1e-12)
-        return float(speeds.max(initial=0.0)) / parameters.joint_speed_limit_rad_s
     fastest = 0.0
-    for start in range(len(phases) - len(times), len(phases) - 1, FRAMES_A_CHUNK):
-        frames = timeline.frames(start, min(start + FRAMES_A_CHUNK + 1, len(phases)))
-        fastest = max(fastest, float(_speeds(frames).max(initial=0.0)))
+    for start in range(len(phases) - len(times), len(phases) - 1, timeline.chunk_frames):
+        stop = min(start + timeline.chunk_frames + 1, len(phases))
+        motion = timeline.motion(start, stop)
+        steps_rad, _ = motion.steps(timeline.chain)
+        elapsed = np.maximum(np.diff(motion.time_s), 1e-12)
+        fastest = max(fastest, float((steps_rad / elapsed).max(initial=0.0)))
     return fastest / parameters.joint_speed_limit_rad_s
 
 
-def _speeds(frames: Frames) -> Array:
+def _speeds(frames: Motion) -> Array:
     """Return the (F − 1, J) mean speeds of the hinges between frames, rad/s."""
     elapsed = np.maximum(np.diff(frames.time_s), 1e-12)
     return np.abs(np.diff(frames.joint_angles_rad, axis=0)) / elapsed[:, None]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float32]
 Integers = NDArray[np.int32]
-FORMAT: Final = "foldback-figures/1"
+FIGURES_FORMAT: Final = "foldback-figures/1"
 CLEARANCE_REACH_PITCH: Final = 1.0
 """Cap of the stored clearances, pitches. Larger values need more pairs of modules. Chosen."""
 FRAMES_A_CHUNK: Final = 128
@@ -66,9 +66,10 @@ class Curves:
             arrays = {f.name: cast("zarr.Array[Any]", group[f.name]) for f in fields(cls)}
         except (OSError, ValueError, KeyError) as error:
             raise TimelineError(f"no figures at {path}: {error}") from error
-        if attributes.get("format") != FORMAT:
+        if attributes.get("format") != FIGURES_FORMAT:
             raise TimelineError(
-                f"got the format {attributes.get('format')!r} at {path}, expected {FORMAT!r}."
+                f"got the format {attributes.get('format')!r} at {path}, "
+                f"expected {FIGURES_FORMAT!r}."
             )
         frames = min(array.shape[0] for array in arrays.values())
         end = frames if stop is None else stop
@@ -130,7 +131,9 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
             arrays[field.name] = _array(group, field.name, frames, values, FRAMES_A_CURVE)
             arrays[field.name][:] = values
         checksums = checksums_of(aside, arrays)
-        group.attrs.put(sealed({"format": FORMAT, "reach": CLEARANCE_REACH_PITCH}, checksums))
+        group.attrs.put(
+            sealed({"format": FIGURES_FORMAT, "reach": CLEARANCE_REACH_PITCH}, checksums)
+        )
         rmtree(whole, ignore_errors=True)
         aside.rename(whole)
     finally:

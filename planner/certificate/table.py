@@ -24,7 +24,6 @@ from planner.chain.kinematics import Poses
 from planner.chain.statics import GRAVITY_M_S2
 from planner.cores import cores
 from planner.errors import InputError
-from planner.motion.frames import Frames
 from planner.motion.motion import Motion
 from planner.parameters.explosion import Base
 from planner.statics.balance import MIN_TORQUE_WP, Balance, Standing
@@ -253,7 +252,7 @@ def _parts(chain: Chain, frames: Motion, height: float) -> Iterator[Poses]:
         yield _placed(chain, part, height)
 
 
-def _placed(chain: Chain, frames: Frames, height: float) -> Poses:
+def _placed(chain: Chain, frames: Motion, height: float) -> Poses:
     """Return the poses of frames above a table at z = 0."""
     above = frames.root_position - np.array([0.0, 0.0, height])
     return chain.poses(frames.joint_angles_rad, above, frames.root_wxyz)

@@ -8,7 +8,7 @@ from typing import Any, Final
 from planner.errors import InputError
 from planner.parameters.explosion import Base
 
-FORMAT: Final = "foldback-table/1"
+TABLE_FORMAT: Final = "foldback-table/1"
 FRICTIONLESS: Final = "frictionless"
 
 
@@ -84,7 +84,7 @@ class TableCertificate:
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         lists = {name: list(values[name]) for name in ("unbalanced", "torques", "assumptions")}
         return {
-            "format": FORMAT,
+            "format": TABLE_FORMAT,
             **values,
             **lists,
             "standing": [list(each) for each in self.standing],
@@ -97,10 +97,10 @@ class TableCertificate:
         Raises:
             InputError: ``wrong-format``.
         """
-        if values.get("format") != FORMAT:
+        if values.get("format") != TABLE_FORMAT:
             raise InputError(
                 "wrong-format",
-                f"got the format {values.get('format')!r}, expected {FORMAT!r}, as "
+                f"got the format {values.get('format')!r}, expected {TABLE_FORMAT!r}, as "
                 "`foldback table` writes it.",
             )
         found: dict[str, Any] = {field.name: values[field.name] for field in fields(cls)}

@@ -15,7 +15,8 @@ from planner.kernels.module import Lumps
 
 Array = NDArray[np.float64]
 MIN_ANGLES_PER_THREAD: Final = 20_000
-"""Minimum number of hinges times frames for each thread: it is worth its start. Chosen."""
+"""Minimum number of joint angles (hinges × frames) for which another thread is started; with fewer
+its start costs more than it saves. Chosen."""
 MIN_SPLINE_TIMES: Final = 4
 """Minimum number of times of a cubic spline."""
 

@@ -14,15 +14,15 @@ from planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
 LONG_CHAIN: Final = 600
-"""Number of modules above which a chain is peeled, on a path made for it:
+"""Number of modules above which a chain is exploded by peeling, along a path that is made for it:
 docs/decisions/0013-peeling.md."""
 UNSMOOTHED_FROM_MODULES: Final = 1500
 """Number of modules above which a record is played back frame by frame: a spline through it would
 take gigabytes. Simulated stops then begin ``STOP_COMPLIANCE_RAD`` inside the range, as no curve
 cuts the angles that pass them. Chosen."""
 RELIEF_SAMPLES: Final = 64
-"""Number of points along each side of a module at which its relief's volume is sampled. Larger
-values are more exact. Chosen."""
+"""Number of points along each side of a module at which the volume of its relief (the material that
+linked modules may not have) is sampled. Larger values are more exact and slower. Chosen."""
 
 
 def _frozen(values: object) -> Array:

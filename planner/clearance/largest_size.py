@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.clearance.sweep import Sweep, sweep
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 
 Array = NDArray[np.float64]
 FULL_SIZE: Final = 1.0
@@ -23,7 +23,7 @@ MAX_SIZE_STEPS: Final = 12
 Chosen."""
 
 
-def largest_size(chain: Chain, motions: Sequence[Array | Windows], *, clear_at: float) -> float:
+def largest_size(chain: Chain, motions: Sequence[Motion | Array], *, clear_at: float) -> float:
     """Find the largest module size, in steps of ``SIZE_STEP``, at which motions are proved clear.
 
     Clearance falls about linearly with the size, so that two sizes give the one where it vanishes.
@@ -31,7 +31,7 @@ def largest_size(chain: Chain, motions: Sequence[Array | Windows], *, clear_at: 
 
     Args:
         chain: The chain.
-        motions: (F, J) hinge angles of each in radians, or windows.
+        motions: Motions, or the (F, J) hinge angles of each, rad.
         clear_at: A size at which they are clear.
     """
     low = min(sweep(chain, m, size=clear_at).clearance for m in motions)

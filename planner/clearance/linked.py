@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.kernels.linked import Link, deepest_overlap
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion, as_motion
 
 Array = NDArray[np.float64]
 LINKED: Final = "consecutive modules (i, i+1)"
@@ -82,19 +82,27 @@ class ExemptPairs:
         return cls(**found)
 
 
-def exempt_pairs(chain: Chain, motions: Sequence[Array | Windows], *, size: float) -> ExemptPairs:
+def exempt_pairs(chain: Chain, motions: Sequence[Motion | Array], *, size: float) -> ExemptPairs:
     """Return the pairs of a chain that are not checked, and how deep they overlap in motions.
 
     Args:
         chain: The chain.
-        motions: (F, J) hinge angles of each in radians, or windows; may be empty.
+        motions: Motions, or the (F, J) hinge angles of each, rad; may be empty.
         size: Module size as a fraction of the pitch.
     """
     module, count = chain.module, len(chain)
     pairs = len(module.exempt_pairs(count))
     depth, bound, where = 0.0, 0.0, None
     for motion in motions if pairs and len(chain.folded_rad) else ():
-        found = deepest_overlap(_link(module, size), chain.folded_rad.copy(), *_angles(motion))
+        motion = as_motion(motion)
+        found = deepest_overlap(
+            _link(module, size),
+            chain.folded_rad.copy(),
+            motion.first.astype(np.int64),
+            motion.offsets.astype(np.int64),
+            # A copy: a read-only array would be another type, for which all is compiled anew.
+            motion.angles_rad.astype(np.float64),
+        )
         bound = max(bound, found.bound)
         if found.depth > depth:
             holds = found.joint + module.rigid_links
@@ -120,14 +128,3 @@ def _link(module: Module, size: float) -> Link:
         face=module.offset / np.linalg.norm(module.offset),
         distance=module.near_face(size),
     )
-
-
-def _angles(motion: Array | Windows) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """Return (F,) first hinges of the windows, (F + 1,) offsets of their angles, and the angles."""
-    if isinstance(motion, Windows):
-        first, offsets = motion.first.astype(np.int64), motion.offsets.astype(np.int64)
-        return first, offsets, motion.angles_rad.astype(np.float64)
-    frames, hinges = motion.shape
-    offsets = np.arange(frames + 1, dtype=np.int64) * hinges
-    # A copy: a read-only array would be another type, for which all is compiled anew.
-    return np.zeros(frames, np.int64), offsets, np.array(motion, dtype=np.float64).reshape(-1)

@@ -6,8 +6,8 @@ pairs are not checked:
 * Pairs fewer links apart than ``Module.apart``: they share a joint (``planner.clearance.linked``).
 * Pairs that stay farther apart than the least clearance of the frame before, because they change
   no figure: lemma 7.
-* Of ``Windows``, pairs of modules that are rigid with each other from one frame to the next. Below
-  both windows all modules are folded, above both all are straight. The folded shape and the
+* In a windowed motion, pairs of modules that are rigid with each other from one frame to the next.
+  Below both windows all modules are folded, above both all are straight. The folded shape and the
   straight chain are checked once, with all their pairs; a frame has the clearance of its own part
   of either.
 """
@@ -26,12 +26,11 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
-from planner.errors import InputError
 from planner.kernels.bodies import BODY_COLUMNS, ROTATION, VELOCITY
 from planner.kernels.clearance import least_separation
 from planner.kernels.pairs import near_pairs
 from planner.kernels.sweep import Angles, Shape, SweepResult, rigid_clearances, sweep_frames
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion, as_motion
 from planner.progress import Cancelled, never
 
 Array = NDArray[np.float64]
@@ -79,7 +78,7 @@ class Sweep:
 
 def sweep(
     chain: Chain,
-    motion: Array | Windows,
+    motion: Motion | Array,
     *,
     size: float,
     share: float = BOUND_RATIO,
@@ -89,15 +88,16 @@ def sweep(
 
     Args:
         chain: The chain.
-        motion: (F, J) hinge angles of the frames in radians, or windows.
+        motion: The motion, or the (F, J) hinge angles of one, rad.
         size: Module size as a fraction of the pitch.
         share: Fraction (0…1) of the least clearance seen that the bound should reach. With 0 any
             bound above 0 does, which saves bisections.
         cancelled: Polled between tasks; a cancelled sweep covers the tasks that were done.
 
     Raises:
-        InputError: ``bad-windows`` for windows that are not of this chain.
+        InputError: ``bad-windows`` for a windowed motion that is not of this chain.
     """
+    motion = as_motion(motion)
     found = _swept(chain, motion, size, share, CLEARANCE_CAP, cancelled)
     if found.modules is None and not cancelled():
         # A short chain may never come that near itself: then its clearance is above the cap.
@@ -107,15 +107,18 @@ def sweep(
 
 def _swept(
     chain: Chain,
-    motion: Array | Windows,
+    motion: Motion,
     size: float,
     share: float,
     enough: float,
     cancelled: Cancelled,
 ) -> Sweep:
-    frames = len(motion)
-    first, offsets = _extents(chain, motion)
-    at_rest = _AtRest.of(chain, size, enough) if isinstance(motion, Windows) else None
+    frames, at_rest = len(motion), None
+    if motion.is_windowed:
+        motion.check(chain)
+        at_rest = _AtRest.of(chain, size, enough)
+    first = np.ascontiguousarray(motion.first, dtype=np.int64)
+    offsets = np.ascontiguousarray(motion.offsets, dtype=np.int64)
     rigid, closest = (
         (np.full(frames, enough), np.full((frames, 2), -1))
         if at_rest is None
@@ -127,11 +130,8 @@ def _swept(
     def part(start: int) -> SweepResult:
         stop = min(start + FRAMES_PER_TASK, frames)
         begins, ends = int(offsets[start]), int(offsets[min(stop + 1, frames)])
-        if isinstance(motion, Windows):
-            values = motion.angles_rad[begins:ends].astype(np.float64)
-        else:
-            # A copy: a read-only array would be another type, for which all is compiled anew.
-            values = np.array(motion[start : stop + 1], dtype=np.float64).reshape(-1)
+        # A copy: a read-only array would be another type, for which all is compiled anew.
+        values = motion.angles_rad[begins:ends].astype(np.float64)
         angles = Angles(first=first, offsets=offsets, shift=begins, values=values)
         return sweep_frames(shape, angles, start, stop, enough, rigid, per_frame, share)
 
@@ -187,24 +187,21 @@ class Between:
 
 
 def clearance_at(
-    chain: Chain, motion: Array | Windows, frame: float, modules: tuple[int, int], *, size: float
+    chain: Chain, motion: Motion, frame: float, modules: tuple[int, int], *, size: float
 ) -> float:
     """Return the clearance of two modules at one moment of a motion, in pitches.
 
     Args:
         chain: The chain.
-        motion: (F, J) hinge angles of the frames in radians, or windows.
+        motion: The motion.
         frame: Frame number; a fraction means between two frames.
         modules: The two, the earlier one first.
         size: Module size as a fraction of the pitch.
     """
     before = int(frame)
     after = min(before + 1, len(motion) - 1)
-    if isinstance(motion, Windows):
-        ends = [motion.angles(chain, k, k + 1)[0].astype(np.float64) for k in (before, after)]
-    else:
-        ends = [motion[before], motion[after]]
-    angles = ends[0] + (frame - before) * (ends[1] - ends[0])
+    start, end = (motion.angles_at(chain, k) for k in (before, after))
+    angles = start + (frame - before) * (end - start)
     poses = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     found, _, _ = least_separation(
         np.ascontiguousarray(poses.positions),
@@ -236,43 +233,6 @@ def _in_turn(
             waiting.append(pool.submit(part, start))
         for task in waiting:
             yield task.result()
-
-
-def check_windows(chain: Chain, windows: Windows) -> None:
-    """Refuse windows that do not belong to this chain.
-
-    Raises:
-        InputError: ``bad-windows``.
-    """
-    _extents(chain, windows)
-
-
-def _extents(chain: Chain, motion: Array | Windows) -> tuple[Ints, Ints]:
-    """Return (F,) first hinges of the windows and (F + 1,) offsets of their angles among all."""
-    hinges = len(chain.folded_rad)
-    frames = len(motion)
-    if not isinstance(motion, Windows):
-        return np.zeros(frames, np.int64), np.arange(frames + 1, dtype=np.int64) * hinges
-    first = np.ascontiguousarray(motion.first, dtype=np.int64)
-    offsets = np.ascontiguousarray(motion.offsets, dtype=np.int64)
-    widths = np.diff(offsets)
-    if (
-        first.shape != (frames,)
-        or offsets.shape != (frames + 1,)
-        or (first < 0).any()
-        or (widths < 0).any()
-        or (first + widths > hinges).any()
-        or int(offsets[0]) != 0
-        or int(offsets[-1]) != len(motion.angles_rad)
-    ):
-        raise InputError(
-            "bad-windows",
-            f"got windows that are not within {hinges} hinges or not as long as they say, "
-            "expected windows of this chain.",
-        )
-    if not np.isfinite(motion.angles_rad).all():
-        raise InputError("bad-windows", "got angles that are not finite, expected numbers.")
-    return first, offsets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

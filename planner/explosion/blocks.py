@@ -9,21 +9,22 @@ same state.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.explosion.simultaneous import Engine, Simultaneous
-from planner.motion.frames import Frames
+from planner.explosion.explosion import Watch, run
+from planner.explosion.simultaneous import Simultaneous
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import ExplosionParameters
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.rigid_blocks import Blocks
-from planner.simulation.segments import Segments
 
+Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 MIN_BLOCK_MODULES: Final = 64
 """Minimum number of modules of a rigid block. Larger blocks are fewer and heavier. Chosen."""
@@ -61,7 +62,7 @@ def explode_blocks_first(
     parameters: ExplosionParameters,
     *,
     seed: int = 0,
-    sink: Callable[[Frames], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
@@ -82,8 +83,21 @@ def explode_blocks_first(
     )
     block = max(MIN_BLOCK_MODULES, -(-len(chain) // MAX_BLOCKS))
     starts = block_starts(len(chain), block, TETHER_MODULES)
-    run = _BlocksFirst(chain, coarser, seed, sink, starts)
-    return run.run(progress, cancelled)
+    watch = Watch(progress, cancelled, "exploding")
+    policy = Simultaneous.from_parameters(
+        chain,
+        replace(
+            coarser,
+            tension=BLOCK_TENSION_SCALE * parameters.tension,
+            step_in_contact_s=BLOCK_STEP_IN_CONTACT_S,
+        ),
+        seed=seed,
+        sink=sink,
+        watch=watch,
+        block_starts=starts,
+        release=Tethers(parameters).release_when_apart,
+    )
+    return run(policy.explosion, policy, watch, strategy="blocks")
 
 
 def block_starts(modules: int, block: int, tether: int) -> Ints:
@@ -94,61 +108,36 @@ def block_starts(modules: int, block: int, tether: int) -> Ints:
     return np.array(sorted(starts), dtype=np.int64)
 
 
-class _BlocksFirst(Simultaneous):
-    strategy = "blocks"
+@dataclass(slots=True)
+class Tethers:
+    """Release of all joints, once the modules between rigid blocks have straightened.
 
-    def __init__(
-        self,
-        chain: Chain,
-        parameters: ExplosionParameters,
-        seed: int,
-        sink: Callable[[Frames], None] | None,
-        starts: Ints,
-    ) -> None:
-        self.starts = starts
-        super().__init__(
-            chain,
-            replace(
-                parameters,
-                tension=BLOCK_TENSION_SCALE * parameters.tension,
-                step_in_contact_s=BLOCK_STEP_IN_CONTACT_S,
-            ),
-            seed,
-            sink,
-        )
-        self.spacing = 1.0  # its snapshots are far apart from the start
-        self.afterwards = parameters
-        self.bent = self._bent()
+    Attributes:
+        parameters: Tension and step in contact after the release.
+        bend_rad: Mean bend of the tethers' hinges at the last check, rad.
+    """
 
-    def first_engine(self) -> Engine:
-        return Blocks(self.chain, self.material, self.starts)
+    parameters: ExplosionParameters
+    bend_rad: float | None = None
 
-    def step(self) -> bool:
-        moved = super().step()
-        # A state that it went back to may have to be looked at first.
-        if isinstance(self.engine, Blocks) and not self.steps % TETHER_CHECK_STEPS and moved:
-            bent = self._bent()
-            eased = bent < (1.0 - MIN_TETHER_EASING) * self.bent
-            self.bent = bent
-            if self.steps >= MIN_BLOCK_STEPS and (bent < LOOSE_TETHER_RAD or not eased):
-                self._let_go()
-        return moved
+    def release_when_apart(self, policy: Simultaneous) -> None:
+        """Free all joints of a run if the blocks are apart, or get no farther apart."""
+        world, steps = policy.world, policy.explosion.control.steps
+        if not isinstance(world.engine, Blocks) or steps % TETHER_CHECK_STEPS:
+            return
+        folded = world.chain.folded_rad
+        free = world.engine.free[np.abs(folded[world.engine.free]) > 0.1]
+        before = mean_bend_rad(folded[free]) if self.bend_rad is None else self.bend_rad
+        self.bend_rad = bend = mean_bend_rad(world.state.angles[free])
+        eased = bend < (1.0 - MIN_TETHER_EASING) * before
+        if steps >= MIN_BLOCK_STEPS and (bend < LOOSE_TETHER_RAD or not eased):
+            policy.commit()
+            world.forces.tension = self.parameters.tension
+            policy.explosion.control.max_step_in_contact_s = self.parameters.step_in_contact_s
+            world.release_all()
+            policy.jam.compare_with(world.state.angles)
 
-    def finish(self) -> bool:
-        return not isinstance(self.engine, Blocks) and super().finish()
 
-    def unjam(self) -> bool:
-        return isinstance(self.engine, Blocks) or super().unjam()
-
-    def _bent(self) -> float:
-        """Return the mean bend, rad, of the hinges that are free at first and bent when folded."""
-        assert isinstance(self.engine, Blocks)
-        free = self.engine.free[np.abs(self.chain.folded_rad[self.engine.free]) > 0.1]
-        return float(np.abs(self.state.angles[free]).mean()) if len(free) else 0.0
-
-    def _let_go(self) -> None:
-        self.commit()
-        self.parameters = self.afterwards
-        self.engine = Segments(self.chain, self.material)
-        self.engine.place(self.state)
-        self.window_angles = np.abs(self.state.angles)
+def mean_bend_rad(angles: Array) -> float:
+    """Return the mean bend of hinges, rad; 0 for none."""
+    return float(np.abs(angles).mean()) if len(angles) else 0.0

@@ -1,8 +1,7 @@
-"""Diagnosis: why an explosion did not come to its end, told from where it stopped.
+"""Diagnosis: why an explosion did not come to its end, derived from where it stopped.
 
 ``planner.pipeline.retry_policy`` chooses the next attempt by its kind; its modules show people
-where to look. Its evidence is the reason that is told: a knot, modules in each other's way, a
-budget.
+where to look. Its evidence is the reason: a knot, modules in each other's way, or a used-up limit.
 """
 
 from __future__ import annotations
@@ -15,23 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.explosion.block_evidence import BlockEvidence
 from planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked
-from planner.explosion.budget import SLIGHT_BEND_RAD, budget
 from planner.explosion.evidence import (
+    BlockEvidence,
+    BudgetEvidence,
     Crossing,
     Evidence,
     KnotEvidence,
     Point,
     evidence_from,
 )
-from planner.explosion.peeling import MIN_LAST_UNIT_MODULES
+from planner.explosion.window import MIN_LAST_UNIT_MODULES
 from planner.kernels.folded_core import FIXED
 from planner.kernels.pairs import near_pairs
-from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.stuck_figures import StuckFigures
-from planner.motion.windows import Windows
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import Parameters
 from planner.pathfinding.knot_diagram import diagram_of
@@ -39,6 +37,9 @@ from planner.pathfinding.knot_diagram import diagram_of
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped"]
+SLIGHT_BEND_RAD: Final = 0.1
+"""Maximum bend, rad, of a hinge that is not reported as bent. Larger values report fewer.
+Chosen."""
 MIN_REPORTED_BEND_SHARE: Final = 0.5
 """Minimum bend of a reported joint as a fraction of the largest one, where none is stuck. Larger
 values report fewer joints. Chosen."""
@@ -120,11 +121,11 @@ def diagnose(chain: Chain, record: Record, parameters: Parameters) -> Diagnosis 
     return Diagnosis(
         kind=kind if knot is None else "knot",
         modules=tuple(modules[:MAX_DIAGNOSED_MODULES].tolist()),
-        evidence=knot or _blocks(chain, record, last, parameters) or budget(record, last),
+        evidence=knot or _blocks(chain, record, last, parameters) or _budget(record, last),
     )
 
 
-def _where(chain: Chain, record: Record, last: Frames) -> tuple[Kind, Ints]:
+def _where(chain: Chain, record: Record, last: Motion) -> tuple[Kind, Ints]:
     """Return the kind of the stall, knots left aside, and the modules whose joints are bent."""
     bent, folded = _bends(chain, last)
     first = chain.module.rigid_links
@@ -146,7 +147,7 @@ def _where(chain: Chain, record: Record, last: Frames) -> tuple[Kind, Ints]:
     return "contacts" if len(cluster) >= MIN_CLUSTER_SHARE * len(chain) else "joints", stuck
 
 
-def _knot(chain: Chain, last: Frames) -> KnotEvidence | None:
+def _knot(chain: Chain, last: Motion) -> KnotEvidence | None:
     """Return the knot of the chain where it stopped: as folded it may have been another one."""
     if len(chain) > MAX_STALLED_KNOT_MODULES:
         return None
@@ -167,7 +168,7 @@ def _knot(chain: Chain, last: Frames) -> KnotEvidence | None:
 
 
 def _blocks(
-    chain: Chain, record: Record, last: Frames, parameters: Parameters
+    chain: Chain, record: Record, last: Motion, parameters: Parameters
 ) -> BlockEvidence | None:
     """Find the modules that block each other after pulses without progress."""
     if record.status != "stalled":
@@ -177,7 +178,7 @@ def _blocks(
         if record.table is None:  # on a table, the module size to verify is what is kept clear
             size = max(size, parameters.peeling.verify_size)
         peeling = parameters.peeling if record.table is None else parameters.table
-        first = _first_let_go(chain, record, last)
+        first = _first_released(chain, record, last)
         joint = first // hinges
         if joint:
             before = joint - peeling.unit
@@ -187,9 +188,23 @@ def _blocks(
     return blocked(chain, last.joint_angles_rad[0], size=size, first_hinge=first, unit=unit)
 
 
-def _first_let_go(chain: Chain, record: Record, last: Frames) -> int:
+def _budget(record: Record, last: Motion) -> BudgetEvidence | None:
+    """Return the limit that an explosion has used up; None if its record does not state it."""
+    if record.spent is None:
+        return None
+    angles = np.abs(last.joint_angles_rad[0])
+    return BudgetEvidence(
+        spent=record.spent.kind,
+        allowed=record.spent.allowed,
+        used=record.spent.used,
+        bent_hinges=int((angles > SLIGHT_BEND_RAD).sum()),
+        largest_bend_rad=float(angles.max(initial=0.0)),
+    )
+
+
+def _first_released(chain: Chain, record: Record, last: Motion) -> int:
     """Return the first hinge that a peeling has released."""
-    if isinstance(record.frames, Windows):
+    if record.frames.is_windowed:
         return int(record.frames.first[-1])
     moved = np.abs(last.joint_angles_rad[0] - chain.folded_rad) > 1e-6
     hinges = chain.module.hinges_per_joint
@@ -201,7 +216,7 @@ def _point(values: Array) -> Point:
     return (x, y, z)
 
 
-def stopped(chain: Chain, last: Frames) -> Diagnosis:
+def stopped(chain: Chain, last: Motion) -> Diagnosis:
     """Diagnose a fold that was ended from outside.
 
     Args:
@@ -225,13 +240,13 @@ def stuck_of(
         attempts: Attempts as stored in a plan; one of them is that explosion.
     """
     for attempt in attempts:
-        told = attempt.get("diagnosis")
-        if told and explosion == {key: attempt.get(key) for key in explosion or ()}:
-            return cast("StuckFigures", dict(told))
+        diagnosis = attempt.get("diagnosis")
+        if diagnosis and explosion == {key: attempt.get(key) for key in explosion or ()}:
+            return cast("StuckFigures", dict(diagnosis))
     return None
 
 
-def _bends(chain: Chain, last: Frames) -> tuple[Array, Array]:
+def _bends(chain: Chain, last: Motion) -> tuple[Array, Array]:
     """Return the largest angle of each joint, rad, in a frame and when folded."""
     hinges = chain.module.hinges_per_joint
     now, folded = last.joint_angles_rad[0], chain.folded_rad

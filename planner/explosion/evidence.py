@@ -7,20 +7,25 @@ timeline's last frame of the explosion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, fields, is_dataclass
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 
-from planner.explosion.block_evidence import BlockEvidence
 from planner.motion.stuck_figures import (
+    BlockFigures,
     BudgetFigures,
     EvidenceFigures,
     KnotFigures,
     SpentKind,
 )
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 Point = tuple[float, float, float]
+MAX_NAMED_PAIRS: Final = 3
+"""Maximum number of pairs, or modules, that a message lists; it counts the others. Chosen."""
 USED_UP: Final[dict[SpentKind, str]] = {
     "steps": "the limit of {allowed} steps was reached",
     "pushes": "{allowed} random pushes in a row, the limit, made no progress",
@@ -77,17 +82,129 @@ class KnotEvidence:
 
     def as_dict(self) -> KnotFigures:
         """Return plain JSON values."""
-        return {
+        values = {
             "kind": "knot",
             "determinant": self.determinant,
             "crossings": len(self.diagram),
-            "closings": [[list(corner) for corner in corners] for corners in self.closings],
-            "polygon": [list(vertex) for vertex in self.polygon],
-            "sight": list(self.sight),
-            "diagram": [
-                {"over": each.over, "under": each.under, "sign": each.sign} for each in self.diagram
-            ],
+            **_plain_fields(self),
         }
+        return cast("KnotFigures", values)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turn:
+    """One hinge turned towards straight, alone, and the modules that then overlap.
+
+    Attributes:
+        hinge: Index into the joint angles.
+        module: The module that carries its joint.
+        turned_rad: Change of its angle, rad; its sign is that of the way towards straight.
+        modules: Two modules that then overlap, and had not before.
+        overlap: Depth of that overlap, in pitches.
+    """
+
+    hinge: int
+    module: int
+    turned_rad: float
+    modules: tuple[int, int]
+    overlap: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Move:
+    """One rigid move of the unit that a peeling releases next, and the modules it runs into.
+
+    Attributes:
+        direction: Lattice direction in the frame of the folded chain's module 0.
+        moved: Distance of the move, in pitches.
+        modules: A module of the unit and one of the core that then overlap.
+        overlap: Depth of that overlap, in pitches.
+    """
+
+    direction: tuple[int, int, int]
+    moved: float
+    modules: tuple[int, int]
+    overlap: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockEvidence:
+    """Modules that block each other: no bent hinge can turn towards straight by itself.
+
+    Attributes:
+        module_size: Size at which modules overlap, as a fraction of the pitch: what is recorded
+            keeps clear at it.
+        bent_above_rad: Each hinge bent by more has its turn here.
+        first_hinge: First hinge that is released; those before it belong to a peeling's core.
+        turns: One turn of each bent hinge from ``first_hinge`` on.
+        unit: First and last module of the unit that a peeling releases next; None if all are
+            released, or the strategy is another one.
+        moves: One move of that unit in each of the six directions; empty if one of them is free.
+    """
+
+    module_size: float
+    bent_above_rad: float
+    first_hinge: int
+    turns: tuple[Turn, ...]
+    unit: tuple[int, int] | None
+    moves: tuple[Move, ...]
+
+    @property
+    def words(self) -> str:
+        """Evidence as a phrase in plain English."""
+        parts: list[str] = []
+        if self.turns:
+            modules = sorted({turn.module for turn in self.turns})
+            one = len(self.turns) == 1
+            what = (
+                "the hinge"
+                if one
+                else f"the {len(self.turns)} hinges bent by more than "
+                + (f"{np.rad2deg(self.bent_above_rad):.0f}°")
+            )
+            parts.append(
+                f"{what} at {_listed(modules)} cannot straighten"
+                f"{'' if one else ', each by itself'}: {_pairs(self.turns)}"
+            )
+        if self.moves and self.unit is not None:
+            parts.append(
+                f"modules {self.unit[0]} to {self.unit[1]}, which come next, cannot move in any of "
+                f"the six directions: {_pairs(self.moves)}"
+            )
+        return f"{'; '.join(parts)} (at a module size of {self.module_size:g})"
+
+    def as_dict(self) -> BlockFigures:
+        """Return plain JSON values."""
+        return cast("BlockFigures", {"kind": "blocks", **_plain_fields(self)})
+
+    @classmethod
+    def from_dict(cls, values: BlockFigures) -> BlockEvidence:
+        """Build the evidence from the values of ``as_dict``."""
+        return cls(
+            module_size=values["module_size"],
+            bent_above_rad=values["bent_above_rad"],
+            first_hinge=values["first_hinge"],
+            turns=tuple(
+                Turn(
+                    hinge=turn["hinge"],
+                    module=turn["module"],
+                    turned_rad=turn["turned_rad"],
+                    modules=_pair(turn["modules"]),
+                    overlap=turn["overlap"],
+                )
+                for turn in values["turns"]
+            ),
+            unit=None if values["unit"] is None else _pair(values["unit"]),
+            moves=tuple(
+                Move(
+                    direction=(move["direction"][0], move["direction"][1], move["direction"][2]),
+                    moved=move["moved"],
+                    modules=_pair(move["modules"]),
+                    overlap=move["overlap"],
+                )
+                for move in values["moves"]
+            ),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,14 +242,7 @@ class BudgetEvidence:
 
     def as_dict(self) -> BudgetFigures:
         """Return plain JSON values."""
-        return {
-            "kind": "budget",
-            "spent": self.spent,
-            "allowed": self.allowed,
-            "used": self.used,
-            "bent_hinges": self.bent_hinges,
-            "largest_bend_rad": self.largest_bend_rad,
-        }
+        return cast("BudgetFigures", {"kind": "budget", **_plain_fields(self)})
 
 
 Evidence = KnotEvidence | BlockEvidence | BudgetEvidence
@@ -167,3 +277,38 @@ def _point(values: Sequence[float]) -> Point:
 
 def _whole(number: int) -> str:
     return f"{number:,}".replace(",", "\u00a0")
+
+
+def _pair(values: Sequence[int]) -> tuple[int, int]:
+    return (values[0], values[1])
+
+
+def _listed(modules: Sequence[int]) -> str:
+    if len(modules) == 1:
+        return f"module {modules[0]}"
+    if len(modules) > MAX_NAMED_PAIRS:
+        some = ", ".join(map(str, modules[:MAX_NAMED_PAIRS]))
+        return f"modules {some} and {len(modules) - MAX_NAMED_PAIRS} more"
+    return f"modules {', '.join(map(str, modules[:-1]))} and {modules[-1]}"
+
+
+def _pairs(blocks: Sequence[Turn] | Sequence[Move]) -> str:
+    pairs = list(dict.fromkeys(each.modules for each in blocks))
+    named = ", ".join(f"module {a} against {b}" for a, b in pairs[:MAX_NAMED_PAIRS])
+    return named + (
+        "" if len(pairs) <= MAX_NAMED_PAIRS else f", and {len(pairs) - MAX_NAMED_PAIRS} pairs more"
+    )
+
+
+def _plain_fields(value: DataclassInstance) -> dict[str, Any]:
+    """Return the fields of a dataclass as plain JSON values, in their order."""
+    return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+
+
+def _plain(value: Any) -> Any:
+    """Return lists for tuples, and dictionaries for dataclasses."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain_fields(value)
+    if isinstance(value, tuple):
+        return [_plain(each) for each in cast("tuple[Any, ...]", value)]
+    return value

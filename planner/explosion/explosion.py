@@ -1,329 +1,275 @@
-"""The loop of an explosion: steps that adapt, until the chain is straight or it won't be.
+"""The loop of an explosion: the paper's *record* (Figure 2), of parts that a strategy chooses.
 
-Time step, drag and tension adapt so that no contact goes deeper than the module size that the plan
-is verified at allows. From what goes deeper, the run goes back to its last sound state. What is
-let go, by which forces, and what is recorded, is said by those who inherit it: ``simultaneous``,
-``blocks`` and ``peeling``.
+A ``World`` is what moves: the whole chain, rigid blocks of it, or a window. It computes its own
+forces. ``StepControl`` adapts step, drag and tension, ``Checkpoint`` is the state to restart from,
+``Pulses`` loosen jams, and a ``Recording`` chooses the snapshots. A ``Policy`` says when to commit,
+what to do about a jam, and when the run ends: see ``simultaneous``, ``peeling`` and ``paper``.
 """
 
 from __future__ import annotations
 
 import time
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Final, Generic, Literal, TypeVar
+from typing import Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
 from planner.errors import SimulationError
-from planner.explosion.recorder import Recorder
+from planner.explosion.checkpoint import Checkpoint, Pulses
+from planner.explosion.step_control import StepControl
 from planner.motion.motion import Motion
 from planner.motion.record import Record, RecordStatus, Spent
-from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 from planner.simulation.reduced import Acceleration, State
 
 COMMIT_EVERY_STEPS: Final = 25
 """Steps between two checkpoints. Larger values lose more steps when a run goes back. Chosen."""
-PULSE_STEPS: Final = (120, 300)
-"""Steps with weak tension and strong repulsion at the start of a pulse, and steps of the whole
-pulse. Chosen."""
+STOP_COMPLIANCE_RAD: Final = 0.01
+"""Angle by which a simulated stop lies inside a joint's range, rad: stops are springs, and give.
+Smaller values let joints pass their range. Chosen."""
 PULSE_TENSION_SCALE: Final = 0.05
 """Factor of the tension in the weak part of a pulse. Smaller values loosen a jam more. Chosen."""
 PULSE_REPULSION_SCALE: Final = 4.0
 """Factor of the repulsion in the weak part of a pulse. Larger values part modules more. Chosen."""
-MAX_STALLED_PULSES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
-"""Maximum number of pulses in a row without progress, by strategy; one more ends the run as
-stalled. Chosen."""
-STOP_COMPLIANCE_RAD: Final = 0.01
-"""Angle by which a simulated stop lies inside a joint's range, rad: stops are springs, and give.
-Smaller values let joints pass their range. Chosen."""
-MAX_CHECKPOINT_RETRIES: Final = 6
-"""Maximum number of restarts from one checkpoint. Beyond it deep contacts are accepted and a solver
-error ends the run. Chosen."""
-MIN_TENSION_SCALE: Final = 0.05
-"""Minimum factor to which deep contacts reduce the tension. Chosen."""
-RESTORED_VELOCITY_SCALE: Final = 0.3
-"""Factor of all velocities when a run goes back to a checkpoint. Smaller values avoid the same
-contact more surely and cost more steps. Chosen."""
-MIN_CONTACT_TIME_CONSTANT_S: Final = 0.03
-"""Minimum time constant of contacts, s; else it is two steps, MuJoCo's limit of stability. Larger
-values make contacts softer. Chosen."""
-
 RADIAL_GAIN_JITTER: Final = 0.02
 """Maximum relative deviation of a module's radial gain from the mean, ±2 %: all that a seed
 decides. Chosen."""
-MIN_ALLOWED_DEPTH_PITCH: Final = 0.002
-"""Minimum allowed depth of contacts, pitches, even where the size to verify leaves less. Chosen."""
-BACK_OFF_DEPTH_SHARE: Final = 0.7
-"""Depth of contacts, as a fraction of the allowed depth, beyond which the tension falls. Chosen."""
-
 UNREPELLED_LINKS: Final = 1
 """Maximum number of links between two modules that do not repel each other (eq. 3). Chosen."""
 
-Snapshot = TypeVar("Snapshot")
-Parameters = TypeVar("Parameters", ExplosionParameters, PeelingParameters)
-Ended = Literal["straight", "stalled"]
+S = TypeVar("S")
+S_co = TypeVar("S_co", covariant=True)
+S_contra = TypeVar("S_contra", contravariant=True)
 
 
 @dataclass(frozen=True, slots=True)
-class ContactDepth:
-    """Limits of the depth of contacts during an explosion, in pitches.
+class End:
+    """End of a run: its status, the reason if it failed, and the limit that ended it."""
+
+    status: RecordStatus
+    reason: str = ""
+    spent: Spent | None = None
+
+
+STRAIGHT: Final = End("straight")
+
+
+class World(Protocol[S_co]):
+    """State of an explosion, and the forces on it.
 
     Attributes:
-        most: Maximum depth; a run goes back when a contact is deeper.
-        back_off: Depth beyond which the tension falls.
+        state: Reduced state that is integrated.
+        time_s: Simulated time, s.
     """
 
-    most: float
-    back_off: float
+    state: State
+    time_s: float
 
-    @classmethod
-    def within(cls, room: float, deepest: float) -> ContactDepth:
-        """Build the limits for the room that the size to verify leaves, at most ``deepest``."""
-        most = float(np.clip(room, MIN_ALLOWED_DEPTH_PITCH, deepest))
-        return cls(most, BACK_OFF_DEPTH_SHARE * most)
+    def place(self) -> None:
+        """Compute the poses of the present state."""
 
+    def snapshot(self) -> S_co:
+        """Return a copy of the present state, whose poses have been computed."""
+        ...
 
-class Reports:
-    """Timer of the progress reports of a run: a few a second."""
+    def accelerations(self, control: StepControl) -> Acceleration:
+        """Apply the forces to the placed state and return its acceleration.
 
-    def __init__(self) -> None:
-        self.begun = self._told = time.perf_counter()
-        self._steps = 0
+        Raises:
+            SimulationError: When the numbers are bad.
+        """
+        ...
 
-    @property
-    def seconds(self) -> float:
-        """Wall time since the run began, s."""
-        return time.perf_counter() - self.begun
+    def inverse_step_limit(self) -> float:
+        """Return 1/Δt_max, 1/s: the largest ratio of a speed to its allowed change per step."""
+        ...
 
-    def steps_per_second(self, steps: int) -> float | None:
-        """Return the steps per second since the last report; None while no report is due."""
-        now = time.perf_counter()
-        if now - self._told < PROGRESS_PERIOD_S:
-            return None
-        rate = (steps - self._steps) / (now - self._told)
-        self._told, self._steps = now, steps
-        return rate
+    def limit_hinges(self) -> None:
+        """Leave no hinge beyond its stop."""
+
+    def unfolded(self) -> float:
+        """Return the progress: 0 when folded, 1 when straight."""
+        ...
 
 
-class Explosion(ABC, Generic[Snapshot, Parameters]):
-    """One run of an explosion: the part that all strategies have in common.
+class Recording(Protocol[S_contra]):
+    """Choice of the snapshots of a run."""
 
-    Args:
-        parameters: Parameters of the explosion.
-        allowed: Limits of the depth of contacts.
-        recorder: Receives every step.
-        seed: Seed of the slight unevenness of the radial gain.
-        modules: Number of modules of the chain.
-    """
+    def add(self, step: S_contra) -> None:
+        """Add a step that may still be taken back."""
 
-    strategy: str
-    doing: str
-    """Message that ``Progress`` shows during a run."""
+    def take_back(self) -> None:
+        """Drop the steps since the last commit."""
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        allowed: ContactDepth,
-        recorder: Recorder[Snapshot],
-        *,
-        seed: int,
-        modules: int,
-    ) -> None:
-        self.parameters = parameters
-        self.allowed = allowed
-        self.recorder = recorder
-        spread = np.random.default_rng(seed).uniform(-1.0, 1.0, modules)
-        self.weights = 1.0 + RADIAL_GAIN_JITTER * spread
-        self.state: State
-        self.saved: tuple[float, State]
-        self.time_s = 0.0
-        self.step_s = 5.0 * parameters.step_s[0]
-        self.drag = 1.0
-        self.tension = 1.0
-        self.steps = 0
-        self.depth = 0.0
-        self.retries = 0
-        self.pulse_left = 0
-        self.pushes = 0
+    def close(self, step: S_contra, *, straight: bool) -> None:
+        """Make all steps final; ``step`` is the state at the end."""
+
+    def motion(self) -> Motion:
+        """Return all snapshots."""
+        ...
+
+
+class Policy(Protocol):
+    """Decisions of a strategy while it runs."""
 
     @property
-    @abstractmethod
-    def most_steps(self) -> int:
+    def max_steps(self) -> int:
         """Maximum number of steps of the run."""
-
-    @property
-    def most_pushes(self) -> int:
-        """Maximum number of pulses in a row without progress; one more ends the run."""
-        return MAX_STALLED_PULSES[self.strategy]
-
-    @property
-    def stall_limit(self) -> Spent:
-        """Limit that is used up when the run has stalled."""
-        return Spent("pushes", self.most_pushes, self.pushes)
+        ...
 
     @property
     def error_limit(self) -> Spent:
         """Limit that is used up when an error of the simulation ends the run."""
-        return Spent("retries", MAX_CHECKPOINT_RETRIES, self.retries)
+        ...
 
-    @abstractmethod
-    def snapshot(self) -> Snapshot:
-        """Return a copy of the present state, whose poses have been computed."""
+    def begin(self) -> None:
+        """Record the folded configuration, so that there is a record whatever comes."""
 
-    @abstractmethod
-    def place(self) -> None:
-        """Compute the poses of the present state."""
+    def check_placed(self) -> End | None:
+        """Return how the run ends at a state whose poses are known; None to step."""
 
-    @abstractmethod
-    def accelerations(self) -> Acceleration | None:
-        """Return the acceleration of the present state, or None if the run went back."""
+    def may_restart(self, *, after_error: bool) -> bool:
+        """Return True if the run may restart, after an error or because of deep contacts."""
+        ...
 
-    @abstractmethod
-    def excess(self) -> float:
-        """Return 1/Δt_max, 1/s: the largest ratio of a speed to its allowed change per step."""
+    def restart(self) -> None:
+        """Restart from the checkpoint."""
 
-    @abstractmethod
-    def commit(self) -> None:
-        """Make the steps so far final, if they are sound."""
+    def check_step(self, *, moved: bool) -> End | None:
+        """Commit, release, loosen; return how the run ends after a step, or None.
 
-    @abstractmethod
-    def look(self) -> Ended | None:
-        """Check the progress every few steps; return how the run ended, if it has."""
+        Args:
+            moved: False if the run restarted instead of moving on.
+        """
 
-    @abstractmethod
-    def motion(self) -> Motion:
-        """Return all snapshots."""
 
-    @abstractmethod
-    def unfolded(self) -> float:
-        """Return the progress: 0 when folded, 1 when straight."""
+class Watch:
+    """Channel to the caller of a run: progress, a few times a second, and cancellation.
 
-    @abstractmethod
-    def stall_reason(self) -> str:
-        """Describe where the chain is stuck, and what to try."""
+    Args:
+        progress: Receives the progress.
+        cancelled: Returns True to stop.
+        message: Message that ``Progress`` shows.
+    """
 
-    def run(self, progress: Report, cancelled: Cancelled) -> Record:
-        """Step until the chain is straight, or a limit ends the run."""
-        reports = Reports()
-        status: RecordStatus = "timeout"
-        reason = (
-            f"the chain was not straight after {self.most_steps} steps; try another seed, or "
-            "another path through the same cells."
-        )
-        # The folded configuration itself, so that there is a record whatever comes.
-        self.place()
-        self.recorder.add(self.snapshot())
-        self.recorder.commit()
+    def __init__(self, progress: Report, cancelled: Cancelled, message: str) -> None:
+        self._progress = progress
+        self._cancelled = cancelled
+        self._message = message
+        self._begin = self._last = time.perf_counter()
+        self._last_steps = 0
+
+    @property
+    def seconds(self) -> float:
+        """Wall time since the run began, s."""
+        return time.perf_counter() - self._begin
+
+    def check(self, explosion: Explosion[S], *, simulated_s: float = 0.0) -> End | None:
+        """Report the progress if it is due; return the end of a cancelled run."""
+        if self._cancelled():
+            return End("cancelled", "the explosion was cancelled.")
+        now, steps = time.perf_counter(), explosion.control.steps
+        if now - self._last >= PROGRESS_PERIOD_S:
+            self._progress(
+                Progress(
+                    stage="explode",
+                    fraction=float(np.clip(explosion.world.unfolded(), 0.0, 0.99)),
+                    steps=steps,
+                    steps_per_second=(steps - self._last_steps) / (now - self._last),
+                    simulated_s=simulated_s,
+                    message=self._message,
+                    pushes=explosion.pulses.count,
+                )
+            )
+            self._last, self._last_steps = now, steps
+        return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Explosion(Generic[S]):
+    """Parts of one run, each with a state of its own."""
+
+    world: World[S]
+    control: StepControl
+    checkpoint: Checkpoint
+    pulses: Pulses
+    recorder: Recording[S]
+
+    def step(self, policy: Policy) -> bool:
+        """Make one step from a placed state; return False if the run restarted instead."""
+        world, control = self.world, self.control
+        control.steps += 1
         try:
-            while self.steps < self.most_steps:
-                moved = self.step()
-                if self.steps % COMMIT_EVERY_STEPS == 0:
-                    if moved and self.depth < self.allowed.back_off:
-                        self.commit()
-                    if cancelled():
-                        status, reason = "cancelled", "the explosion was cancelled."
-                        break
-                    if (rate := reports.steps_per_second(self.steps)) is not None:
-                        progress(self._progress(rate))
-                if (ended := self.look()) is not None:
-                    status = ended
-                    reason = "" if ended == "straight" else self.stall_reason()
-                    break
-        except SimulationError as error:
-            status, reason = "diverged", f"the simulation failed: {error}"
-        self.recorder.commit(end=status != "straight")
-        limits = {
-            "timeout": Spent("steps", self.most_steps, self.steps),
-            "stalled": self.stall_limit,
-            "diverged": self.error_limit,
-        }
-        return Record(
-            status=status,
-            reason=reason,
-            frames=self.motion(),
-            steps=self.steps,
-            seconds=reports.seconds,
-            strategy=self.strategy,
-            pushes=self.pushes,
-            retries=self.retries,
-            spent=limits.get(status),
-        )
-
-    def step(self) -> bool:
-        """Make one step of the simulation; return True if it moved on, and did not go back."""
-        self.steps += 1
-        self.place()
-        self.recorder.add(self.snapshot())
-        acceleration = self.accelerations()
-        if acceleration is None:
+            acceleration = world.accelerations(control)
+        except SimulationError:
+            if not policy.may_restart(after_error=True):
+                raise
+            policy.restart()
             return False
-        self.state.accelerate(acceleration, self.step_s, self.drag)
-        self._slow_down(self.step_s * self.excess())
-        if acceleration.contacts:
-            self.step_s = min(self.step_s, self.parameters.step_in_contact_s)
-        self.state.advance(self.step_s)
-        self.time_s += self.step_s
+        too_deep = control.is_too_deep(acceleration.depth)
+        control.adapt_tension(acceleration.depth)
+        if too_deep and policy.may_restart(after_error=False):
+            policy.restart()
+            return False
+        if control.steps % COMMIT_EVERY_STEPS == 0:
+            self.checkpoint.propose(world.time_s, world.state)
+        world.state.accelerate(acceleration, control.step_s, control.drag)
+        control.limit_speeds(world.state, world.inverse_step_limit(), acceleration.contacts)
+        world.state.advance(control.step_s)
+        world.time_s += control.step_s
+        world.limit_hinges()
         return True
 
-    def contact_time_constant(self) -> float:
-        """Return the time constant of contacts in this step, s."""
-        return max(2.0 * self.step_s, MIN_CONTACT_TIME_CONSTANT_S)
-
-    def push(self) -> None:
-        """Begin a pulse: weak tension and strong repulsion for a while."""
-        self.pushes += 1
-        self.pulse_left = PULSE_STEPS[1]
-
-    def advance_pulse(self) -> bool:
-        """Count one step of the pulse; return True if the step is in its weak part."""
-        weak = self.pulse_left > PULSE_STEPS[1] - PULSE_STEPS[0]
-        self.pulse_left = max(0, self.pulse_left - 1)
-        return weak
-
-    def adapt_tension(self, depth: float) -> bool:
-        """Adapt the tension to the depth of contacts, pitches.
-
-        Returns:
-            True if contacts are deeper than allowed and than in the step before.
-        """
-        worse = depth > self.depth
-        self.depth = depth
-        if depth > self.allowed.back_off:
-            self.tension = max(MIN_TENSION_SCALE, 0.85 * self.tension)
-        else:
-            self.tension = min(1.0, 1.02 * self.tension)
-        return depth > self.allowed.most and worse
-
-    def _slow_down(self, excess: float) -> None:
-        """Limit the motion of one step by scaling all velocities; adapt time step and drag."""
-        p = self.parameters
-        if excess > 1.0:
-            self.state.scale_velocities(1.0 / excess)
-            self.drag = min(p.drag[1], 1.05 * self.drag)
-            self.step_s = max(p.step_s[0], 0.97 * self.step_s)
-        else:
-            self.drag = max(p.drag[0], 0.97 * self.drag)
-            self.step_s = min(p.step_s[1], 1.03 * self.step_s)
-
-    def go_back(self) -> None:
-        """Return to the last checkpoint, slower and with less tension."""
-        self.retries += 1
+    def restart(self) -> None:
+        """Return to the checkpoint, slower and with less tension."""
         self.recorder.take_back()
-        self.time_s, saved = self.saved[0], self.saved[1].copy()
-        saved.scale_velocities(RESTORED_VELOCITY_SCALE)
-        self.state = saved
-        self.step_s = max(self.parameters.step_s[0], 0.5 * self.step_s)
-        self.tension = max(MIN_TENSION_SCALE, 0.5 * self.tension)
-        self.depth = 0.0
+        self.world.time_s, self.world.state = self.checkpoint.restore()
+        self.control.restart()
 
-    def _progress(self, rate: float) -> Progress:
-        return Progress(
-            stage="explode",
-            fraction=float(np.clip(self.unfolded(), 0.0, 0.99)),
-            steps=self.steps,
-            steps_per_second=rate,
-            message=self.doing,
-            pushes=self.pushes,
+
+def run(
+    explosion: Explosion[S],
+    policy: Policy,
+    watch: Watch,
+    *,
+    strategy: str,
+    advice: str = "; try another seed, or another path through the same cells",
+) -> Record:
+    """Record an explosion: step until the chain is straight, or a limit ends the run.
+
+    Args:
+        explosion: Parts of the run.
+        policy: Decisions of the strategy.
+        watch: Channel to the caller.
+        strategy: Name of the strategy.
+        advice: End of the reason if the steps are used up.
+    """
+    world, control, recorder = explosion.world, explosion.control, explosion.recorder
+    end: End | None = None
+    policy.begin()
+    try:
+        while end is None and control.steps < policy.max_steps:
+            world.place()
+            recorder.add(world.snapshot())
+            end = policy.check_placed() or policy.check_step(moved=explosion.step(policy))
+    except SimulationError as error:
+        end = End("diverged", f"the simulation failed: {error}", policy.error_limit)
+    if end is None:
+        end = End(
+            "timeout",
+            f"the chain was not straight after {policy.max_steps} steps{advice}.",
+            Spent("steps", policy.max_steps, control.steps),
         )
+    world.place()
+    recorder.close(world.snapshot(), straight=end.status == "straight")
+    return Record(
+        status=end.status,
+        reason=end.reason,
+        frames=recorder.motion(),
+        steps=control.steps,
+        seconds=watch.seconds,
+        strategy=strategy,
+        pushes=explosion.pulses.count,
+        retries=explosion.checkpoint.retries,
+        spent=end.spent,
+    )

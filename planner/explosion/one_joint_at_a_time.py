@@ -14,10 +14,8 @@ import numpy as np
 
 from planner.chain.chain import Chain
 from planner.motion.angle_steps import snapped
-from planner.motion.frames import PHASES
 from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.motion.windows import Windows
 
 MAX_FRAME_TURN_RAD: Final = 0.4
 """Maximum turn of the joint between two frames, rad. Smaller values make more frames. Chosen."""
@@ -43,9 +41,9 @@ def unbend_one_by_one(chain: Chain, *, sink: Callable[[Motion], None] | None = N
             first.append(per_joint * int(joint))
             angles.append((1.0 - k / count) * joints[joint])
             times.append(times[-1] + largest / count / BASELINE_RATE_RAD_S)
-    frames = Windows(
+    frames = Motion.from_windows(
         time_s=np.array(times),
-        phase=np.full(len(times), PHASES.index("explosion"), dtype=np.uint8),
+        phase="explosion",
         first=np.array(first, dtype=np.int64),
         offsets=np.concatenate([[0], np.cumsum([len(part) for part in angles])]),
         angles_rad=snapped(np.concatenate(angles)).astype(np.float32),

@@ -8,24 +8,34 @@ weighs 1, so a force in the paper's units is divided by a module's mass in grams
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module
-from planner.errors import SimulationError
-from planner.explosion.explosion import UNREPELLED_LINKS, Reports
+from planner.explosion.checkpoint import Checkpoint, Pulses
+from planner.explosion.explosion import (
+    STRAIGHT,
+    UNREPELLED_LINKS,
+    End,
+    Explosion,
+    Watch,
+    run,
+)
 from planner.explosion.recorder import FrameRecorder, Step
+from planner.explosion.step_control import StepControl
+from planner.explosion.whole_chain import chain_at_rest, unfolded_share
 from planner.kernels.pairs import near_pairs, repulsion
 from planner.motion.angle_steps import snapped
-from planner.motion.frames import Frames
-from planner.motion.record import Record, RecordStatus, Spent
+from planner.motion.motion import Motion
+from planner.motion.record import Record, Spent
 from planner.parameters.published import PaperExplosionParameters
-from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.model import Material
-from planner.simulation.reduced import State
+from planner.simulation.reduced import Acceleration
 from planner.simulation.segments import Segments
 
 Array = NDArray[np.float64]
@@ -46,11 +56,11 @@ MAX_SNAPSHOT_ANGLES: Final = 20_000_000
 """Maximum number of angles in all snapshots together: 160 MB of memory. The wrench of 160 cubes has
 three million. Chosen."""
 FRAME_SPACING_RAD: Final = 0.03
-"""Turn of a hinge since the last frame, rad, at which a snapshot is kept as a frame. Larger values
-keep fewer. Chosen."""
+"""Turn of a hinge since the last frame, rad, at which a snapshot becomes a frame. Larger values
+make fewer. Chosen."""
 FRAME_SPACING_PITCH: Final = 1.0
-"""Distance of a module since the last frame, pitches, at which a snapshot is kept as a frame.
-Larger values keep fewer. Chosen."""
+"""Distance of a module since the last frame, pitches, at which a snapshot becomes a frame. Larger
+values make fewer. Chosen."""
 BETWEEN_FRAMES_SIZE: Final = 0.95
 """Module size, as a fraction of the pitch, at which the motion between frames is checked, see
 ``planner.explosion.recorder``. Chosen."""
@@ -60,125 +70,208 @@ def explode_as_published(
     chain: Chain,
     parameters: PaperExplosionParameters,
     *,
-    sink: Callable[[Frames], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Record:
     """Explode a chain with the paper's parameters; see ``planner.explosion.simultaneous.explode``.
 
     The last snapshot, nearly straight, is followed by the straight configuration itself. Playback
-    follows all snapshots; as frames only so many are kept as show the motion.
+    follows all snapshots; only those that show the motion become frames.
     """
     p = parameters
-    reports = Reports()
-    segments = Segments(chain, explosion_material(p, chain.module))
-    recorder = FrameRecorder(
-        chain,
-        snapshot_rad=FRAME_SPACING_RAD,
-        snapshot_distance=FRAME_SPACING_PITCH,
-        size=BETWEEN_FRAMES_SIZE,
-        sink=sink,
+    control = StepControl.fixed(p.step_s, p.damping / (1.0 - p.damping) / p.step_s)
+    world = PublishedChain(chain, p, control)
+    recorder = IntervalRecorder(
+        FrameRecorder(
+            chain,
+            snapshot_rad=FRAME_SPACING_RAD,
+            snapshot_distance=FRAME_SPACING_PITCH,
+            size=BETWEEN_FRAMES_SIZE,
+            sink=sink,
+        ),
+        p.snapshot_interval,
     )
-    folded = chain.folded_poses
-    state = State.at_rest(
-        chain.folded_rad, folded.positions[chain.root], folded.rotations[chain.root]
+    explosion = Explosion(
+        world=world,
+        control=control,
+        checkpoint=Checkpoint(world.time_s, world.state),
+        pulses=Pulses(0),
+        recorder=recorder,
     )
-    bent = float(np.abs(chain.folded_rad).sum())
-    force = p.module_mass_g(chain.module) * p.pitch_cm
-    radial_gain = p.radial_gain / force
-    repulsion_gain = p.repulsion_gain / p.pitch_cm**2 / force
-    drag = p.damping / (1.0 - p.damping) / p.step_s
-    reach = 2.0 * chain.module.radius * p.geom_size
-    status: RecordStatus = "timeout"
-    reason = f"the chain was not straight after {p.max_steps} steps."
-    steps = 0
-    spent: Spent | None = None
-    snapshots: list[Array] = []
-    try:
-        while steps < p.max_steps:
-            segments.place(state)
-            positions = segments.positions
-            if steps % p.snapshot_interval == 0:
-                recorder.add(Step.of(steps * p.step_s, state, positions))
-                snapshots.append(state.angles.copy())
-                if len(snapshots) % COMMIT_EVERY_SNAPSHOTS == 0:
-                    recorder.commit()
-            if len(snapshots) * len(state.angles) > MAX_SNAPSHOT_ANGLES:
-                reason = (
-                    f"the chain was not straight after {len(snapshots)} snapshots, the limit for "
-                    "its length; set a longer snapshot_interval."
-                )
-                spent = Spent("snapshots", MAX_SNAPSHOT_ANGLES // len(state.angles), len(snapshots))
-                break
-            if steps % STRAIGHT_CHECK_STEPS == 0:
-                if (
-                    steps
-                    and steps % REST_CHECK_STEPS == 0
-                    and np.abs(state.rates).max() < REST_RATE_RAD_S
-                ):
-                    status, reason = "stalled", f"nothing moved any more after {steps} steps."
-                    spent = Spent("motion", p.max_steps, steps)
-                    break
-                span = float(np.linalg.norm(positions[-1] - positions[0])) / (len(chain) - 1)
-                if (
-                    np.abs(state.angles).max() < MAX_STRAIGHT_BEND_RAD
-                    and span >= MIN_STRAIGHT_SPAN_SHARE
-                ):
-                    status, reason = "straight", ""
-                    break
-                if cancelled():
-                    status, reason = "cancelled", "the explosion was cancelled."
-                    break
-                if (rate := reports.steps_per_second(steps)) is not None:
-                    left = float(np.abs(state.angles).sum()) / bent
-                    progress(
-                        Progress(
-                            stage="explode",
-                            fraction=float(np.clip(0.5 * (1.0 - left) + 0.5 * span, 0.0, 0.99)),
-                            steps=steps,
-                            steps_per_second=rate,
-                            simulated_s=steps * p.step_s,
-                            message="exploding as published",
-                        )
-                    )
-            arms = positions - positions.mean(axis=0)
-            forces = radial_gain * arms
-            pairs = near_pairs(positions, p.repulsion_cutoff, UNREPELLED_LINKS + 1)
-            repulsion(positions, pairs, repulsion_gain, forces)
-            near = (
-                pairs
-                if reach <= p.repulsion_cutoff
-                else near_pairs(positions, reach, UNREPELLED_LINKS + 1)
+    watch = Watch(progress, cancelled, "exploding as published")
+    policy = Published(
+        explosion=explosion, world=world, recorder=recorder, max_steps=p.max_steps, watch=watch
+    )
+    record = run(explosion, policy, watch, strategy="simultaneous", advice="")
+    snapshots = snapped(np.array(recorder.angles), chain.module.angle_limit_rad)
+    return replace(record, snapshots_rad=snapshots)
+
+
+@dataclass(slots=True)
+class IntervalRecorder:
+    """Recorder of a snapshot every few steps; some of them become frames.
+
+    Attributes:
+        frames: Recorder of the frames.
+        interval: Steps from one snapshot to the next.
+        angles: (J,) hinge angles of each snapshot, rad.
+        steps: Number of steps so far.
+    """
+
+    frames: FrameRecorder
+    interval: int
+    angles: list[Array] = field(default_factory=list)
+    steps: int = 0
+
+    def add(self, step: Step) -> None:
+        """Add a step; one in ``interval`` is a snapshot."""
+        if self.steps % self.interval == 0:
+            self.frames.add(step)
+            self.angles.append(step.angles)
+            if len(self.angles) % COMMIT_EVERY_SNAPSHOTS == 0:
+                self.frames.commit()
+        self.steps += 1
+
+    def take_back(self) -> None:
+        """Do nothing: no run restarts."""
+
+    def close(self, step: Step, *, straight: bool) -> None:
+        """Make all steps final; the last state is a frame, and a snapshot if it is straight."""
+        self.frames.commit(end=True)
+        if straight:
+            self.angles.append(step.angles)
+        self.frames.add(step)
+        self.frames.commit(end=True)
+
+    def motion(self) -> Motion:
+        """Return all frames."""
+        return self.frames.motion()
+
+
+class PublishedChain:
+    """World of a whole chain under eq. 1 and 3 with constant gains.
+
+    Args:
+        chain: The chain, starting in its folded configuration.
+        parameters: Gains and joints.
+        control: Constant step.
+    """
+
+    def __init__(
+        self, chain: Chain, parameters: PaperExplosionParameters, control: StepControl
+    ) -> None:
+        p = parameters
+        self._control = control
+        self.chain = chain
+        self.segments = Segments(chain, explosion_material(p, chain.module))
+        self.state = chain_at_rest(chain)
+        self.time_s = 0.0
+        force = p.module_mass_g(chain.module) * p.pitch_cm
+        self._radial_gain = p.radial_gain / force
+        self._repulsion_gain = p.repulsion_gain / p.pitch_cm**2 / force
+        self._cutoff = p.repulsion_cutoff
+        self._reach = 2.0 * chain.module.radius * p.geom_size
+
+    def place(self) -> None:
+        """Compute the poses of the present state."""
+        self.segments.place(self.state)
+
+    def snapshot(self) -> Step:
+        """Return the present state as a snapshot, at a whole number of steps."""
+        time_s = self._control.steps * self._control.step_s
+        return Step.of(time_s, self.state, self.segments.positions)
+
+    def accelerations(self, control: StepControl) -> Acceleration:
+        """Return the acceleration of the placed state."""
+        del control
+        segments, state = self.segments, self.state
+        positions = segments.positions
+        forces = self._radial_gain * (positions - positions.mean(axis=0))
+        pairs = near_pairs(positions, self._cutoff, UNREPELLED_LINKS + 1)
+        repulsion(positions, pairs, self._repulsion_gain, forces)
+        near = (
+            pairs
+            if self._reach <= self._cutoff
+            else near_pairs(positions, self._reach, UNREPELLED_LINKS + 1)
+        )
+        if segments.is_free(state, near):
+            return segments.free_accelerations(state, forces)
+        return segments.accelerations(state, forces)
+
+    def inverse_step_limit(self) -> float:
+        """Return 0: the speed of a step is not limited."""
+        return 0.0
+
+    def limit_hinges(self) -> None:
+        """Leave hinges to their stops."""
+
+    def unfolded(self) -> float:
+        """Return the progress, 0 to 1: half by the joints' bends, half by the chain's span."""
+        return unfolded_share(self.chain, self.state.angles, self.segments.positions)
+
+
+@dataclass(slots=True, kw_only=True)
+class Published:
+    """Policy of the published recipe: it steps on until the chain is straight, or at rest.
+
+    Attributes:
+        explosion, world, recorder: Parts of the run.
+        max_steps: Maximum number of steps.
+        watch: Channel to the caller.
+    """
+
+    explosion: Explosion[Step]
+    world: PublishedChain
+    recorder: IntervalRecorder
+    max_steps: int
+    watch: Watch
+    error_limit: ClassVar = Spent("retries", 0, 0)
+
+    def begin(self) -> None:
+        """Do nothing: the first step is a snapshot."""
+
+    def check_placed(self) -> End | None:
+        """End a run whose chain is straight or at rest, and one with too many snapshots."""
+        steps, world = self.explosion.control.steps, self.world
+        hinges, count = len(world.state.angles), len(self.recorder.angles)
+        if count * hinges > MAX_SNAPSHOT_ANGLES:
+            return End(
+                "timeout",
+                f"the chain was not straight after {count} snapshots, the limit for its length; "
+                "set a longer snapshot_interval.",
+                Spent("snapshots", MAX_SNAPSHOT_ANGLES // hinges, count),
             )
-            acceleration = (
-                segments.free_accelerations(state, forces)
-                if segments.is_free(state, near)
-                else segments.accelerations(state, forces)
+        if steps % STRAIGHT_CHECK_STEPS:
+            return None
+        at_rest = np.abs(world.state.rates).max() < REST_RATE_RAD_S
+        if steps and steps % REST_CHECK_STEPS == 0 and at_rest:
+            return End(
+                "stalled",
+                f"nothing moved any more after {steps} steps.",
+                Spent("motion", self.max_steps, steps),
             )
-            state.accelerate(acceleration, p.step_s, drag)
-            state.advance(p.step_s)
-            steps += 1
-        else:
-            spent = Spent("steps", p.max_steps, steps)
-    except SimulationError as error:
-        status, reason = "diverged", f"the simulation failed: {error}"
-        spent = Spent("retries", 0, 0)
-    recorder.commit(end=True)
-    if status == "straight":
-        state.angles[:] = 0.0
-        snapshots.append(state.angles.copy())
-    segments.place(state)
-    recorder.add(Step.of(steps * p.step_s, state, segments.positions))
-    recorder.commit(end=True)
-    return Record(
-        status=status,
-        reason=reason,
-        frames=recorder.motion(),
-        steps=steps,
-        seconds=reports.seconds,
-        snapshots_rad=snapped(np.array(snapshots), chain.module.angle_limit_rad),
-        spent=spent,
-    )
+        positions = world.segments.positions
+        span = float(np.linalg.norm(positions[-1] - positions[0])) / (len(positions) - 1)
+        if (
+            np.abs(world.state.angles).max() < MAX_STRAIGHT_BEND_RAD
+            and span >= MIN_STRAIGHT_SPAN_SHARE
+        ):
+            world.state.angles[:] = 0.0
+            return STRAIGHT
+        return self.watch.check(self.explosion, simulated_s=world.time_s)
+
+    def may_restart(self, *, after_error: bool) -> bool:
+        """Return False: an error ends the run, and contacts may be as deep as they get."""
+        del after_error
+        return False
+
+    def restart(self) -> None:
+        """Do nothing: no run restarts."""
+
+    def check_step(self, *, moved: bool) -> None:
+        """Step on."""
+        del moved
 
 
 def explosion_material(p: PaperExplosionParameters, module: Module) -> Material:

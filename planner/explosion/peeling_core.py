@@ -1,4 +1,4 @@
-"""Folded core: the modules of a chain that are still folded, on their lattice."""
+"""Surroundings of a window: the modules that are still folded, on their lattice, and a table."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import InputError
+from planner.explosion.from_above import Above
 from planner.kernels.folded_core import box_cover, distances_at
 
 Array = NDArray[np.float64]
@@ -24,6 +25,30 @@ RAY_STEP_PITCH: Final = 0.5
 RAY_CLEARANCE_PITCH: Final = 2.0
 """Wanted distance of a ray from the core, pitches; near its start it is less. Larger values choose
 freer rays. Chosen."""
+TABLE_THICKNESS_PITCH: Final = 40.0
+"""Thickness of the box that stands for the table, pitches: no contact passes through it. Chosen."""
+TABLE_HALF_WIDTH_PITCH: Final = 1000.0
+"""Distance from its centre to its edges, pitches: more than any chain is long. Chosen."""
+TABLE_LIFT_PITCH: Final = 0.006
+"""Height of the simulated table above the real one, pitches, as contacts give. Larger values keep
+modules higher. Chosen."""
+HEADING_COUNT: Final = 72
+"""Number of directions along the table that are tested, evenly over a full turn. Chosen."""
+HEADING_CLEARANCE_PITCH: Final = 1.8
+"""Wanted distance of the rod from the core, pitches; near its start it is less. Larger values
+choose freer directions. Chosen."""
+HEADING_LENGTH_PITCH: Final = 12.0
+"""Length of the rod that is checked against the core, pitches. Chosen."""
+AHEAD_WEIGHT: Final = 2.0
+"""Weight of the cosine between the rod and the chain's next link in the score of a direction; the
+following weights are relative to it. Chosen."""
+OUTWARD_WEIGHT: Final = 0.3
+"""Weight of the cosine between the rod and the direction away from the core's middle. Chosen."""
+PREVIOUS_HEADING_WEIGHT: Final = 0.7
+"""Weight of the cosine between the rod and its direction before. Larger values turn it less.
+Chosen."""
+CLEARANCE_DEFICIT_WEIGHT: Final = 3.0
+"""Weight of each pitch of distance from the core that is lacking, subtracted. Chosen."""
 
 
 class Core:
@@ -85,7 +110,7 @@ class Core:
         distances_at(field, low, points.reshape(-1, 3), found.reshape(-1))
         return found
 
-    def way_out(self, field: Array, start: Array, last: int, before: Array | None) -> Array:
+    def exit_direction(self, field: Array, start: Array, last: int, before: Array | None) -> Array:
         """Return the (3,) unit vector of the free ray from a point that is nearest to radial.
 
         Args:
@@ -107,6 +132,61 @@ class Core:
         score = rays @ radial - 3.0 * lack
         if before is not None:
             score = score + 0.5 * (rays @ before)
+        return np.asarray(rays[int(np.argmax(score))])
+
+
+class CoreOnTable:
+    """Core of a chain that stands on a table, and that table.
+
+    Args:
+        core: The core.
+        above: Projection onto the table.
+    """
+
+    def __init__(self, core: Core, above: Above) -> None:
+        self._core = core
+        self._above = above
+        self._lowest = float((core.cells @ above.up).min())
+        """Height of the centres of modules that stand on the table, pitches along ``up``."""
+
+    def boxes(self, last: int) -> tuple[Array, Array]:
+        """Return (B, 3) centres and half sides of boxes: the modules 0 to ``last``, the table."""
+        centres, halves = self._core.boxes(last)
+        up = self._above.up
+        # Not where the chain begins on the floor: its first free module would be jammed there.
+        raised = float(self._core.cells[last + 1] @ up) > self._lowest + 0.5
+        top = self._lowest - 0.5 + (TABLE_LIFT_PITCH if raised else 0.0)
+        table = np.where(up != 0.0, 0.5 * TABLE_THICKNESS_PITCH, TABLE_HALF_WIDTH_PITCH)
+        return (
+            np.concatenate([centres, [(top - 0.5 * TABLE_THICKNESS_PITCH) * up]]),
+            np.concatenate([halves, [table]]),
+        )
+
+    def exit_direction(self, field: Array, start: Array, last: int, before: Array | None) -> Array:
+        """Return the (3,) unit vector along the table, clear of the core.
+
+        Args:
+            field: Without effect.
+            start: (3,) start of the rod, pitches.
+            last: Last module of the core.
+            before: (3,) direction of the unit before; None if there is none.
+        """
+        del field
+        above, cells = self._above, self._core.cells[: last + 1]
+        rays = above.along(2.0 * np.pi * np.arange(HEADING_COUNT) / HEADING_COUNT)
+        outwards = above.seen(start - cells.mean(axis=0)) @ above.across
+        along = np.arange(1.0, HEADING_LENGTH_PITCH, 0.5)
+        points = above.seen(start + rays[:, None, :] * along[None, :, None])
+        gaps = points[:, :, None, :] - np.unique(above.seen(cells), axis=0)
+        distance = np.linalg.norm(gaps, axis=-1).min(axis=-1)
+        wanted = np.minimum(HEADING_CLEARANCE_PITCH, 0.7 + 0.5 * along)
+        lack = np.maximum(wanted - distance, 0.0).max(axis=1)
+        score = (
+            OUTWARD_WEIGHT * (rays @ outwards) / max(float(np.linalg.norm(outwards)), 1e-9)
+            + AHEAD_WEIGHT * (rays @ self._core.rotations[last][:, 0])
+            + PREVIOUS_HEADING_WEIGHT * (rays @ (np.zeros(3) if before is None else before))
+            - CLEARANCE_DEFICIT_WEIGHT * lack
+        )
         return np.asarray(rays[int(np.argmax(score))])
 
 

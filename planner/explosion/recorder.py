@@ -15,7 +15,7 @@ from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import wxyz_from_matrix
 from planner.clearance.clearance import closest
 from planner.clearance.sweep import Between
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
@@ -50,15 +50,17 @@ class Recorder(ABC, Generic[S]):
         self._waiting = []
 
     @abstractmethod
-    def commit(self, *, end: bool = False) -> bool:
+    def commit(self, *, end: bool = False) -> object:
         """Make the steps so far final and pass their snapshots on.
 
         Args:
-            end: Keep the last step as a snapshot in any case.
-
-        Returns:
-            True if they were kept.
+            end: Make the last step a snapshot in any case.
         """
+
+    def close(self, step: S, *, straight: bool) -> None:
+        """Make all steps final; the last one is a snapshot unless the record ends straight."""
+        del step
+        self.commit(end=not straight)
 
     @abstractmethod
     def _far(self, a: S, b: S) -> bool:
@@ -135,6 +137,8 @@ class FrameRecorder(Recorder[Step]):
         snapshot_distance: Maximum distance of a module from one snapshot to the next, pitches.
         size: Module size, as a fraction of the pitch, at which the motion between them is checked.
         sink: Receives the frames.
+        spacing: Returns the factor of the allowed distance of snapshots. Above 1 the whole motion
+            between two is checked, and not its middle only.
     """
 
     def __init__(
@@ -144,7 +148,8 @@ class FrameRecorder(Recorder[Step]):
         snapshot_rad: float,
         snapshot_distance: float,
         size: float,
-        sink: Callable[[Frames], None] | None,
+        sink: Callable[[Motion], None] | None,
+        spacing: Callable[[], float] = lambda: 1.0,
     ) -> None:
         super().__init__()
         self._chain = chain
@@ -152,21 +157,19 @@ class FrameRecorder(Recorder[Step]):
         self._snapshot_distance = snapshot_distance
         self._size = size
         self._sink = sink
-        self._kept: list[Frames] = []
-        self.spacing = 1.0
-        """Factor of the allowed distance of snapshots. Above 1 the whole motion between two is
-        checked, and not its middle only."""
+        self._kept: list[Motion] = []
+        self._spacing = spacing
         self._way = Between(chain, size)
 
     def __len__(self) -> int:
         """Return the number of snapshots so far."""
         return sum(len(part) for part in self._kept)
 
-    def commit(self, *, end: bool = False) -> bool:
+    def commit(self, *, end: bool = False) -> None:
         """Make the steps so far final and pass their snapshots on.
 
         Args:
-            end: Keep the last step as a snapshot in any case.
+            end: Make the last step a snapshot in any case.
         """
         waiting = self._waiting
         chosen, first = self._chosen(waiting, to_the_end=False)
@@ -176,25 +179,24 @@ class FrameRecorder(Recorder[Step]):
             chosen.append(waiting[-1])
         self._waiting = [] if end else waiting[first:]
         self._emit(chosen)
-        return True
 
-    def append(self, frames: Frames) -> None:
+    def append(self, frames: Motion) -> None:
         """Add frames that were made without a simulation."""
         if len(frames):
             self._kept.append(frames)
             if self._sink is not None:
                 self._sink(frames)
 
-    def motion(self) -> Frames:
+    def motion(self) -> Motion:
         """Return all snapshots so far."""
-        return Frames.joined(self._kept)
+        return Motion.joined(self._kept)
 
     def _emit(self, steps: list[Step]) -> None:
         if not steps:
             return
         self.append(
-            Frames.of_phase(
-                "explosion",
+            Motion.from_frames(
+                phase="explosion",
                 time_s=np.array([s.time_s for s in steps]),
                 joint_angles_rad=np.array([s.angles for s in steps]),
                 root_position=np.array([s.position for s in steps]),
@@ -203,15 +205,16 @@ class FrameRecorder(Recorder[Step]):
         )
 
     def _far(self, a: Step, b: Step) -> bool:
-        if np.abs(a.angles - b.angles).max() >= self.spacing * self._snapshot_rad:
+        spacing = self._spacing()
+        if np.abs(a.angles - b.angles).max() >= spacing * self._snapshot_rad:
             return True
         moved = ((a.centres - b.centres) ** 2).sum(axis=1).max()
-        return bool(moved >= (self.spacing * self._snapshot_distance) ** 2)
+        return bool(moved >= (spacing * self._snapshot_distance) ** 2)
 
     def _needs_more(self, a: Step, b: Step, *, more: bool) -> bool:
         if not more:
             return False
-        if self.spacing > 1.0:
+        if self._spacing() > 1.0:
             between = self._way.clearance(a.angles, b.angles, CLEAR_ENOUGH_PITCH)
         else:
             between = self._clearance(0.5 * (a.angles + b.angles))

@@ -12,7 +12,7 @@ from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import wxyz_from_matrix
 from planner.clearance.clearance import closest
 from planner.clearance.sweep import sweep
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ def straightening(
     snapshot_rad: float,
     snapshot_distance: float,
     size: float,
-) -> Frames | None:
+) -> Motion | None:
     """Return frames from a nearly straight state to the straight one, q·s with s from 1 to 0.
 
     The root keeps its orientation and the centre of mass keeps its position.
@@ -82,8 +82,8 @@ def straightening(
             for start in range(0, count, STRAIGHTENING_CHUNK_FRAMES)
         ]
     )
-    return Frames.of_phase(
-        "explosion",
+    return Motion.from_frames(
+        phase="explosion",
         time_s=start_s + KINEMATIC_FRAME_S * np.arange(1.0, count + 1.0),
         joint_angles_rad=way,
         root_position=state.position + centre - offsets,

@@ -143,7 +143,7 @@ def let_go(
         parameters: Parameters of the fold.
         seed: Seed of all random numbers.
         gentle: True for half the tension, and steps that bring modules half as near.
-        sink: Receives the snapshots as they are made: ``Windows`` if ``windowed`` returns True.
+        sink: Receives the snapshots as they are made: windowed if ``windowed`` says so.
         progress: Receives the progress, a few times a second.
         cancelled: Returns True to stop; called every few steps.
     """
@@ -183,5 +183,5 @@ def _suited(parameters: _Forces, module_size: float, gentle: bool) -> _Forces:
 
 
 def windowed(strategy: str) -> bool:
-    """Return True if a strategy's snapshots are ``Windows``."""
+    """Return True if a strategy's snapshots are windowed."""
     return strategy in ("peel", BASELINE)

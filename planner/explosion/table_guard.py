@@ -1,8 +1,8 @@
-"""Guard: which frames of an explosion on a table may be kept.
+"""Guard: test of the frames of an explosion on a table before they are recorded.
 
-A frame is kept if it stands on the table with no static torque above a bound, no module lies in the
-table, and the released modules do not lie over each other. Refused frames are taken back; the bound
-is raised only when frames are refused for their torque again and again.
+A frame is accepted if it stands on the table with no static torque above a bound, no module lies in
+the table, and the released modules do not lie over each other. The bound is raised only when frames
+are refused for their torque again and again.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.explosion.from_above import crosses_itself
-from planner.explosion.peeling import MIN_LAST_UNIT_MODULES
-from planner.explosion.peeling_window import Peelable, WindowConfiguration
+from planner.explosion.peeling_recorder import Refusal
+from planner.explosion.window import MIN_LAST_UNIT_MODULES, Peelable, WindowConfiguration
 from planner.kernels.folded_core import FIXED
 from planner.motion.record import TableRecord
 from planner.parameters.explosion import TableParameters
@@ -28,8 +28,8 @@ from planner.statics.friction import Friction
 
 Array = NDArray[np.float64]
 REJECTION_DECAY: Final = 0.2
-"""Decrease of the count of refusals for each time that frames are kept. Larger values raise the
-torque bound later. Chosen."""
+"""Decrease of the count of refusals at each checkpoint. Larger values raise the torque bound later.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,60 +67,65 @@ class Guard:
         """True if the last unit lies over itself while it is folded."""
         self.bound = parameters.first_bound
         self.refused = 0.0
-        """Count of refused frames since the bound was raised, less ``REJECTION_DECAY`` each time
-        that frames were kept."""
+        """Count of refused frames since the bound was raised, less ``REJECTION_DECAY`` at each
+        checkpoint."""
         self.taken_back = 0
         self.raised: list[tuple[float, float]] = []
         """Times at which the bound was raised, s, and the bounds from then on, w·p."""
-        self.why = ""
-        """Reason of the last refusal, as a phrase."""
-        self._too_weak = False
-        """True if that reason was a torque: for all others, stronger motors would not help."""
+        self.exhausted_by: Refusal | None = None
+        """Refusal for which the bound was to be raised beyond its maximum; None after others."""
 
-    def holds(
-        self, before: WindowConfiguration | None, bends: Sequence[WindowConfiguration]
-    ) -> bool:
-        """Return True if snapshots of an explosion may be kept, one after the other.
+    def refusal(
+        self, before: WindowConfiguration | None, configurations: Sequence[WindowConfiguration]
+    ) -> Refusal | None:
+        """Return why snapshots of an explosion may not be recorded, one after the other.
 
         Args:
             before: The snapshot before them: folding goes there, and friction against it.
-            bends: Snapshots in the order of the explosion.
+            configurations: Snapshots in the order of the explosion.
         """
         earlier = None if before is None else self._placed(before)
-        for bend in bends:
-            placed = self._placed(bend)
-            if not self._stands(placed, earlier):
-                return False
+        for configuration in configurations:
+            placed = self._placed(configuration)
+            refusal = self._refusal_of(placed, earlier)
+            if refusal is not None:
+                return refusal
             earlier = placed
-        return True
+        return None
 
-    def loops(self, bend: WindowConfiguration) -> bool:
+    def loops(self, configuration: WindowConfiguration) -> bool:
         """Return True if the released modules would lie over each other."""
-        return self._loops(self._placed(bend))
+        return self._loops(self._placed(configuration))
 
     def _loops(self, placed: Placed) -> bool:
         if placed.first == 0 and self._stacked:
             return False
         return crosses_itself(placed.poses.positions[placed.first + FIXED - 1 :, :2])
 
-    def refuse(self, time_s: float) -> bool:
-        """Count frames that were taken back; return False if the bound is at its maximum."""
+    def count(self, refusal: Refusal, time_s: float) -> None:
+        """Count a refusal, and raise the bound if there were too many for their torque.
+
+        Args:
+            refusal: Reason why frames were taken back.
+            time_s: Time from which a raised bound counts, s.
+        """
         p = self._parameters
         self.taken_back += 1
-        if not self._too_weak:
-            return True
+        self.exhausted_by = None
+        if not refusal.is_torque:
+            return
         self.refused += 1.0
         if self.refused <= p.refusals:
-            return True
+            return
         if self.bound >= p.most_torque:
-            return False
+            self.exhausted_by = refusal
+            return
         self.refused = 0.0
         self.bound = min(p.raised_by * self.bound, p.most_torque)
         self.raised.append((time_s, self.bound))
-        return True
 
-    def keep(self) -> None:
-        """Count frames that were kept."""
+    def count_checkpoint(self) -> None:
+        """Count frames that were recorded."""
         self.refused = max(0.0, self.refused - REJECTION_DECAY)
 
     def record(self) -> TableRecord:
@@ -132,9 +137,9 @@ class Guard:
             friction=self._parameters.friction,
         )
 
-    def _placed(self, bend: WindowConfiguration) -> Placed:
+    def _placed(self, configuration: WindowConfiguration) -> Placed:
         chain = self._chain
-        angles = self._peelable.widened(bend, 0, len(chain.folded_rad))
+        angles = self._peelable.widened(configuration, 0, len(chain.folded_rad))
         poses = forward_kinematics(
             chain.module,
             angles,
@@ -143,27 +148,25 @@ class Guard:
         )
         positions = poses.positions.copy()
         positions[:, 2] -= self._height
-        return Placed(angles, Poses(positions=positions, rotations=poses.rotations), bend.first)
+        return Placed(
+            angles, Poses(positions=positions, rotations=poses.rotations), configuration.first
+        )
 
-    def _stands(self, placed: Placed, earlier: Placed | None) -> bool:
+    def _refusal_of(self, placed: Placed, earlier: Placed | None) -> Refusal | None:
+        """Return why a configuration may not follow another one; None if it may."""
         positions, rotations = placed.poses.positions, placed.poses.rotations
         lowest = float(floor_clearances(self._chain.module, positions, rotations))
-        self._too_weak = False
         if lowest < -MAX_TABLE_PENETRATION_PITCH:
-            self.why = f"a module would sink {-lowest:.3f} pitch into the table"
-            return False
+            return Refusal(f"a module would sink {-lowest:.3f} pitch into the table")
         if self._loops(placed):
-            self.why = "the chain would lie across itself in a loop that cannot open"
-            return False
-        how: dict[str, Any] = {"clamped": 0} if self._parameters.base == "clamped" else {}
+            return Refusal("the chain would lie across itself in a loop that cannot open")
+        options: dict[str, Any] = {"clamped": 0} if self._parameters.base == "clamped" else {}
         if self._parameters.friction and earlier is not None:
-            how["friction"] = Friction(
+            options["friction"] = Friction(
                 coefficient=self._parameters.friction,
                 positions=earlier.poses.positions,
                 rotations=earlier.poses.rotations,
             )
-        if not self._balance.within(self.bound, positions, rotations, placed.angles, **how):
-            self._too_weak = True
-            self.why = f"a hinge would need more than {self.bound:.2f} w·p"
-            return False
-        return True
+        if self._balance.within(self.bound, positions, rotations, placed.angles, **options):
+            return None
+        return Refusal(f"a hinge would need more than {self.bound:.2f} w·p", is_torque=True)

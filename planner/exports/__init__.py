@@ -118,12 +118,12 @@ EXPORTS: Final = (
 
 
 def exports_of(*, moving: bool) -> tuple[Export, ...]:
-    """The exports of a plan, with or without those that show its motion."""
+    """Return the exports of a plan, with or without those that show its motion."""
     return tuple(export for export in EXPORTS if moving or not export.moving)
 
 
 def export_named(name: str) -> Export:
-    """The export of that name.
+    """Return the export of that name.
 
     Raises:
         InputError: ``unknown-export`` when there is none.

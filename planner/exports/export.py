@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
 Write = Callable[["Plan"], bytes]
-LONGEST: Final = 100
-"""Characters of a name."""
+MAX_EXPORT_NAME_CHARACTERS: Final = 100
+"""Maximum length, in characters, of a chain's name in an exported file; the rest is cut off.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,13 +30,13 @@ class Export:
 
     Attributes:
         name: Short stable word for programs and addresses.
-        label: What it is, for people.
+        label: Label for people.
         hint: Its format, what reads it, its units.
-        media_type: Of the file.
-        filename: What the file is called in a directory of its own.
+        media_type: Media type of the file.
+        filename: Name of the file in a separate directory.
         write: Makes the file; ``InputError`` when the plan lacks what it needs.
-        moving: Whether it shows the motion, so that a plan without frames has none.
-        shared: Whether other files name it, so that it keeps its name wherever it goes.
+        moving: True if it shows the motion, so that a plan without frames has none.
+        shared: True if other files refer to it, so that it must keep its name.
     """
 
     name: str
@@ -49,7 +50,7 @@ class Export:
 
 
 def require_frames(plan: Plan) -> None:
-    """Refuses a plan whose chain never moved.
+    """Refuse a plan whose chain never moved.
 
     Raises:
         InputError: ``no-frames``.
@@ -62,7 +63,7 @@ def require_frames(plan: Plan) -> None:
 
 def export_name(text: str) -> str:
     """Return a clean name, or another text on one line, for a file; ``fold`` if it is empty."""
-    return clean_name(text, max_length=LONGEST) or "fold"
+    return clean_name(text, max_length=MAX_EXPORT_NAME_CHARACTERS) or "fold"
 
 
 def identifier(name: str) -> str:
@@ -92,12 +93,12 @@ def rising(times: NDArray[np.generic]) -> NDArray[np.intp]:
 
 
 def write_json(plan: Plan) -> bytes:
-    """The plan as JSON text, in the format ``foldback-plan/3``."""
+    """Return the plan as JSON text, in the format ``foldback-plan/3``."""
     return plan.json_bytes()
 
 
 def write_npz(plan: Plan) -> bytes:
-    """The arrays that ``Plan.save_npz`` writes; needs no pickle to read."""
+    """Return the arrays that ``Plan.save_npz`` writes; needs no pickle to read."""
     import numpy as np
 
     file = BytesIO()

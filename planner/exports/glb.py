@@ -20,18 +20,27 @@ from planner.plan.plan import Plan
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
-TOLERANCE: Final = 3e-3
-"""How far, in pitches, a module may be from its frame where that frame is no keyframe; and its
-quaternion from the frame's. It is doubled until the keyframes fit into ``MOST_BYTES``."""
-MOST_BYTES: Final = 32 * 2**20
-POSE_BYTES: Final = 28
-BLOCK_POSES: Final = 200_000
-"""Poses computed at once, to bound memory."""
-FLOAT: Final = 5126
-ARRAY_BUFFER: Final = 34962
-Z_TO_Y: Final = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
-"""A quarter turn about x, as x, y, z, w."""
-COLOUR: Final = (0.80, 0.36, 0.11, 1.0)
+MIN_KEYFRAME_TOLERANCE: Final = 3e-3
+"""Largest distance, in pitches, and largest difference of unit quaternions between a frame of the
+plan and the animation interpolated from keyframes. Smaller values need more keyframes; the
+tolerance is doubled until they fit into ``MAX_KEYFRAME_BYTES``. Chosen."""
+MAX_KEYFRAME_BYTES: Final = 32 * 2**20
+"""Maximum size of all keyframes of a GLB file, in bytes. A smaller value makes the animation follow
+the plan less closely. Chosen."""
+POSE_BYTES_SINGLE: Final = 28
+"""Bytes of one pose in a GLB file: position and quaternion, seven numbers of single precision."""
+MAX_POSES_AT_ONCE: Final = 200_000
+"""Maximum number of module poses that are computed at once. Larger values take more memory; the
+file stays the same. Chosen."""
+GL_FLOAT: Final = 5126
+"""Code of a component of single precision (glTF 2.0, ``accessor.componentType``)."""
+GL_ARRAY_BUFFER: Final = 34962
+"""Code of a buffer view with vertex attributes (glTF 2.0, ``bufferView.target``)."""
+Z_UP_TO_Y_UP_XYZW: Final = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
+"""Rotation from the planner's frame (z up) to glTF's (y up): −90° about x, as a quaternion (x, y,
+z, w)."""
+MODULE_RGBA: Final = (0.80, 0.36, 0.11, 1.0)
+"""Colour of the modules in a GLB file, linear RGBA from 0 to 1. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,7 +51,7 @@ class Track:
         time_s: (K,) strictly rising, in single precision too.
         positions: (K, n, 3) centres in pitches.
         wxyzs: (K, n, 4) unit quaternions, each in the half space of the one before.
-        tolerance: How far a frame of the plan is from the track between snapshots, at most.
+        tolerance: Largest deviation of a frame of the plan from the track between snapshots.
     """
 
     time_s: Array
@@ -60,7 +69,7 @@ class Buffer:
     accessors: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
 
     def add(self, values: Single, *, target: int | None = None) -> list[int]:
-        """Adds (A, K, …) values in one view; A accessors of K elements each."""
+        """Add (A, K, …) values in one view; A accessors of K elements each."""
         view: dict[str, Any] = {
             "buffer": 0,
             "byteOffset": len(self.data),
@@ -76,7 +85,7 @@ class Buffer:
             accessor: dict[str, Any] = {
                 "bufferView": len(self.views) - 1,
                 "byteOffset": k * part.nbytes,
-                "componentType": FLOAT,
+                "componentType": GL_FLOAT,
                 "count": len(part),
                 "type": kind,
             }
@@ -89,7 +98,7 @@ class Buffer:
 
 
 def write(plan: Plan) -> bytes:
-    """The fold as one GLB file.
+    """Return the fold as one GLB file.
 
     Raises:
         InputError: ``no-frames``.
@@ -107,8 +116,8 @@ def write(plan: Plan) -> bytes:
     corners = hull.triangles.reshape(1, -1, 3).astype("<f4")
     normals = np.repeat(hull.face_normals, 3, axis=0)[None].astype("<f4")
     buffer = Buffer()
-    (position,) = buffer.add(corners, target=ARRAY_BUFFER)
-    (normal,) = buffer.add(normals, target=ARRAY_BUFFER)
+    (position,) = buffer.add(corners, target=GL_ARRAY_BUFFER)
+    (normal,) = buffer.add(normals, target=GL_ARRAY_BUFFER)
     (times,) = buffer.add(track.time_s.astype("<f4")[None])
     outputs = list(zip(buffer.add(places), buffer.add(turns), strict=True))
     nodes: list[dict[str, Any]] = [
@@ -120,7 +129,11 @@ def write(plan: Plan) -> bytes:
         }
         for i in range(len(chain))
     ]
-    top = {"name": export_name(chain.name), "rotation": Z_TO_Y, "children": [*range(len(chain))]}
+    top = {
+        "name": export_name(chain.name),
+        "rotation": Z_UP_TO_Y_UP_XYZW,
+        "children": [*range(len(chain))],
+    }
     samplers = [
         {"input": times, "output": output, "interpolation": "LINEAR"}
         for pair in outputs
@@ -158,7 +171,7 @@ def write(plan: Plan) -> bytes:
             {
                 "name": "module",
                 "pbrMetallicRoughness": {
-                    "baseColorFactor": COLOUR,
+                    "baseColorFactor": MODULE_RGBA,
                     "metallicFactor": 0.0,
                     "roughnessFactor": 0.6,
                 },
@@ -174,16 +187,16 @@ def write(plan: Plan) -> bytes:
 
 
 def track_of(plan: Plan) -> Track:
-    """Keyframes of the plan, few enough, between which straight lines and slerps follow it."""
+    """Return a limited number of keyframes that, joined by lines and slerps, follow the plan."""
     modules = len(plan.chain)
     chosen = rising(plan.time_s.astype(np.float32))
-    most = max(2, MOST_BYTES // (modules * POSE_BYTES))
+    most = max(2, MAX_KEYFRAME_BYTES // (modules * POSE_BYTES_SINGLE))
     # What is looked at fits into memory; of many frames, some are passed over from the outset.
     seen = chosen[:: -(-len(chosen) // (4 * most))]
     if seen[-1] != chosen[-1]:
         seen = np.append(seen, chosen[-1])
     track = _all_of(plan, seen)
-    tolerance = TOLERANCE
+    tolerance = MIN_KEYFRAME_TOLERANCE
     while len(keys := keyframes(track, tolerance)) > most:
         tolerance *= 2.0
     thinned = Track(
@@ -198,7 +211,7 @@ def track_of(plan: Plan) -> Track:
 
 
 def keyframes(track: Track, tolerance: float) -> list[int]:
-    """Frames to keep, the first and the last among them, each as far on as the tolerance lets."""
+    """Return the frames to store, from first to last, as few as the tolerance permits."""
     keys = [0]
     last = len(track.time_s) - 1
     while keys[-1] < last:
@@ -210,7 +223,7 @@ def keyframes(track: Track, tolerance: float) -> list[int]:
 
 
 def _error_between(track: Track, start: int, stop: int) -> float:
-    """How far the frames between two are from the line and the arc that join them."""
+    """Return the largest deviation of the frames between two from their line and arc."""
     inside = slice(start + 1, stop)
     span = track.time_s[stop] - track.time_s[start]
     u = ((track.time_s[inside] - track.time_s[start]) / span).astype(np.float32)[:, None, None]
@@ -223,7 +236,7 @@ def _largest_error(plan: Plan, track: Track) -> float:
     """Return how far frames of a plan are from the lines and arcs between keyframes, in pitches."""
     largest = 0.0
     times = track.time_s.astype(np.float32)
-    step = max(1, BLOCK_POSES // len(plan.chain))
+    step = max(1, MAX_POSES_AT_ONCE // len(plan.chain))
     for k in range(0, len(plan.time_s), step):
         frames = _all_of(plan, np.arange(k, min(k + step, len(plan.time_s))))
         stop = np.minimum(np.searchsorted(times, frames.time_s), len(times) - 1)
@@ -256,10 +269,9 @@ def _all_of(plan: Plan, frames: NDArray[np.int64]) -> Track:
     modules = len(plan.chain)
     positions = np.empty((len(frames), modules, 3), dtype=np.float32)
     wxyzs = np.empty((len(frames), modules, 4), dtype=np.float32)
-    step = max(1, BLOCK_POSES // modules)
+    step = max(1, MAX_POSES_AT_ONCE // modules)
     for k in range(0, len(frames), step):
-        part = plan.motion[frames[k : k + step]].dense(plan.chain)
-        poses = plan.chain.poses(part.joint_angles_rad, part.root_position, part.root_wxyz)
+        poses = plan.motion[frames[k : k + step]].poses(plan.chain)
         positions[k : k + step], wxyzs[k : k + step] = poses.positions, poses.wxyzs
     # q and −q are one orientation, but the way between two is long if their signs differ.
     turned = (wxyzs[1:] * wxyzs[:-1]).sum(axis=-1) < 0
@@ -268,7 +280,7 @@ def _all_of(plan: Plan, frames: NDArray[np.int64]) -> Track:
 
 
 def _packed(text: bytes, binary: bytes) -> bytes:
-    """The JSON and the binary chunk behind the header of a GLB file."""
+    """Return a GLB file: its header, the JSON chunk and the binary chunk."""
     text += b" " * (-len(text) % 4)
     binary += bytes(-len(binary) % 4)
     length = 12 + 8 + len(text) + 8 + len(binary)

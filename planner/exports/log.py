@@ -25,56 +25,59 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.exports import urdf
 from planner.exports.export import export_name, require_frames, rising
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.plan.plan import Plan
 
 Array = NDArray[np.float64]
 SECOND_NS: Final = 1_000_000_000
-LIBRARY: Final = "foldback"
-WORLD: Final = "world"
-RULE: Final = "\n" + "=" * 80 + "\n"
-TIME: Final = "int32 sec\nuint32 nanosec"
-HEADER: Final = (
+"""Nanoseconds in a second."""
+WRITER_LIBRARY: Final = "foldback"
+WORLD_FRAME: Final = "world"
+SEPARATOR: Final = "\n" + "=" * 80 + "\n"
+TIME_DEFINITION: Final = "int32 sec\nuint32 nanosec"
+HEADER_DEFINITION: Final = (
     "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id"
-    f"{RULE}MSG: builtin_interfaces/Time\n{TIME}"
+    f"{SEPARATOR}MSG: builtin_interfaces/Time\n{TIME_DEFINITION}"
 )
-DEFINITIONS: Final = {
+MESSAGE_DEFINITIONS: Final = {
     "sensor_msgs/msg/JointState": (
         "std_msgs/Header header\nstring[] name\n"
         "float64[] position\nfloat64[] velocity\nfloat64[] effort"
-        f"{RULE}{HEADER}"
+        f"{SEPARATOR}{HEADER_DEFINITION}"
     ),
     "trajectory_msgs/msg/JointTrajectory": (
         "std_msgs/Header header\nstring[] joint_names\n"
         "trajectory_msgs/JointTrajectoryPoint[] points"
-        f"{RULE}MSG: trajectory_msgs/JointTrajectoryPoint\n"
+        f"{SEPARATOR}MSG: trajectory_msgs/JointTrajectoryPoint\n"
         "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\nfloat64[] effort\n"
         "builtin_interfaces/Duration time_from_start"
-        f"{RULE}MSG: builtin_interfaces/Duration\n{TIME}"
-        f"{RULE}{HEADER}"
+        f"{SEPARATOR}MSG: builtin_interfaces/Duration\n{TIME_DEFINITION}"
+        f"{SEPARATOR}{HEADER_DEFINITION}"
     ),
     "tf2_msgs/msg/TFMessage": (
         "geometry_msgs/TransformStamped[] transforms"
-        f"{RULE}MSG: geometry_msgs/TransformStamped\n"
+        f"{SEPARATOR}MSG: geometry_msgs/TransformStamped\n"
         "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform"
-        f"{RULE}MSG: geometry_msgs/Transform\n"
+        f"{SEPARATOR}MSG: geometry_msgs/Transform\n"
         "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation"
-        f"{RULE}MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z"
-        f"{RULE}MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w"
-        f"{RULE}{HEADER}"
+        f"{SEPARATOR}MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z"
+        f"{SEPARATOR}MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w"
+        f"{SEPARATOR}{HEADER_DEFINITION}"
     ),
     "std_msgs/msg/String": "string data",
 }
-"""As ROS 2 (common_interfaces) defines them, with what they are made of."""
-TOPICS: Final = {
+"""ROS 2 message definitions (common_interfaces) by message type, each followed by the definitions
+of the types in it."""
+TOPIC_TYPES: Final = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
     "/tf": "tf2_msgs/msg/TFMessage",
     "/robot_description": "std_msgs/msg/String",
 }
 TRANSIENT_LOCAL, VOLATILE = 1, 2
-"""Durability in ``rmw_qos_durability_policy_t``."""
-QOS: Final = """\
+"""Codes of durability in ``rmw_qos_durability_policy_t``: late subscribers get the last message, or
+only new ones."""
+QOS_TEMPLATE: Final = """\
 - history: 1
   depth: {depth}
   reliability: 1
@@ -85,8 +88,8 @@ QOS: Final = """\
   liveliness_lease_duration: {{sec: 9223372036, nsec: 854775807}}
   avoid_ros_namespace_conventions: false
 """
-"""Quality of service that a topic is offered with, as rosbag2 writes it into its logs: keep last,
-reliable, automatic liveliness, no limits of time."""
+"""Offered quality of service of a topic, in the YAML that rosbag2 stores in a channel's metadata:
+keep last, reliable, automatic liveliness, no time limits."""
 
 
 class _Log:
@@ -102,13 +105,13 @@ class _Log:
 
     def add(self, topic: str, time_ns: int, message: Mapping[str, object]) -> None:
         """Write a message at a time since the start."""
-        kind = TOPICS[topic]
+        kind = TOPIC_TYPES[topic]
         if topic not in self._channels:
             schema = self._writer.register_schema(
-                kind, SchemaEncoding.ROS2, DEFINITIONS[kind].encode()
+                kind, SchemaEncoding.ROS2, MESSAGE_DEFINITIONS[kind].encode()
             )
             latched = topic == "/robot_description"
-            qos = QOS.format(
+            qos = QOS_TEMPLATE.format(
                 depth=1 if latched else 10, durability=TRANSIENT_LOCAL if latched else VOLATILE
             )
             self._channels[topic] = self._writer.register_channel(
@@ -124,12 +127,12 @@ class _Log:
 
 @cache
 def _encoder(kind: str) -> Callable[[object], bytes]:
-    return serialize_dynamic(kind, DEFINITIONS[kind])[kind]
+    return serialize_dynamic(kind, MESSAGE_DEFINITIONS[kind])[kind]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Point:
-    """A JointTrajectoryPoint; its list of numbers is made only while it is written."""
+    """A JointTrajectoryPoint; its list of numbers exists only while it is written."""
 
     angles_rad: Array
     time_ns: int
@@ -144,7 +147,7 @@ class _Point:
 
 
 def write(plan: Plan) -> bytes:
-    """The fold as MCAP, compressed by zstd.
+    """Return the fold as MCAP, compressed by zstd.
 
     Raises:
         InputError: ``no-frames``.
@@ -157,7 +160,7 @@ def write(plan: Plan) -> bytes:
     frames = plan.whole()[chosen]
     file = BytesIO()
     writer = Writer(file)
-    writer.start(Profile.ROS2, LIBRARY)
+    writer.start(Profile.ROS2, WRITER_LIBRARY)
     log = _Log(writer)
     if plan.chain.module.geom == "box":
         log.add("/robot_description", times_ns[0], {"data": urdf.write(plan).decode()})
@@ -179,24 +182,24 @@ def write(plan: Plan) -> bytes:
 
 
 def time_of(time_ns: int) -> dict[str, int]:
-    """A ``builtin_interfaces`` Time or Duration."""
+    """Return a ``builtin_interfaces`` Time or Duration."""
     seconds, rest = divmod(time_ns, SECOND_NS)
     return {"sec": seconds, "nanosec": rest}
 
 
-def root_transform(chain: Chain, frames: Frames, frame: int, time_ns: int) -> dict[str, object]:
-    """Where the root module's frame is in the world, as a TransformStamped."""
+def root_transform(chain: Chain, frames: Motion, frame: int, time_ns: int) -> dict[str, object]:
+    """Return the pose of the root module's frame in the world, as a TransformStamped."""
     turn = dict(zip("wxyz", frames.root_wxyz[frame].tolist(), strict=True))
     metres = (frames.root_position[frame] * chain.pitch_m).tolist()
     return {
-        "header": {"stamp": time_of(time_ns), "frame_id": WORLD},
+        "header": {"stamp": time_of(time_ns), "frame_id": WORLD_FRAME},
         "child_frame_id": f"module_{chain.root}",
         "transform": {"translation": dict(zip("xyz", metres, strict=True)), "rotation": turn},
     }
 
 
 def about(plan: Plan) -> dict[str, str]:
-    """What the log is of."""
+    """Return the metadata of a log: the plan's chain, preset, seed and verdict."""
     return {
         "name": export_name(plan.chain.name),
         "module": plan.chain.module.name,

@@ -17,10 +17,13 @@ from planner.plan.plan import Plan
 from planner.simulation.model import Material, tree_spec
 
 Array = NDArray[np.float64]
-LONGEST_TREE: Final = 800
-"""Modules up to which the chain is one tree; see ``planner.exports.mjcf_pieces``."""
-PERCENTS: Final = (0, 25, 50, 75, 100)
-"""How far into the fold's time the keys on the way are, ``at_0`` to ``at_100``."""
+MAX_TREE_MODULES: Final = 800
+"""Maximum number of modules that an MJCF model nests in one kinematic tree. A longer chain is split
+into pieces joined by welds (``planner.exports.mjcf_pieces``), as deep nesting exceeds MuJoCo's
+parser. Chosen."""
+KEY_PERCENTS: Final = (0, 25, 50, 75, 100)
+"""Times of the model's keyframes ``at_0`` to ``at_100``, in percent of the fold's duration.
+Chosen."""
 _NUMBERED_BODY: Final = re.compile(r'(<body name|\bbody[12])="((?:module|ghost)_\d+)"')
 
 
@@ -29,7 +32,7 @@ class Key:
     """A configuration by name.
 
     Attributes:
-        name: Of the key.
+        name: Name of the key.
         angles_rad: (J,) hinge angles.
         position: (3,) centre of the root module in pitches.
         wxyz: (4,) its orientation.
@@ -44,16 +47,16 @@ class Key:
 
 
 def write(plan: Plan) -> bytes:
-    """The plan's chain as MJCF, with keys on the way besides ``straight`` and ``folded``."""
+    """Return the plan's chain as MJCF, with keys on the way besides ``straight`` and ``folded``."""
     text = mjcf(plan.chain, module_size=plan.certificate.module_size, keys=keys_of(plan))
     return text.encode()
 
 
 def keys_of(plan: Plan) -> tuple[Key, ...]:
-    """Frames of the plan at ``PERCENTS`` of its time; none when it has no frames."""
+    """Frames of the plan at ``KEY_PERCENTS`` of its time; none when it has no frames."""
     if not len(plan.time_s):
         return ()
-    wanted = np.array(PERCENTS) / 100.0 * plan.time_s[-1]
+    wanted = np.array(KEY_PERCENTS) / 100.0 * plan.time_s[-1]
     frames = np.abs(plan.time_s[:, None] - wanted).argmin(axis=0)
     found = plan.motion[frames].dense(plan.chain)
     return tuple(
@@ -64,18 +67,18 @@ def keys_of(plan: Plan) -> tuple[Key, ...]:
             wxyz=found.root_wxyz[k],
             time_s=float(found.time_s[k]),
         )
-        for k, percent in enumerate(PERCENTS)
+        for k, percent in enumerate(KEY_PERCENTS)
     )
 
 
 def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
-    """The chain as MJCF text that plain MuJoCo loads.
+    """Return the chain as MJCF text that plain MuJoCo loads.
 
     Joints are named as in ``Chain.joint_names``, their values are the plan's angles. The free joint
     ``root`` is that of the root module. The site ``module_<i>`` sits at the centre of module i.
     Keys ``straight`` and ``folded`` exist. Excluded from contact is ``Module.exempt_pairs``, as in
     the certificate. Lengths are in pitches. A chain of more than
-    ``LONGEST_TREE`` modules comes in pieces that are welded end to end. Bodies are named as by
+    ``MAX_TREE_MODULES`` modules comes in pieces that are welded end to end. Bodies are named as by
     ``named_bodies``.
 
     Args:
@@ -83,7 +86,7 @@ def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
         module_size: Size of the colliding hulls as a fraction of the pitch.
         keys: Further configurations.
     """
-    if len(chain) > LONGEST_TREE:
+    if len(chain) > MAX_TREE_MODULES:
         text = pieces(chain, module_size=module_size)
     else:
         exempt = chain.module.exempt_pairs(len(chain))
@@ -105,7 +108,7 @@ def named_bodies(text: str) -> str:
 
 
 def _ends(chain: Chain) -> tuple[Key, Key]:
-    """The keys ``straight`` and ``folded``."""
+    """Return the keys ``straight`` and ``folded``."""
     folded = chain.folded_poses
     upright = wxyz_from_matrix(folded.rotations[chain.root])
     straight = Key(
@@ -124,7 +127,7 @@ def _ends(chain: Chain) -> tuple[Key, Key]:
 
 
 def _key(chain: Chain, key: Key) -> str:
-    if len(chain) > LONGEST_TREE:
+    if len(chain) > MAX_TREE_MODULES:
         qpos = coordinates(chain, key.angles_rad, key.position, key.wxyz)
     else:
         qpos = np.concatenate([key.position, key.wxyz, tree_order(chain, key.angles_rad)])

@@ -19,14 +19,15 @@ from planner.chain.rotations import wxyz_from_matrix
 from planner.simulation.model import hinge_names
 
 Array = NDArray[np.float64]
-PIECE = 64
-"""Modules of a tree."""
+MODULES_PER_TREE = 64
+"""Modules in each kinematic tree of a split chain. Larger values need fewer welds and nest bodies
+more deeply. Chosen."""
 
 
 def starts_of(chain: Chain) -> list[int]:
     """First modules of the trees."""
     count = len(chain)
-    starts = list(range(0, count, PIECE))
+    starts = list(range(0, count, MODULES_PER_TREE))
     # A tree needs a hinge, and the rigid link at the start has none.
     if count - starts[-1] < chain.module.rigid_links + 2 and len(starts) > 1:
         starts.pop()
@@ -34,7 +35,7 @@ def starts_of(chain: Chain) -> list[int]:
 
 
 def pieces(chain: Chain, *, module_size: float) -> str:
-    """The model without its keys and without the end of its root element."""
+    """Return the model without its keys and without the end of its root element."""
     return "\n".join(_lines(chain, module_size)) + "\n"
 
 

@@ -10,25 +10,25 @@ from planner.plan.plan import Plan
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-MILLIMETRES: Final = 1000.0
-"""In a metre."""
-HEADER: Final = b"foldback: the outer solid of one module, in millimetres".ljust(80)
+MM_PER_M: Final = 1000.0
+"""Millimetres in a metre; 3D printers read STL in millimetres."""
+STL_HEADER: Final = b"foldback: the outer solid of one module, in millimetres".ljust(80)
 
 
 def write(plan: Plan) -> bytes:
-    """The module's hull at the size that the plan was verified for, as binary STL.
+    """Return the module's hull at the size that the plan was verified for, as binary STL.
 
     It is centred as the module's frame is. It has no joints: how a hinge is made is up to who
     builds it.
     """
     from trimesh.exchange.stl import export_stl
 
-    edge = plan.certificate.module_size * plan.chain.pitch_m * MILLIMETRES
-    return HEADER + export_stl(hull_of(plan.chain.module, edge))[len(HEADER) :]
+    edge = plan.certificate.module_size * plan.chain.pitch_m * MM_PER_M
+    return STL_HEADER + export_stl(hull_of(plan.chain.module, edge))[len(STL_HEADER) :]
 
 
 def hull_of(module: Module, size: float) -> Trimesh:
-    """The outside of a module, its triangles counter-clockwise seen from outside.
+    """Return the outside of a module, its triangles counter-clockwise seen from outside.
 
     Args:
         module: The kind of module.

@@ -8,14 +8,14 @@ from __future__ import annotations
 import numpy as np
 
 from planner.exports.export import require_frames, rising
-from planner.motion.frames import PHASES
+from planner.motion.motion import PHASES
 from planner.plan.plan import Plan
 
-ROOT = ("root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_qy", "root_qz")
+ROOT_COLUMNS = ("root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_qy", "root_qz")
 
 
 def write(plan: Plan) -> bytes:
-    """The frames as CSV text with one header line; the columns' names end in their units.
+    """Return the frames as CSV text with one header line; the columns' names end in their units.
 
     Columns: ``time_s``, ``phase``, the root module's centre in metres and its unit quaternion,
     every hinge angle as ``<joint>_rad``, ``max_error_rad`` (empty where there was no simulation).
@@ -26,7 +26,7 @@ def write(plan: Plan) -> bytes:
     """
     require_frames(plan)
     joints = [f"{name}_rad" for name in plan.chain.joint_names]
-    lines = [",".join(["time_s", "phase", *ROOT, *joints, "max_error_rad"])]
+    lines = [",".join(["time_s", "phase", *ROOT_COLUMNS, *joints, "max_error_rad"])]
     chosen = rising(plan.time_s)
     frames = plan.whole()[chosen]
     numbers = np.column_stack(

@@ -21,16 +21,24 @@ from planner.robot.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Form = Literal["csv", "json"]
-FORMAT: Final = "foldback-trajectory/1"
-DIGITS: Final = 9
-LINES: Final = 256
-LARGEST_RATE_HZ: Final = 1e5
+TRAJECTORY_FORMAT: Final = "foldback-trajectory/1"
+TRAJECTORY_DECIMALS: Final = 9
+"""Decimal places of times (s), angles (rad) and speeds (rad/s) in an exported trajectory. More make
+the file larger; fewer round the motion. Chosen."""
+ROWS_PER_PART: Final = 256
+"""Rows of a trajectory that are formatted at once. Larger values take more memory; the output is
+the same. Chosen."""
+MAX_RATE_HZ: Final = 1e5
+"""Maximum sampling rate of an exported trajectory, in Hz; higher ones are refused. Chosen."""
 MAX_ROWS: Final = 5_000_000
-"""Maximum number of rows at a rate; more would not fit into memory. Chosen: 80 minutes at 1 kHz."""
-TOUCHING: Final = 1e-6
-"""Depth in pitches up to which modules touch rather than overlap: rounding, not motion. Chosen."""
-DOUBLINGS: Final = 10
-"""Maximum number of times that a rate is doubled in search of one that is high enough. Chosen."""
+"""Maximum number of rows of a trajectory at a given rate; more are refused, as they would not fit
+into memory. Chosen: 80 minutes at 1 kHz."""
+MAX_TOUCH_DEPTH_PITCH: Final = 1e-6
+"""Largest overlap of modules, in pitches, that counts as touching, because it is rounding rather
+than motion. Larger values would accept real overlaps. Chosen."""
+MAX_RATE_DOUBLINGS: Final = 10
+"""Maximum number of times that a sampling rate is doubled in search of one whose rows are proved
+free of collisions. Larger values search longer. Chosen."""
 
 
 def times(trajectory: Trajectory, rate_hz: float | None) -> Array:
@@ -43,10 +51,10 @@ def times(trajectory: Trajectory, rate_hz: float | None) -> Array:
     """
     if rate_hz is None:
         return np.unique(_short(trajectory.time_s))
-    if not 0.0 < rate_hz <= LARGEST_RATE_HZ:
+    if not 0.0 < rate_hz <= MAX_RATE_HZ:
         raise InputError(
             "bad-rate",
-            f"got a rate of {rate_hz:g} Hz, expected more than 0, at most {LARGEST_RATE_HZ:g}.",
+            f"got a rate of {rate_hz:g} Hz, expected more than 0, at most {MAX_RATE_HZ:g}.",
             where="rate",
         )
     rows = trajectory.duration_s * rate_hz
@@ -95,10 +103,10 @@ def clearance(
     its bound is 0 at most.
 
     Args:
-        trajectory: Of this chain.
+        trajectory: Trajectory of this chain.
         chain: The chain.
         size: Module size as a fraction of the pitch.
-        rate_hz: As for ``export``.
+        rate_hz: Same as for ``export``.
         cancelled: Polled now and then; a long chain's sweep takes a while.
 
     Raises:
@@ -119,11 +127,11 @@ def sufficient_rate(
 ) -> float | None:
     """Return a rate above ``rate_hz``, by doubling it, at which rows are proved clear.
 
-    None where there is none within ``DOUBLINGS``, or the search was cancelled.
+    None where there is none within ``MAX_RATE_DOUBLINGS``, or the search was cancelled.
     """
-    for _ in range(DOUBLINGS):
+    for _ in range(MAX_RATE_DOUBLINGS):
         rate_hz *= 2.0
-        if cancelled() or rate_hz > LARGEST_RATE_HZ:
+        if cancelled() or rate_hz > MAX_RATE_HZ:
             return None
         found = clearance(trajectory, chain, size=size, rate_hz=rate_hz, cancelled=cancelled)
         if found.bound > 0.0:
@@ -140,13 +148,13 @@ def export(
     clear: tuple[float, float] | None = None,
     rate_hz: float | None = None,
 ) -> Iterator[bytes]:
-    """A trajectory in parts.
+    """Return a trajectory in parts.
 
     Args:
-        trajectory: What to write.
+        trajectory: Trajectory to write.
         form: ``csv``: a line of names, then time, angles and speeds of each moment; ``json``.
-        name: Of the chain.
-        plan_verified: Whether the plan is, whose corners the trajectory cuts.
+        name: Name of the chain.
+        plan_verified: True if the plan is verified, whose corners the trajectory cuts.
         clear: ``clearance`` and ``bound`` of its rows in pitches; None if they were not computed.
         rate_hz: Moments in a second; None for those of the plan's frames.
 
@@ -171,8 +179,8 @@ def _csv(trajectory: Trajectory, moments: Array) -> Iterator[bytes]:
     names = trajectory.joint_names
     heading = ["time_s", *(f"{n}_rad" for n in names), *(f"{n}_rad_s" for n in names)]
     yield (",".join(heading) + "\n").encode()
-    for start in range(0, len(moments), LINES):
-        part = moments[start : start + LINES]
+    for start in range(0, len(moments), ROWS_PER_PART):
+        part = moments[start : start + ROWS_PER_PART]
         angles, speeds, _ = trajectory.at(part)
         rows = _short(np.column_stack([part, angles, speeds])).tolist()
         yield ("\n".join(",".join(map(repr, row)) for row in rows) + "\n").encode()
@@ -180,7 +188,7 @@ def _csv(trajectory: Trajectory, moments: Array) -> Iterator[bytes]:
 
 def _json(trajectory: Trajectory, moments: Array, what: dict[str, Any]) -> Iterator[bytes]:
     head = {
-        "format": FORMAT,
+        "format": TRAJECTORY_FORMAT,
         **what,
         "max_speed_rad_s": trajectory.max_speed_rad_s,
         "max_acceleration_rad_s2": trajectory.max_acceleration_rad_s2,
@@ -191,8 +199,8 @@ def _json(trajectory: Trajectory, moments: Array, what: dict[str, Any]) -> Itera
     yield _text(head)[:-1]
     for place, key in enumerate(("joint_angles_rad", "joint_speeds_rad_s")):
         yield f',"{key}":['.encode()
-        for start in range(0, len(moments), LINES):
-            rows = trajectory.at(moments[start : start + LINES])[place]
+        for start in range(0, len(moments), ROWS_PER_PART):
+            rows = trajectory.at(moments[start : start + ROWS_PER_PART])[place]
             yield (b"," if start else b"") + _text(_short(rows).tolist())[1:-1]
         yield b"]"
     yield b"}"
@@ -203,4 +211,4 @@ def _text(value: Any) -> bytes:
 
 
 def _short(values: Array) -> Array:
-    return np.round(values, DIGITS) + 0.0
+    return np.round(values, TRAJECTORY_DECIMALS) + 0.0

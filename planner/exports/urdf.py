@@ -23,18 +23,22 @@ from planner.plan.plan import Plan
 from planner.simulation.model import hinge_names
 
 Array = NDArray[np.float64]
-MESH: Final = "module.obj"
-"""Mesh of a tetrahedron, in metres. Drake reads no STL for collision; all others read OBJ, too."""
+MESH_FILE: Final = "module.obj"
+"""File name of a tetrahedron's mesh, in metres. OBJ, as Drake reads no STL for collisions; all
+other simulators read OBJ, too."""
 DRAKE_NAMESPACE: Final = "https://drake.mit.edu"
-HINGE_SHARE: Final = 0.01
-"""Of a module's mass: what the link between two hinges carries, so that no link is without."""
+HINGE_LINK_MASS_FRACTION: Final = 0.01
+"""Mass of the link between two hinges of one joint, as a fraction of a module's mass. Simulators
+reject links without mass; a larger value moves more mass from the modules to their joints.
+Chosen."""
 
-UPRIGHT: Final = np.zeros(3)
+NO_ROTATION_RPY: Final = np.zeros(3)
+"""Roll, pitch and yaw, in rad, of a frame that is parallel to its parent's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Side:
-    """How a module hangs off the one before it on the way from the root.
+    """Joint between a module and the previous one on the way from the root.
 
     Attributes:
         rpy: (3,) its orientation in its parent's frame, straight: turns about the fixed axes x, y
@@ -49,7 +53,7 @@ class Side:
 
 
 def outward(module: Module) -> Side:
-    """How module i + 1 hangs off module i."""
+    """Return the joint by which module i + 1 hangs from module i."""
     return Side(
         rpy=_rpy(module.turn),
         anchor=module.anchor,
@@ -58,7 +62,7 @@ def outward(module: Module) -> Side:
 
 
 def inward(module: Module) -> Side:
-    """How module i hangs off module i + 1: the same joint from its other end."""
+    """Return the joint by which module i hangs from module i + 1, the same seen from there."""
     return Side(
         rpy=_rpy(module.turn.T),
         anchor=-module.offset,
@@ -67,7 +71,7 @@ def inward(module: Module) -> Side:
 
 
 def centre_of(chain: Chain, index: int) -> Array:
-    """(3,) where the link ``module_<index>`` has its module's centre, in metres."""
+    """Return (3,) the module's centre in the frame of link ``module_<index>``, in metres."""
     if index == chain.root:
         return np.zeros(3)
     module = chain.module
@@ -104,8 +108,10 @@ def write(plan: Plan) -> bytes:
     for i in (*range(chain.root + 1, len(chain)), *range(chain.root - 1, -1, -1)):
         parent = i - 1 if i > chain.root else i + 1
         hinges = len(hinge_names(chain, min(i, parent)))
-        _add_module(robot, chain, i, mass * (1.0 - HINGE_SHARE * max(0, hinges - 1)), size)
-        joints |= _linked(robot, chain, parent, i, mass * HINGE_SHARE, limit)
+        _add_module(
+            robot, chain, i, mass * (1.0 - HINGE_LINK_MASS_FRACTION * max(0, hinges - 1)), size
+        )
+        joints |= _linked(robot, chain, parent, i, mass * HINGE_LINK_MASS_FRACTION, limit)
     order = {name: k for k, name in enumerate(chain.joint_names)}
     robot.extend(joints[name] for name in sorted(joints, key=lambda name: order.get(name, -1)))
     _add_filter_groups(robot, chain)
@@ -140,7 +146,7 @@ def _linked(
         return {name: _joint(name, "fixed", links[0], links[1], anchor, side.rpy)}
     joints: dict[str, ElementTree.Element] = {}
     for k, name in enumerate(names):
-        origin, rpy = (anchor, side.rpy) if k == 0 else (np.zeros(3), UPRIGHT)
+        origin, rpy = (anchor, side.rpy) if k == 0 else (np.zeros(3), NO_ROTATION_RPY)
         joint = _joint(name, "revolute", links[k], links[k + 1], origin, rpy)
         ElementTree.SubElement(joint, "axis", xyz=_numbers(side.axes[k]))
         ElementTree.SubElement(joint, "limit", limit)
@@ -172,7 +178,7 @@ def _add_module(
             edges = np.ptp(chain.module.vertices, axis=0) * (size * chain.pitch_m)
             ElementTree.SubElement(geometry, "box", size=_numbers(edges))
         else:
-            ElementTree.SubElement(geometry, "mesh", filename=MESH)
+            ElementTree.SubElement(geometry, "mesh", filename=MESH_FILE)
 
 
 def _add_inertial(link: ElementTree.Element, chain: Chain, centre: Array, mass: float) -> None:
@@ -194,7 +200,7 @@ def _joint(
     return joint
 
 
-def _add_origin(element: ElementTree.Element, xyz: Array, rpy: Array = UPRIGHT) -> None:
+def _add_origin(element: ElementTree.Element, xyz: Array, rpy: Array = NO_ROTATION_RPY) -> None:
     ElementTree.SubElement(element, "origin", xyz=_numbers(xyz), rpy=_numbers(rpy))
 
 

@@ -1,4 +1,4 @@
-"""How much of its clearance a pair of modules can lose around one moment, compiled.
+"""Bounds on the loss of clearance of a pair of modules around one moment, compiled.
 
 Lemmas 5 and 6 of docs/decisions/0012-sweep-bound.md. A plane with unit normal n stays as it is seen
 from module a. A point r of module b, at x(s) + Q(s) r as seen from a, nears that plane by no more
@@ -33,6 +33,7 @@ REL_VELOCITY, REL_ACCELERATION, REL_ANGULAR_VELOCITY, REMAINDER = 0, 3, 6, 9
 angular velocity of b as seen from a at s = 0; then the bound of how near any point of b gets
 besides these (lemma 6)."""
 RELATIVE_COLUMNS = 10
+"""Number of columns of a relative motion: these three vectors and the bound."""
 
 
 @njit(**INNER, inline="always")  # called, it slows the sweep

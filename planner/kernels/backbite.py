@@ -35,7 +35,7 @@ def _turn(path: Ints, place: Ints, low: int, high: int) -> None:
 
 @njit(**INNER)
 def _free(cell: int, near: Ints, place: Ints) -> int:
-    """How many neighbours of a cell are not on the path."""
+    """Return the number of a cell's neighbours that are not on the path."""
     count = 0
     for k in range(6):
         other = near[cell, k]
@@ -121,7 +121,7 @@ def grow(near: Ints, ends: Flags, start: int, moves: int, seed: int) -> tuple[in
 
 @njit(**INNER)
 def _stuck(path: Ints, length: int, near: Ints, place: Ints) -> bool:
-    """Whether neither end of a path has a neighbour besides its own next cell."""
+    """Return True if neither end of a path has a neighbour besides its own next cell."""
     for tail, inner in ((path[0], path[min(1, length - 1)]), (path[length - 1], path[length - 2])):
         for k in range(6):
             other = near[tail, k]

@@ -13,9 +13,12 @@ from planner.kernels import INNER, KERNEL
 
 Array = NDArray[Any]
 
-# Samples stand a little off the middles, so that no edge of a box goes through one.
-ASIDE_U = 1.3e-6
-ASIDE_V = 2.9e-6
+SAMPLE_SHIFT_U = 1.3e-6
+"""Shift of a sample from the middle of its cell along u, in cells, so that no edge of a box-shaped
+mesh passes through it. A larger one samples less exactly. Chosen."""
+SAMPLE_SHIFT_V = 2.9e-6
+"""Shift of a sample from the middle of its cell along v, in cells; unlike ``SAMPLE_SHIFT_U``, so
+that no diagonal of a box-shaped mesh passes through it either. Chosen."""
 
 
 @njit(**INNER)
@@ -46,9 +49,9 @@ def mark_crossings(us: Array, vs: Array, ws: Array, faces: Array, marks: Array) 
         low_v = int(np.floor(min(vs[a], vs[b], vs[c]) - 0.5))
         high_v = int(np.ceil(max(vs[a], vs[b], vs[c]) - 0.5))
         for i in range(max(low_u, 0), min(high_u + 1, count_u)):
-            u = i + 0.5 + ASIDE_U
+            u = i + 0.5 + SAMPLE_SHIFT_U
             for j in range(max(low_v, 0), min(high_v + 1, count_v)):
-                v = j + 0.5 + ASIDE_V
+                v = j + 0.5 + SAMPLE_SHIFT_V
                 ab = _side(u, v, a, b, us, vs)
                 bc = _side(u, v, b, c, us, vs)
                 if (ab > 0.0) != (bc > 0.0):

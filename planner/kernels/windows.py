@@ -37,7 +37,7 @@ def window_steps(
     """The largest hinge step between every frame and the next, and how many hinges take part.
 
     Args:
-        first, offsets, angles: See ``planner.motion.windows.Windows``.
+        first, offsets, angles: See ``planner.motion.motion.Motion``.
         folded: (J,) the folded angles.
         fraction: A hinge takes part when its step is more than this share of the largest.
         largest: (F − 1,) written, in radians.

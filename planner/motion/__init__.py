@@ -1,1 +1,1 @@
-"""Motion: joint angles over time, as frames, windows and a timeline on disk."""
+"""Motion: joint angles over time, dense or windowed, and a timeline on disk."""

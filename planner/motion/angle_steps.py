@@ -167,36 +167,48 @@ def unpacked_frames(arrays: Mapping[str, Any], name: str) -> Array:
     return frame_angles(arrays[f"{name}_planes"], json.loads(str(arrays[f"{name}_told"])))
 
 
-def plan_angles(path: FilePath) -> Array:
-    """Read the (F, J) angles of the frames in a plan's ``.npz`` file.
+def plan_columns(path: FilePath, folded_rad: Array) -> dict[str, Any]:
+    """Read the angles of a plan's ``.npz`` file: arguments of ``Motion.from_angles``.
+
+    Returns:
+        ``angles_rad``, and of windows ``first`` and ``offsets``.
 
     Raises:
-        KeyError: The plan is one of windows.
-        OSError, ValueError, BadZipFile: The file cannot be read, or has its angles twice.
+        KeyError, OSError, ValueError, BadZipFile: The file cannot be read, or does not have its
+            angles once.
     """
+    names = ("first", "offsets", "angles_rad", "joint_angles_rad", PLANES_NAME)
     with np.load(path, allow_pickle=False) as file:
-        if "joint_angles_rad" in file and PLANES_NAME in file:
-            raise ValueError(f"got both joint_angles_rad and {PLANES_NAME}, expected one of them")
-        if "joint_angles_rad" in file or "first" in file:
-            return file["joint_angles_rad"]
-        return frame_angles(file[PLANES_NAME], json.loads(str(file["plan"]))["angles"])
+        columns = {name: file[name] for name in names if name in file}
+        told = json.loads(str(file["plan"]))["angles"] if PLANES_NAME in file else {}
+    found = with_plain_angles(columns, told, folded_rad, windowed="first" in columns)
+    return {name.removeprefix("joint_"): values for name, values in found.items()}
 
 
-def plan_window_angles(path: FilePath, folded_rad: Array) -> tuple[Ints, Ints, NDArray[np.float32]]:
-    """Read the first hinges, offsets and angles of the windows in a plan's ``.npz`` file.
+def with_plain_angles(
+    columns: Mapping[str, Any], told: Mapping[str, Any], folded_rad: Array, *, windowed: bool
+) -> dict[str, Any]:
+    """Return columns of a plan, with angles that are stored in planes as plain numbers.
+
+    Args:
+        columns: Columns by name.
+        told: Values of ``told_of`` for the planes.
+        folded_rad: (J,) folded angles of the chain.
+        windowed: True if the plan's motion is windowed.
 
     Raises:
-        KeyError: The plan is one of frames.
-        OSError, ValueError, BadZipFile: The file cannot be read, or has its angles twice.
+        ValueError: The angles are there twice, or not at all.
     """
-    with np.load(path, allow_pickle=False) as file:
-        if "angles_rad" in file and PLANES_NAME in file:
-            raise ValueError(f"got both angles_rad and {PLANES_NAME}, expected one of them")
-        first, offsets = file["first"], file["offsets"]
-        if "angles_rad" in file:
-            return first, offsets, file["angles_rad"]
-        told = json.loads(str(file["plan"]))["angles"]
-        return first, offsets, window_angles(file[PLANES_NAME], told, first, offsets, folded_rad)
+    name, found = "angles_rad" if windowed else "joint_angles_rad", dict(columns)
+    if (count := (name in found) + (PLANES_NAME in found)) != 1:
+        raise ValueError(f"got its angles {count} times, expected {name} or {PLANES_NAME} alone")
+    if name in found:
+        return found
+    planes = found.pop(PLANES_NAME)
+    if not windowed:
+        return found | {name: frame_angles(planes, told)}
+    first, offsets = (np.asarray(found[each], np.int64) for each in ("first", "offsets"))
+    return found | {name: window_angles(planes, told, first, offsets, folded_rad)}
 
 
 def unpacked_bytes(path: FilePath) -> int:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from planner.files import temporary_path
 from planner.motion.angle_steps import packed_frames, unpacked_frames
-from planner.motion.motion import Motion, motion_arrays, motion_from_arrays
+from planner.motion.motion import Motion
 from planner.motion.stuck_figures import SpentKind
 
 Array = NDArray[np.float64]
@@ -156,7 +156,7 @@ class Record:
                 "retries": np.array(self.retries),
                 **({} if self.table is None else self.table.arrays()),
                 **({} if self.spent is None else self.spent.arrays()),
-                **motion_arrays(self.frames),
+                **self.frames.columns(),
                 **(
                     {}
                     if self.snapshots_rad is None
@@ -174,7 +174,7 @@ class Record:
             return cls(
                 status=cast("RecordStatus", str(arrays["status"])),
                 reason=str(arrays["reason"]),
-                frames=motion_from_arrays(arrays),
+                frames=Motion.from_columns(arrays),
                 steps=int(arrays["steps"]),
                 seconds=float(arrays["seconds"]),
                 strategy=str(arrays.get("strategy", "simultaneous")),

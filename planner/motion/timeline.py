@@ -4,8 +4,8 @@ It is the only thing that passes from the computing side to the showing side. On
 group. Frames become visible to readers when the group's ``frames`` attribute has grown, which is
 written last; a reader never sees half a frame.
 
-There are two layouts, told apart by their format: one holds all angles of each frame, the other
-only those of its window (``planner.motion.windows``). Either is read as the one or the other.
+The format names the layout: that of a dense or of a windowed ``Motion``. Either is read as the one
+or the other.
 """
 
 from __future__ import annotations
@@ -33,9 +33,7 @@ from planner.checked_zarr import (
 )
 from planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
 from planner.files import zarr_group
-from planner.motion.frames import Frames
-from planner.motion.motion import Motion, joined
-from planner.motion.windows import Windows
+from planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
 
 if TYPE_CHECKING:
     import zarr
@@ -61,29 +59,24 @@ MAX_FLUSH_PERIOD_S: Final = 1.0
 """Maximum time between two flushes, s. Chosen."""
 
 
-def _frame_columns(joints: int) -> dict[str, tuple[tuple[int, ...], str, int]]:
-    """Return shape behind the first axis, type, and chunk rows of the columns of frames."""
-    return {
-        "time_s": ((), "float64", FRAMES_A_CHUNK),
-        "phase": ((), "uint8", FRAMES_A_CHUNK),
-        "joint_angles_rad": ((joints,), "float64", FRAMES_A_CHUNK),
-        "root_position": ((3,), "float64", FRAMES_A_CHUNK),
-        "root_wxyz": ((4,), "float64", FRAMES_A_CHUNK),
-        "joint_error_rad": ((joints,), "float32", FRAMES_A_CHUNK),
-    }
+_WINDOW_ROWS: Final = ("time_s", "phase", "first", "base_position", "base_wxyz")
+_WINDOW_ANGLES: Final = ("angles_rad", "errors_rad")
 
 
-def _window_columns() -> dict[str, tuple[tuple[int, ...], str, int]]:
-    """Return the columns of windows; ``ends`` are the ends of each in ``angles_rad``."""
+def _columns(windowed: bool, hinges: int) -> dict[str, tuple[tuple[int, ...], str, int]]:
+    """Return shape behind the first axis, type, and chunk rows of the columns by name.
+
+    ``ends`` are the ends of the windows in ``angles_rad``. Joint errors are single precision.
+    """
+    table: Columns = {**FRAME_COLUMNS, "joint_error_rad": ((-1,), "float32")}
+    if windowed:
+        names = (*_WINDOW_ROWS[:3], "offsets", *_WINDOW_ROWS[3:], *_WINDOW_ANGLES)
+        table = {"ends" if name == "offsets" else name: WINDOW_COLUMNS[name] for name in names}
+    rows = dict.fromkeys(_WINDOW_ANGLES, ANGLES_PER_CHUNK)
+    most = WINDOWS_PER_CHUNK if windowed else FRAMES_A_CHUNK
     return {
-        "time_s": ((), "float64", WINDOWS_PER_CHUNK),
-        "phase": ((), "uint8", WINDOWS_PER_CHUNK),
-        "first": ((), "int64", WINDOWS_PER_CHUNK),
-        "ends": ((), "int64", WINDOWS_PER_CHUNK),
-        "base_position": ((3,), "float64", WINDOWS_PER_CHUNK),
-        "base_wxyz": ((4,), "float64", WINDOWS_PER_CHUNK),
-        "angles_rad": ((), "float32", ANGLES_PER_CHUNK),
-        "errors_rad": ((), "float32", ANGLES_PER_CHUNK),
+        name: (tuple(hinges if size < 0 else size for size in tail), dtype, rows.get(name, most))
+        for name, (tail, dtype) in table.items()
     }
 
 
@@ -152,13 +145,13 @@ class TimelineWriter:
         Args:
             path: Directory of the timeline.
             chain: Chain whose frames it holds.
-            windowed: True if it takes ``Windows``; else it takes ``Frames``.
+            windowed: True if its motions are windowed; else they are dense.
             timeline_id: Identity of the timeline if it is a copy; a new one if None.
         """
         # First of all: a reader of frames whose files are being deleted sees that by its absence.
         (FilePath(path) / ROOT_FILE).unlink(missing_ok=True)
         group = zarr_group(path, "w")
-        columns = _window_columns() if windowed else _frame_columns(len(chain.folded_rad))
+        columns = _columns(windowed, len(chain.folded_rad))
         arrays = {
             name: create_array(
                 group,
@@ -238,21 +231,16 @@ class TimelineWriter:
             raise TimelineError(
                 f"the timeline is {self._status}; frames can be added only to a growing one."
             )
-        if isinstance(frames, Windows) != self._windowed:
-            expected = "Windows" if self._windowed else "Frames"
-            raise TimelineError(f"got {type(frames).__name__}, expected {expected}.")
-        hinges = self._hinges
-        if isinstance(frames, Frames):
-            joints = frames.joint_angles_rad.shape[-1]
-            if joints != hinges:
-                raise TimelineError(
-                    f"got frames of {joints} joint angles, expected {hinges}, as the timeline's "
-                    "chain has."
-                )
-        elif len(frames) and int(frames.last.max()) > hinges:
+        if frames.is_windowed != self._windowed:
+            names = ("a dense motion", "a windowed one")
             raise TimelineError(
-                f"got windows up to hinge {int(frames.last.max())}, expected {hinges} at most, as "
-                "the timeline's chain has."
+                f"got {names[frames.is_windowed]}, expected {names[self._windowed]}."
+            )
+        hinges = int(frames.last.max(initial=0)) if frames.is_windowed else frames.hinges or 0
+        if hinges > self._hinges or (hinges < self._hinges and not frames.is_windowed):
+            raise TimelineError(
+                f"got frames of {hinges} joint angles, expected {self._hinges}, as the timeline's "
+                "chain has."
             )
         if len(frames):
             self._waiting.append(frames)
@@ -265,18 +253,15 @@ class TimelineWriter:
         self._next_flush = begun + MIN_FLUSH_PERIOD_S
         if not self._waiting:
             return
-        motion = joined(self._waiting)
+        motion = Motion.joined(self._waiting)
         self._waiting = []
         stop = self._frames + len(motion)
-        if isinstance(motion, Windows):
+        values = motion.columns()
+        if motion.is_windowed:
             begins = int(cast("Any", self._arrays["ends"][self._frames - 1])) if self._frames else 0
-            values = {
-                **{name: getattr(motion, name) for name in _WINDOW_ROWS},
-                "ends": begins + motion.offsets[1:],
-            }
             self._write_angles(motion, begins)
-        else:
-            values = {name: getattr(motion, name) for name in _frame_columns(0)}
+            values = {name: values[name] for name in _WINDOW_ROWS}
+            values["ends"] = begins + motion.offsets[1:]
         for name, column in values.items():
             array = self._arrays[name]
             array.resize((stop, *array.shape[1:]))
@@ -287,7 +272,7 @@ class TimelineWriter:
         pause = min((now - begun) / FLUSH_TIME_SHARE, MAX_FLUSH_PERIOD_S)
         self._next_flush = now + max(pause, MIN_FLUSH_PERIOD_S)
 
-    def _write_angles(self, motion: Windows, begins: int) -> None:
+    def _write_angles(self, motion: Motion, begins: int) -> None:
         """Write the angles of windows, and their errors from the first recorded one on.
 
         Args:
@@ -328,10 +313,6 @@ class TimelineWriter:
         self._group.attrs.put(self._attributes)
 
 
-_WINDOW_ANGLES: Final = ("angles_rad", "errors_rad")
-_WINDOW_ROWS: Final = ("time_s", "phase", "first", "base_position", "base_wxyz")
-
-
 class Timeline:
     """Reader of a timeline, also of its tail while it grows."""
 
@@ -368,6 +349,11 @@ class Timeline:
         return self._frames
 
     @property
+    def chunk_frames(self) -> int:
+        """Number of frames in a chunk: ranges of whole chunks are read fastest."""
+        return WINDOWS_PER_CHUNK if self.windowed else FRAMES_A_CHUNK
+
+    @property
     def status(self) -> Status:
         """Status at the last ``refresh``: ``growing``, ``complete`` or ``failed``."""
         return self._status
@@ -397,38 +383,30 @@ class Timeline:
         return self._sealed
 
     def motion(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Motion:
-        """Return frames, see ``frames``, in the layout of the timeline."""
-        return (self.windows if self.windowed else self.frames)(start, stop, stride)
-
-    def frames(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Frames:
         """Read frames ``start`` to ``stop`` (to the end if None), every ``stride``-th one.
 
         Raises:
             TimelineError: The range is not within the timeline.
         """
-        if self.windowed:
-            return self.windows(start, stop, stride).dense(self.chain)
-        end = self._end(start, stop, stride)
-        found: dict[str, Any] = {}
-        with _reading(self.path, self.id):
-            for name in _frame_columns(0):
-                part = _strided(self._arrays[name], start, end, stride)
-                found[name] = part.astype(np.float64) if part.dtype == np.float32 else part
-        return Frames(**found)
-
-    def windows(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Windows:
-        """Read frames, see ``frames``, with only the angles of each frame's window.
-
-        Raises:
-            TimelineError: The range is not within the timeline.
-        """
-        if not self.windowed:
-            return Windows.of(self.chain, self.frames(start, stop, stride))
         end = self._end(start, stop, stride)
         with _reading(self.path, self.id):
-            return self._windows(start, end, stride)
+            read = self._windows if self.windowed else self._dense
+            return Motion.from_columns(read(start, end, stride))
 
-    def _windows(self, start: int, end: int, stride: int) -> Windows:
+    def frames(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Motion:
+        """Read frames as a dense motion, see ``motion``."""
+        return self.motion(start, stop, stride).dense(self.chain)
+
+    def windows(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Motion:
+        """Read frames as a windowed motion, see ``motion``."""
+        return self.motion(start, stop, stride).windowed(self.chain)
+
+    def _dense(self, start: int, end: int, stride: int) -> dict[str, Any]:
+        columns = {name: _strided(self._arrays[name], start, end, stride) for name in FRAME_COLUMNS}
+        columns["joint_error_rad"] = columns["joint_error_rad"].astype(np.float64)
+        return columns
+
+    def _windows(self, start: int, end: int, stride: int) -> dict[str, Any]:
         numbers = np.arange(start, end, stride)
         ends = cast("NDArray[np.int64]", self._arrays["ends"][max(start - 1, 0) : end])
         ends = np.concatenate([[0], ends]) if start == 0 else ends
@@ -439,12 +417,12 @@ class Timeline:
             spans = list(zip(begins.tolist(), stops.tolist(), strict=True))
         angles = cast("Any", self._arrays["angles_rad"])
         errors = np.concatenate([self._errors(first, last) for first, last in spans])
-        return Windows(
-            offsets=np.concatenate([[0], np.cumsum(stops - begins)]),
-            angles_rad=np.concatenate([angles[first:last] for first, last in spans]),
-            errors_rad=None if np.isnan(errors).all() else errors,
+        return {
             **{name: cast("Any", self._arrays[name][start:end])[::stride] for name in _WINDOW_ROWS},
-        )
+            "offsets": np.concatenate([[0], np.cumsum(stops - begins)]),
+            "angles_rad": np.concatenate([angles[first:last] for first, last in spans]),
+            "errors_rad": None if np.isnan(errors).all() else errors,
+        }
 
     def _errors(self, first: int, last: int) -> NDArray[np.float32]:
         """Return errors of a range of angles, NaN before the first recorded one."""
@@ -500,7 +478,7 @@ class Timeline:
         # A group that was opened while it grew knows no checksums of chunk files.
         if frames != self._frames or status != self._status or not self._arrays:
             group = read_group(self.path)
-            columns = _window_columns() if self.windowed else _frame_columns(self._joints)
+            columns = _columns(self.windowed, len(self.chain.folded_rad))
             self._arrays = {
                 n: cast("zarr.Array[Any]", group[n])
                 for n in columns
@@ -520,10 +498,6 @@ class Timeline:
         self._errors_from = attributes.get(ERRORS_FROM)
         self._frames = frames
         self._status = status
-
-    @property
-    def _joints(self) -> int:
-        return len(self.chain.folded_rad)
 
 
 def _strided(array: zarr.Array[Any], start: int, end: int, stride: int) -> NDArray[Any]:

@@ -28,8 +28,8 @@ NUMBER: Final = re.compile(
     r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?|[+-]?\.[0-9]+([eE][+-]?[0-9]+)?"
 )
 MAX_TURN_PER_STEP: Final = 1.0
-"""Maximum fraction of its remaining error by which a motor may turn in one step. Above 1 it turns
-past its target."""
+"""Maximum fraction of its remaining error by which a servo of the published method may turn in one
+time step; settings that exceed it are refused. Above 1 it overshoots its target."""
 PARTS: Final = {
     "explosion": PaperExplosionParameters,
     "playback": PlaybackParameters,

@@ -24,18 +24,20 @@ from planner.shapes.layers import layered_path
 Ints = NDArray[np.int64]
 
 MAX_SEARCHES: Final = 6
-"""Maximum number of searches for one coarse path, along different axes. Chosen."""
+"""Maximum number of searches for one path through coarse blocks, along different axes. Larger
+values find more paths, more slowly. Chosen."""
 PATHS_PER_SIDE: Final = 3
 """Number of random paths for each side of block. Larger values find better ones, more slowly.
 Chosen."""
 VISITS_PER_BLOCK: Final = 10
-"""Maximum number of visits of a search for each block. Chosen."""
+"""Maximum number of block visits of one search, per block. Larger values find harder paths, more
+slowly. Chosen."""
 MAX_EXTRA_VISITS: Final = 6000
-"""Maximum number of visits of a search beyond one per block. Measured: longer searches found no
-more."""
+"""Maximum number of block visits of one search beyond one per block. Measured: longer searches
+found no more paths."""
 LAYER_WEIGHT: Final = 3.0
-"""Weight of a block's height against a random number from 0 to 1. Larger values keep to the lowest
-layers. Chosen."""
+"""Weight of a block's height relative to a random number from 0 to 1 in the choice of the next
+block. Larger values keep a path to the lowest layers. Chosen."""
 
 
 def from_better_end(cells: Ints) -> Ints:

@@ -21,17 +21,18 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 REVERSED_CELLS: Final = 40_000_000
-"""Number of cells that the moves of one attempt may reverse, about 0.25 s. Larger values find
-harder paths, more slowly. Chosen."""
+"""Maximum number of cells that the backbite moves of one attempt may reverse, about 0.25 s of
+processor time. Larger values find harder paths, more slowly. Chosen."""
 MOVES_PER_CELL: Final = 20
-"""Minimum number of moves of an attempt for each cell. Chosen."""
+"""Minimum number of backbite moves of one attempt per cell. Larger values find harder paths, more
+slowly. Chosen."""
 EASING_MOVES: Final = 200_000
 """Number of annealing moves that bring touching cells closer along a path. Chosen."""
 MAX_EASED_CELLS: Final = 600
 """Number of cells up to which a path is annealed; every move visits all of them. Chosen; bounds
 time."""
 FAST_ATTEMPTS: Final = 6
-"""Number of fast attempts before each call of the solver. Chosen."""
+"""Number of fast attempts by backbite moves before each call of the exact solver. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -22,12 +22,13 @@ from planner.shapes.shape import Shape
 BLOCK_CELLS: Final = 8
 """Number of cells of a doubled voxel, 2×2×2."""
 MAX_DOUBLING_RATIO: Final = 1.25
-"""Ratio of resulting to requested modules up to which a repair may double. Chosen."""
+"""Largest ratio of resulting to requested modules at which a repair may double each voxel to 2×2×2
+cells, which always have a path. Chosen."""
 DOUBLED: Final = "Each voxel became 2×2×2 modules."
 ALWAYS_A_PATH: Final = " There is always a path through them."
 START_SHARE: Final = 0.7
-"""Share of the time limit for paths that begin in the requested cell; the rest is for others.
-Chosen."""
+"""Fraction of the time limit for paths that start in the requested cell; the rest is for paths that
+start elsewhere. Chosen."""
 
 
 class Cubes:

@@ -24,13 +24,17 @@ Array = NDArray[np.float64]
 Verdict = Literal["unknot", "knotted", "undecided"]
 
 KNOT_JITTER: Final = 0.01
-"""Amplitude of random shifts into general position, pitches; strands are 0.5 apart. Chosen."""
+"""Amplitude of the random shifts of a polygon's vertices, in pitches, that avoid degenerate
+projections. Strands are 0.5 apart, so a larger one could change the knot. Chosen."""
 CLOSURE_RADIUS_FACTOR: Final = 4.0
-"""Radius at which the ends are joined, over that of the chain. Chosen."""
+"""Radius at which the two ends of an open chain are joined, as a multiple of the chain's.
+Chosen."""
 MIN_STRAND_DISTANCE_PITCH: Final = 0.75
-"""Minimum distance of an outward ray from all other points. Chosen."""
-MAX_TOUCHING_ENDS_PITCH: Final = 1.05
-"""Distance of the ends up to which they are joined directly. Chosen: one pitch and rounding."""
+"""Minimum distance of a ray, by which an end is extended outwards, from all other points, in
+pitches. Larger values find fewer rays. Chosen."""
+MAX_CLOSED_GAP_PITCH: Final = 1.05
+"""Largest distance of a chain's ends, in pitches, at which they are joined directly: one pitch and
+rounding. Chosen."""
 MIN_STICKS: Final = 6
 """Minimum number of edges of a knotted polygon: the stick number of the trefoil."""
 MIN_CROSSINGS: Final = 3
@@ -38,9 +42,9 @@ MIN_CROSSINGS: Final = 3
 MAX_TIGHTENINGS: Final = 40
 """Maximum number of times that a polygon is tightened while it is ``undecided``. Chosen."""
 PROJECTIONS: Final = 24
-"""Number of random directions of view, of which the one with the fewest crossings is taken.
-Chosen."""
-MAX_CROSSINGS: Final = 1200
+"""Number of random projections of a polygon, of which the one with the fewest crossings is taken.
+More find fewer crossings, more slowly. Chosen."""
+MAX_PRESENTED_CROSSINGS: Final = 1200
 """Number of crossings above which a knot is ``undecided``: elimination takes time by their cube.
 Chosen."""
 MAX_EXACT_CROSSINGS: Final = 300
@@ -134,7 +138,7 @@ def _judged(points: Array, rng: np.random.Generator) -> Knot:
     places, signs = _fewest_crossings(points, rng)
     if len(signs) < MIN_CROSSINGS:
         return UNKNOT
-    if len(signs) > MAX_CROSSINGS:
+    if len(signs) > MAX_PRESENTED_CROSSINGS:
         return Knot(verdict="undecided", determinant=None, crossings=len(signs))
     exact = len(signs) <= MAX_EXACT_CROSSINGS
     value = _determinant(places, signs) if exact else None
@@ -161,7 +165,7 @@ def closed_polygons(
         (n + k, 3) each: the points, then k corners far outside by which the ends are joined.
     """
     moved = points + rng.uniform(-KNOT_JITTER, KNOT_JITTER, points.shape)
-    if closed or float(np.linalg.norm(points[-1] - points[0])) < MAX_TOUCHING_ENDS_PITCH:
+    if closed or float(np.linalg.norm(points[-1] - points[0])) < MAX_CLOSED_GAP_PITCH:
         return [moved]
     first, last = _ways_out(points, 0, rng), _ways_out(points, len(points) - 1, rng)
     return [

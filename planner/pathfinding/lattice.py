@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Ints = NDArray[np.int64]
 
 STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
-"""The six steps to a neighbour; step k and step k ^ 1 are opposite."""
+"""Displacements to the six neighbours of a cell; displacements k and k ^ 1 are opposite."""
 
 
 def keys_of(cells: Ints, low: Ints, size: Ints) -> Ints:

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 
 UNIT_CELLS: Final = 32
-"""Number of cells of a unit: the default of ``PeelingParameters.unit``."""
+"""Number of cells that are released together in peeling: the default of
+``PeelingParameters.unit``."""
 DIRECTIONS_26: Final = tuple(way for way in product((-1, 0, 1), repeat=3) if any(way))
 """The 26 directions to the faces, edges and corners of a cube."""
 AXIS_DIRECTIONS: Final = tuple(k for k, way in enumerate(DIRECTIONS_26) if sum(map(abs, way)) == 1)
 """Indices of the six directions along the axes."""
 MIN_FREE_DIRECTIONS: Final = 3
-"""Number of free directions from which a unit counts as easily removed; units with fewer sit in a
-pit, and stuck. Chosen."""
+"""Number of directions, of 26, in which a release group must be free to count as easily removed;
+with fewer it sits in a pit and jams. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

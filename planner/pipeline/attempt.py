@@ -1,4 +1,4 @@
-"""Attempt: one explosion or smoothing that may be made, and what came of it and its playback."""
+"""Attempt: one explosion or smoothing, and the result of it and of its playback."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import Diagnosis, Kind, diagnose
-from planner.motion.frames import PHASES
+from planner.motion.motion import PHASES
 from planner.motion.record import Record, RecordStatus
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.parameters.parameters import Parameters
@@ -18,12 +18,13 @@ from planner.playback.playback import Playback
 
 Reason = Kind | Literal["refused"]
 MAX_EXPLOSIONS: Final = 6
-"""Maximum number of explosions of one fold. Larger values find more plans, fail later. Chosen."""
+"""Maximum number of explosions of one fold. A larger value folds more shapes, and takes longer to
+fail. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One explosion that may be made.
+    """Specification of one explosion.
 
     Attributes:
         candidate: Index of the path.
@@ -50,7 +51,7 @@ class Candidates:
 
     Attributes:
         chains: The likeliest first.
-        two_ended: Whether they may as well begin at their other end.
+        two_ended: True if they may start at their other end as well.
     """
 
     chains: tuple[Chain, ...]
@@ -80,20 +81,20 @@ class Attempt:
     """Outcome of one trial and of its playback.
 
     Attributes:
-        trial: Which explosion it is.
-        status: Of its record; ``begun`` while there is none.
-        reason: Of its record: why it is not straight.
-        steps, frames, seconds: Of its record.
-        diagnosis: Why it did not end straight.
-        finer: How many times as many frames its playback records as usual. More than 1 repeats the
-            playback of the attempt before it, and explodes nothing.
-        verdict: Of its certificate; None until that is there.
-        figures: What it is compared by; None until its certificate is there.
-        between: Whether its frames are clear and only the way from one of the playback to the next
+        trial: Specification of its explosion.
+        status: Status of its record; ``begun`` while there is none.
+        reason: Reason why its record does not end straight.
+        steps, frames, seconds: Figures of its record.
+        diagnosis: Evidence why it did not end straight.
+        finer: Factor on the number of frames of its playback. Above 1 it repeats the playback of
+            the attempt before it, without an explosion.
+        verdict: Verdict of its certificate; None until it exists.
+        figures: Figures for comparison; None until its certificate exists.
+        between: True if its frames are clear and only the way from one of the playback to the next
             is not.
-        chosen: Whether its plan is the fold's.
-        played: Whether it was played back. Not stored: with a verdict it was.
-        unfolding_overlaps: Whether a refold's closest place comes before it is straight. Not
+        chosen: True if its plan is the fold's.
+        played: True if it was played back. Not stored: an attempt with a verdict was.
+        unfolding_overlaps: True if a refold's closest place comes before it is straight. Not
             stored.
     """
 
@@ -139,7 +140,7 @@ class Attempt:
 
         Args:
             certificate: The verdict, and where the plan is narrowest.
-            playback: What it has looked at.
+            playback: Playback that was certified.
         """
         clearance, played = certificate.min_clearance, certificate.min_clearance_playback
         place = certificate.min_clearance_playback_at
@@ -197,7 +198,7 @@ class Attempt:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Attempt:
-        """From ``as_dict``; what an older version did not write is as it was then."""
+        """Return the attempt in ``as_dict``; values that older versions lack get defaults."""
         found = values.get("diagnosis")
         known = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
         known["diagnosis"] = found and Diagnosis.from_dict(found)

@@ -15,13 +15,14 @@ from typing import Final
 
 from numba.core.event import Event, Listener, install_listener
 
-from planner.pipeline.compiling_lock import POLL_S, CompilingLock, fraction_of
+from planner.pipeline.compiling_lock import LOCK_POLL_S, CompilingLock, fraction_of
 from planner.progress import COMPILING, Progress, Report, silent
 
-KERNELS: Final = "planner.kernels."
-YOUNG_OBJECTS: Final = 100_000
-"""New objects after which Python looks for unused cycles while kernels are compiled. With its own
-700, looking takes an eighth of the compilation; a larger value takes more memory. Measured."""
+KERNEL_PACKAGE_PREFIX: Final = "planner.kernels."
+GC_THRESHOLD_OBJECTS: Final = 100_000
+"""Newly allocated objects after which Python's garbage collector runs while kernels are compiled
+(threshold 0 of ``gc.set_threshold``). With Python's default of 700 collection takes an eighth of
+the compilation; a larger value takes more memory. Measured."""
 
 
 class Compiling(Listener):
@@ -59,7 +60,7 @@ class Compiling(Listener):
         if self.told:
             return
         self.told = True
-        gc.set_threshold(YOUNG_OBJECTS, *self._collected_after[1:])
+        gc.set_threshold(GC_THRESHOLD_OBJECTS, *self._collected_after[1:])
         self._report(0.0)
         if self._lock is not None and not self._joined:
             self._lock.acquire(self._report)
@@ -68,7 +69,7 @@ class Compiling(Listener):
         """The compiler has ended with a kernel."""
         assert event.data is not None
         function = event.data["dispatcher"].py_func
-        if not function.__module__.startswith(KERNELS):
+        if not function.__module__.startswith(KERNEL_PACKAGE_PREFIX):
             return  # one of the compiler's own
         compiled_bytes = len(function.__code__.co_code)
         self._compiled_bytes += compiled_bytes
@@ -90,7 +91,7 @@ def beside(part: str, directory: Path | None) -> subprocess.Popen[bytes]:
 
     Args:
         part: ``motions``, or ``all``, for which it steps back.
-        directory: Where the locks are; beside the compiled kernels when None.
+        directory: Directory of the locks; beside the compiled kernels if None.
     """
     place = [] if directory is None else [str(directory)]
     process = subprocess.Popen(
@@ -110,7 +111,7 @@ def motions_beside(directory: Path, compiling: Compiling) -> Generator[None]:
     yield
     while process.poll() is None:
         compiling.report()
-        time.sleep(POLL_S)
+        time.sleep(LOCK_POLL_S)
 
 
 def end_with_parent() -> None:

@@ -16,24 +16,29 @@ from typing import Final
 if sys.platform != "win32":
     from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
 
-FIRST: Final = "compiling-first.lock"
-"""File name of the lock for the kernels that a first fold needs."""
-REST: Final = "compiling-rest.lock"
-"""File name of the lock for all other kernels."""
-FIRST_BYTES: Final = 83_000
-"""Python bytecode of the kernels that a first fold needs, in bytes; a test measures it. A kernel
-takes about a second of compilation for each 1000."""
-MAX_FRACTION: Final = 0.99
-"""Largest fraction that is shown before the compilation has ended."""
-MAX_WAIT_S: Final = 300.0
-"""Time after which a process compiles although another one holds the lock. Chosen: compiling takes
-less on the slowest machine tried; a larger value lets a process that hangs block others longer."""
-POLL_S: Final = 0.2
+FIRST_LOCK: Final = "compiling-first.lock"
+"""File name of the lock for compiling the kernels that a first fold needs."""
+REST_LOCK: Final = "compiling-rest.lock"
+"""File name of the lock for compiling all other kernels."""
+FIRST_KERNELS_BYTES: Final = 83_000
+"""Size of the Python bytecode of the kernels that a first fold needs, in bytes; progress of the
+compilation is a fraction of it. A kernel takes about a second for each 1000 bytes. Measured; a test
+compares it."""
+MAX_COMPILED_FRACTION: Final = 0.99
+"""Largest fraction of progress (0 to 1) that is reported before the compilation has ended.
+Chosen."""
+MAX_LOCK_WAIT_S: Final = 300.0
+"""Time, in s, after which a process compiles although another one holds the lock. A smaller value
+makes two processes compile the same kernels; with a larger one a process that hangs blocks others
+longer. Chosen: compilation takes less on the slowest machine tried."""
+LOCK_POLL_S: Final = 0.2
+"""Time between two attempts to acquire the lock, in s. A larger value starts later after another
+process has compiled. Chosen."""
 
 
 def fraction_of(compiled_bytes: int) -> float:
     """Return the fraction of the first compilation after so many bytes of bytecode."""
-    return min(compiled_bytes / FIRST_BYTES, MAX_FRACTION)
+    return min(compiled_bytes / FIRST_KERNELS_BYTES, MAX_COMPILED_FRACTION)
 
 
 class CompilingLock:
@@ -51,7 +56,7 @@ class CompilingLock:
         self._file: int | None = None
 
     def acquire(self, waiting: Callable[[float], None]) -> None:
-        """Wait for the lock for up to ``MAX_WAIT_S``, then empty the file.
+        """Wait for the lock for up to ``MAX_LOCK_WAIT_S``, then empty the file.
 
         Args:
             waiting: Called now and then with the fraction of whoever holds the lock.
@@ -59,14 +64,14 @@ class CompilingLock:
         self._file = _open(self._path, create=True)
         if self._file is None or sys.platform == "win32":
             return
-        deadline = time.monotonic() + MAX_WAIT_S
+        deadline = time.monotonic() + MAX_LOCK_WAIT_S
         while time.monotonic() < deadline:
             with suppress(OSError):
                 flock(self._file, LOCK_EX | LOCK_NB)
                 os.ftruncate(self._file, 0)
                 return
             waiting(fraction_of(os.fstat(self._file).st_size))
-            time.sleep(POLL_S)
+            time.sleep(LOCK_POLL_S)
 
     def add(self, compiled_bytes: int) -> None:
         """Note that so much bytecode was compiled, here or in a process beside."""
@@ -77,7 +82,7 @@ class CompilingLock:
                 os.write(self._file, b"." * compiled_bytes)
 
     def fraction(self) -> float:
-        """Return how far the compilation is, 0 to ``MAX_FRACTION``."""
+        """Return how far the compilation is, 0 to ``MAX_COMPILED_FRACTION``."""
         return 0.0 if self._file is None else fraction_of(os.fstat(self._file).st_size)
 
     def release(self) -> None:
@@ -89,7 +94,7 @@ class CompilingLock:
 
 def compiling_fraction(directory: Path) -> float | None:
     """Return how far the first compilation under a directory is; None when none goes on."""
-    file = _open(directory / FIRST, create=False)
+    file = _open(directory / FIRST_LOCK, create=False)
     if file is None or sys.platform == "win32":
         return None
     try:

@@ -21,39 +21,48 @@ from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
 
 MAX_EXPECTED_S: Final = 3600.0
-"""Largest expected cost in seconds: limits of a stage end a fold about then. Chosen."""
+"""Largest expected cost of a fold, in s of processor time; larger estimates count as this, because
+the time limit of a stage ends a fold about then. Chosen."""
 PUBLISHED_STEPS: Final = 80_000.0
-"""Steps of the published explosion of ``PUBLISHED_MODULES``: 81 250 of a mallet of 64 and 97 725 of
-a wrench of 160 (docs/reproduction.md)."""
+"""Expected steps of the published explosion of ``PUBLISHED_MODULES`` modules. Measured: 81 250 for
+a mallet of 64 and 97 725 for a wrench of 160 (docs/reproduction.md)."""
 PUBLISHED_MODULES: Final = 64
+"""Number of modules that ``PUBLISHED_STEPS`` refers to."""
 PUBLISHED_POWER: Final = 0.27
-"""Power of the number of modules with which these steps grow."""
-SHORT_RANGE: Final = 0.125
-"""Part of the repulsion and of the hinges' springs that counts beside the radial force: they act
-near contacts and near straight only. A larger value expects fewer steps where that force is slight.
-Fitted."""
+"""Exponent with which these steps grow with the number of modules. Fitted."""
+SHORT_RANGE_WEIGHT: Final = 0.125
+"""Weight of the published repulsion and hinge springs relative to the radial force, from 0 to 1, in
+the estimate of steps: they act only near contacts and near straight. A larger value expects fewer
+steps if the radial force is small. Fitted."""
 LOOSE_STEP_S: Final = 3e-6
-"""Processor time of a step of the published explosion for each module, on average over a fold."""
+"""Processor time of one step of the published explosion per module, in s, averaged over a fold.
+Measured."""
 PACKED_STEP_S: Final = 9e-6
-"""The same of a chain that stays packed because the settings do not drive it apart."""
+"""Processor time of such a step per module, in s, if the chain stays packed because the settings do
+not drive it apart. Measured."""
 SERVO_STEP_S: Final = 6e-6
-"""Processor time of a step of a simulated playback for each module, with few contacts."""
+"""Processor time of one step of a simulated playback per module, in s, with few contacts.
+Measured."""
 CONTACT_STEP_S: Final = 30e-6
-"""The same of a chain that goes straight to its shape: 14 to 45 µs were seen with its contacts."""
-DIRECT_SETTLING: Final = 500
-"""Steps that servoing straight to the shape takes at its end."""
-ROBOT_S: Final = (3.5e-3, 9e-6)
-"""Processor time of one robot's playback and certificate for each module, and for each square of
-modules: 0.7 s of 160 modules and 12 s of 1000 were seen."""
-USUAL: Final = Parameters()
-TINY: Final = 1e-12
-"""Smallest growth of a step that is reckoned with: without forces there is none."""
-SURE: Final = 0.25
-"""Part of an estimate that a fold takes at least. A larger value refuses folds that might have
-ended; with a smaller one folds begin that cannot. Chosen: measured costs are within a factor of
-two of the estimates."""
-REFOLDED: Final = 2.0
-"""Factor of the cost of a fold that begins folded: it unfolds first."""
+"""Processor time of such a step per module, in s, if the chain goes straight to its shape with many
+contacts. Measured: 14 to 45 µs."""
+DIRECT_SETTLING_STEPS: Final = 500
+"""Steps by which the preset ``direct`` takes longer than its ramp, until the chain rests.
+Chosen."""
+ROBOT_COST_S: Final = (3.5e-3, 9e-6)
+"""Processor time of one robot's playback and certificate, in s: per module, and per square of the
+number of modules. Measured: 0.7 s for 160 modules, 12 s for 1000."""
+DEFAULT_PARAMETERS: Final = Parameters()
+"""Default parameters, which measured durations refer to."""
+MIN_GROWTH_PER_STEP: Final = 1e-12
+"""Smallest growth per step that the estimate divides by; without forces it is 0. It only prevents a
+division by 0."""
+LOWER_BOUND_FRACTION: Final = 0.25
+"""Fraction of an estimate that a fold takes at the very least. A fold is refused if this lower
+bound exceeds its time limit: a larger value refuses folds that might have ended, a smaller one
+starts folds that cannot end. Chosen: measured costs are within a factor of two of the estimates."""
+REFOLD_COST_FACTOR: Final = 2.0
+"""Cost of a refold relative to a fold of the same chain: it unfolds first. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,9 +72,9 @@ class ExpectedCost:
     Attributes:
         expected_s: Processor time of the whole fold, in seconds.
         least_s: Least time of its longest stage, in seconds.
-        stage: That stage.
-        cause: What was asked for that makes it take so long.
-        remedy: What to ask for in its place, as a sentence.
+        stage: Name of that stage.
+        cause: Part of the request that makes it take so long.
+        remedy: Alternative request, as a sentence.
     """
 
     expected_s: float
@@ -80,7 +89,7 @@ def expected_cost(modules: int, request: Request) -> ExpectedCost:
 
     Args:
         modules: Number of modules of its chain.
-        request: What was asked for; it was checked before.
+        request: A valid request.
     """
     parameters = request.parameters()
     explosion = parameters.explosion
@@ -90,7 +99,7 @@ def expected_cost(modules: int, request: Request) -> ExpectedCost:
         cost = _direct(modules, parameters.playback)
     else:
         cost = _ours(modules, request, parameters)
-    times = REFOLDED if request.refold else 1.0
+    times = REFOLD_COST_FACTOR if request.refold else 1.0
     return replace(cost, expected_s=min(MAX_EXPECTED_S, times * cost.expected_s))
 
 
@@ -103,7 +112,7 @@ def _published(
     """Return the cost of a fold as published, with any settings."""
     usual = PUBLISHED_STEPS * (modules / PUBLISHED_MODULES) ** PUBLISHED_POWER
     slower = growth_of_step(PaperExplosionParameters(), module) / max(
-        growth_of_step(explosion, module), TINY
+        growth_of_step(explosion, module), MIN_GROWTH_PER_STEP
     )
     steps = usual * slower
     packed = steps > explosion.max_steps
@@ -114,8 +123,8 @@ def _published(
     simulated = modules <= playback.dynamic_up_to
     playing_s = simulated * min(playing, playback.max_steps) * modules * SERVO_STEP_S
     least_s = {
-        "explode": SURE * steps * modules * LOOSE_STEP_S,
-        "play_back": SURE * simulated * playing * modules * SERVO_STEP_S,
+        "explode": LOWER_BOUND_FRACTION * steps * modules * LOOSE_STEP_S,
+        "play_back": LOWER_BOUND_FRACTION * simulated * playing * modules * SERVO_STEP_S,
     }
     stage = max(least_s, key=lambda name: least_s[name])
     return ExpectedCost(
@@ -139,8 +148,8 @@ def growth_of_step(explosion: PaperExplosionParameters, module: Module) -> float
     mass = explosion.module_mass_g(module)
     rate = (
         explosion.radial_gain / explosion.pitch_cm
-        + SHORT_RANGE * explosion.repulsion_gain / explosion.pitch_cm**3
-        + SHORT_RANGE * explosion.spring / explosion.pitch_cm**2
+        + SHORT_RANGE_WEIGHT * explosion.repulsion_gain / explosion.pitch_cm**3
+        + SHORT_RANGE_WEIGHT * explosion.spring / explosion.pitch_cm**2
     ) / mass
     drag = explosion.damping / (1.0 - explosion.damping) / explosion.step_s
     return 2.0 * rate * explosion.step_s / (math.sqrt(drag**2 + 4.0 * rate) + drag)
@@ -149,7 +158,7 @@ def growth_of_step(explosion: PaperExplosionParameters, module: Module) -> float
 def _direct(modules: int, playback: PlaybackParameters) -> ExpectedCost:
     """Return the cost of servoing straight to the shape, which is simulated at any length."""
     usual = playback.step_s >= PUBLISHED_PLAYBACK.step_s
-    steps = playback.direct_steps + DIRECT_SETTLING if usual else playback.max_steps
+    steps = playback.direct_steps + DIRECT_SETTLING_STEPS if usual else playback.max_steps
     return ExpectedCost(
         expected_s=expected_seconds(modules) + steps * modules * CONTACT_STEP_S,
         least_s=playback.direct_steps * modules * SERVO_STEP_S,
@@ -164,17 +173,24 @@ def _ours(modules: int, request: Request, parameters: Parameters) -> ExpectedCos
     choosing = request.prefer != COMPUTING
     usual_s = expected_seconds(modules, choosing=choosing, world=request.world)
     robots_s = _robots_s(modules, parameters.playback)
-    usual_robots_s = _robots_s(modules, USUAL.playback)
-    expected_s, least_s = usual_s + max(0.0, robots_s - usual_robots_s), SURE * robots_s
+    usual_robots_s = _robots_s(modules, DEFAULT_PARAMETERS.playback)
+    expected_s, least_s = (
+        usual_s + max(0.0, robots_s - usual_robots_s),
+        LOWER_BOUND_FRACTION * robots_s,
+    )
     stage, cause = "play_back", f"{modules} modules and {parameters.playback.robot.runs} robots"
     remedy = "Use fewer robots, or fewer modules in simulated_modules."
-    if request.world != FLOATING and SURE * usual_s > least_s:
-        least_s, stage, cause = SURE * usual_s, "explode", f"{modules} modules on a table"
+    if request.world != FLOATING and LOWER_BOUND_FRACTION * usual_s > least_s:
+        least_s, stage, cause = (
+            LOWER_BOUND_FRACTION * usual_s,
+            "explode",
+            f"{modules} modules on a table",
+        )
         remedy = "Use fewer modules, or the world floating."
     strategy = request.strategy
     if strategy in INTERLOCKED and not request.smooth:
         expected_s += INTERLOCKED[strategy].of(modules)
-        if (least := SURE * IN_LAYERS[strategy].of(modules)) > least_s:
+        if (least := LOWER_BOUND_FRACTION * IN_LAYERS[strategy].of(modules)) > least_s:
             least_s, stage = least, "explode"
             cause = f"{modules} modules with the strategy {strategy}"
             remedy = "Use fewer modules, or the strategy auto."
@@ -187,5 +203,5 @@ def _robots_s(modules: int, playback: PlaybackParameters) -> float:
     """Return the processor time of a playback that robots with faults are simulated in."""
     if modules > playback.dynamic_up_to:
         return 0.0
-    linear_s, square_s = ROBOT_S
+    linear_s, square_s = ROBOT_COST_S
     return max(1, playback.robot.runs) * (linear_s * modules + square_s * modules**2)

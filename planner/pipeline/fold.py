@@ -16,7 +16,7 @@ from planner.chain.path import Path
 from planner.files import directory_or_aside
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.job import Job, Search, Watch
-from planner.pipeline.parallel import Tries
+from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
 from planner.pipeline.retry_policy import RetryPolicy
@@ -81,8 +81,7 @@ def refold(
     """Unfold the chain of a plan and fold it into another shape: the paper's reconfiguration.
 
     Args:
-        start: How the chain was folded into the shape that it begins as; of a refold, into the one
-            that it ended as.
+        start: Plan of the shape that the chain starts as; of a refold, the shape that it ends as.
         shape: A path through as many cells as the chain has modules, or a chain like it.
         preset, seed, module_size, settings, directory, progress: See ``fold``.
 
@@ -123,8 +122,7 @@ def smooth_plan(
         The smoothed plan, verified or not; ``Plan.smoothing`` says what has changed.
 
     Raises:
-        InputError: As ``planner.robot.smoothed.check_smoothable``, or for a seed or size out of
-            range.
+        InputError: See ``planner.robot.smoothed.check_smoothable``; or a seed or size out of range.
     """
     request = Request.smoothing(plan, seed=seed, module_size=module_size)
     return _plan_of(request, write_chain(plan.chain), directory, progress, recorded=plan)
@@ -184,12 +182,12 @@ def _plan_in_memory(
     )
     search = Search()
     step = next_step(search.history, job.policy)
-    with _pool(request, reading.candidates, workers) as tries:
+    with _pool(request, reading.candidates, workers) as pool:
         while step is not None:
-            search = advance(job, search, step, Watch(), tries).pruned()
+            search = advance(job, search, step, Watch(), pool).pruned()
             before, step = step, next_step(search.history, job.policy)
             if isinstance(before, Explode) and not isinstance(step, Explode):
-                rest(tries, search.current.record, len(search.history), request.prefer)
+                rest(pool, search.current.record, len(search.history), request.prefer)
     best = max(search.results, key=lambda number: search.rank(number, request.prefer))
     history = search.history
     if request.prefer != COMPUTING:
@@ -200,14 +198,14 @@ def _plan_in_memory(
 
 
 @contextmanager
-def _pool(request: Request, candidates: Candidates, workers: int) -> Generator[Tries]:
+def _pool(request: Request, candidates: Candidates, workers: int) -> Generator[AttemptPool]:
     """Yield what makes explosions beside; it has a directory of its own if it has processes."""
     if workers == 1:
-        yield Tries(None)
+        yield AttemptPool(None)
         return
     with TemporaryDirectory(prefix="foldback-tries-") as place:
         workspace = Workspace(FilePath(place))
         workspace.write_request(request, b"")
         workspace.write_candidates(candidates)
-        with Tries(workspace.directory, workers) as tries:
-            yield tries
+        with AttemptPool(workspace.directory, workers) as pool:
+            yield pool

@@ -16,10 +16,10 @@ from pathlib import Path as FilePath
 from typing import Final
 
 from planner.certificate.figures import CertificateFigures
-from planner.certificate.table_forces import FILE as FORCES
+from planner.certificate.table_forces import FORCES
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline
 from planner.pipeline.preference import judgement
 from planner.playback.unfolding import START_CHAIN, START_PLAN
@@ -35,35 +35,37 @@ RECORD: Final = "record.npz"
 PLAYBACK: Final = "playback.npz"
 CERTIFICATE: Final = "certificate.json"
 CLEARANCES: Final = "clearances.npy"
-"""Clearance at each frame of a peeled chain's plan, until its curves are written."""
+"""Clearance at each frame of a peeled chain's plan, until ``figures.zarr`` is written."""
 PLAN: Final = "plan.npz"
 PLAN_TEXT: Final = "plan.json"
 MODEL: Final = "model.xml"
 FIGURES: Final = "figures.zarr"
 PICTURE: Final = "picture.png"
 MANIFEST: Final = "manifest.json"
-FOLDER: Final = "attempts"
-PLANS: Final = "plans"
-TRIES: Final = ".foldback-tries"
-"""Folder with a folder for each try of another process."""
+ATTEMPTS_DIR: Final = "attempts"
+PLANS_DIR: Final = "plans"
+TRIALS_DIR: Final = ".foldback-tries"
+"""Directory with a subdirectory for each attempt that another process computes."""
 PLAYABLE: Final = (CHAIN, TIMELINE, CERTIFICATE)
-"""Files of a plan that was not chosen, in its folder in ``PLANS``."""
+"""Files of a plan that was not chosen, stored in its subdirectory of ``PLANS_DIR`` so that it can
+be played."""
 RESULTS: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES, FORCES)
-"""Files of an attempt; one that smooths another's plan also has ``RECORDED_PLAN``."""
+"""Files of an attempt; one that smooths another plan also has ``RECORDED_PLAN``."""
 EXPORTED: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
-"""Files that are written last."""
+"""Files that the last stage writes."""
 DESCRIBED: Final = (
     *(INPUT, REQUEST, START_CHAIN, START_PLAN, RECORDED_PLAN, CANDIDATES, CHAIN, ATTEMPTS),
     *(RECORD, PLAYBACK, CERTIFICATE, FORCES, TIMELINE),
     *EXPORTED,
 )
-"""Files of a fold's directory that say something of its plan, in the order of the manifest."""
+"""Files of a fold that determine or describe its plan, in the order in which the manifest lists
+their digests."""
 
 
 def numbers(directory: FilePath) -> list[int]:
     """Return the numbers of the attempts that have a folder, in order."""
     try:
-        found = [path.name for path in (directory / FOLDER).iterdir()]
+        found = [path.name for path in (directory / ATTEMPTS_DIR).iterdir()]
     except OSError:
         return []
     return sorted(int(name) for name in found if name.isdecimal())
@@ -71,7 +73,7 @@ def numbers(directory: FilePath) -> list[int]:
 
 def place_of(directory: FilePath, number: int) -> FilePath:
     """Return the folder of an attempt."""
-    return directory / FOLDER / str(number)
+    return directory / ATTEMPTS_DIR / str(number)
 
 
 def folder(directory: FilePath) -> FilePath:
@@ -89,7 +91,7 @@ def result(directory: FilePath, name: str) -> FilePath:
     return path if path.exists() else directory / name
 
 
-def last_frame(timeline: FilePath) -> tuple[Chain, Frames] | None:
+def last_frame(timeline: FilePath) -> tuple[Chain, Motion] | None:
     """Return a timeline's chain and last frame; None when it has none."""
     try:
         opened = Timeline.open(timeline)

@@ -1,4 +1,4 @@
-"""Improvements: what is tried once a plan is verified, for one that suits a wish better.
+"""Improvements: attempts after a verified plan, for one that suits a preference better.
 
 The first verified plan is that of a fold without a wish: it costs least, and is what the others are
 measured by. Then the other strategies let the same path go, the best of them lets other paths go,
@@ -18,13 +18,15 @@ from typing import Final
 from planner.pathfinding.duration import MAX_IMPROVING_S
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.preference import COMPUTING, Preference
-from planner.pipeline.request import LARGEST_SEED
+from planner.pipeline.request import MAX_SEED
 from planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
-SEEDS: Final = 3
-"""Seeds with which one plan is smoothed."""
-SMOOTHED_PLANS: Final = 2
-"""Plans of one fold that are smoothed."""
+SEEDS_PER_SMOOTHED_PLAN: Final = 3
+"""Number of random seeds with which one plan is smoothed. More find shorter motions and take
+longer. Chosen."""
+MAX_SMOOTHED_PLANS: Final = 2
+"""Maximum number of plans of one fold that are smoothed, best first. More find better plans and
+take longer. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,9 +34,9 @@ class Improvements:
     """Attempts after a verified plan.
 
     Attributes:
-        prefer: What is wished for.
-        strategies: For each path, the strategies that it may have, the most promising first.
-        modules: Of the chain.
+        prefer: Requested preference.
+        strategies: Possible strategies of each path, the most promising first.
+        modules: Number of modules of the chain.
         most_frames: Frames of a plan that may be smoothed; 0 when none may.
     """
 
@@ -63,7 +65,7 @@ class Improvements:
         return None
 
     def _ways(self, tried: Sequence[Attempt], first: Trial, best: Trial) -> Iterator[Trial]:
-        """All that may be tried, the most promising first."""
+        """Yield all possible improvements, the most promising first."""
         explosions = {attempt.trial for attempt in tried if attempt.trial.smooths is None}
         if len(explosions) < MAX_EXPLOSIONS:
             yield from self._explosions(first, best)
@@ -78,7 +80,7 @@ class Improvements:
                 yield replace(best, candidate=candidate)
 
     def _smoothings(self, tried: Sequence[Attempt]) -> Iterator[Trial]:
-        """The best plan of each strategy smoothed, and less of it where that was refused.
+        """Yield smoothings of each strategy's best plan, and weaker ones if those were refused.
 
         How much a plan gains by it depends on how it was let go, too: the second best may win.
         """
@@ -90,7 +92,7 @@ class Improvements:
                     plans[attempt.trial.strategy] = number
         ranked = sorted(plans.values(), key=lambda number: -score_of(tried[number], self.prefer))
         smooth = {attempt.trial.smooths for attempt in tried if attempt.verified}
-        for best in ranked[:SMOOTHED_PLANS]:
+        for best in ranked[:MAX_SMOOTHED_PLANS]:
             figures, number = tried[best].figures, best
             while tried[number].finer > 1:  # its files are with those of the explosion
                 number -= 1
@@ -104,16 +106,16 @@ class Improvements:
         if (best := best_of(smoothings, self.prefer)) is not None:
             trial = smoothings[best].trial
             seed = tried[trial.smooths or 0].trial.seed
-            for k in range(1, SEEDS):
-                yield replace(trial, seed=(seed + k) % (LARGEST_SEED + 1))
+            for k in range(1, SEEDS_PER_SMOOTHED_PLAN):
+                yield replace(trial, seed=(seed + k) % (MAX_SEED + 1))
 
 
 def best_of(tried: Sequence[Attempt], prefer: Preference) -> int | None:
-    """The verified attempt that serves a preference best, the earlier of equal ones; None of none.
+    """Return the best verified attempt for a preference, the earlier of equal ones, or None.
 
     Args:
         tried: All attempts of the fold, or some of them.
-        prefer: What is wished for; with least computing the first verified one is the best.
+        prefer: Requested preference; with ``computing`` the first verified one is the best.
     """
     best: int | None = None
     for number, attempt in enumerate(tried):
@@ -132,11 +134,11 @@ def score_of(attempt: Attempt, prefer: Preference) -> float:
 
 
 def expected_seconds_of(trial: Trial, modules: int) -> float:
-    """About how long a try takes with its playback and certificate: runs of 64 to 4096 modules.
+    """Return the expected seconds of an attempt, its playback and certificate; measured.
 
     Args:
         trial: The try.
-        modules: Of the chain.
+        modules: Number of modules of the chain.
     """
     if trial.strategy == "peel":
         return 2.0 + 0.012 * modules

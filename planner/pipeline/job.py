@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from planner.certificate.certificate import Certificate
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
-from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
 from planner.pipeline.attempt import Attempt, Candidates, latest_playback
@@ -36,7 +36,7 @@ _EXPLOSION: Final = PHASES.index("explosion")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watch:
-    """Channels to whoever follows a step while it is computed.
+    """Channels to the observer of a running step.
 
     Attributes:
         progress: Called with the progress.
@@ -179,7 +179,7 @@ def is_smoothing(record: Record | None) -> bool:
     return record is not None and record.strategy in SMOOTHING_WAYS
 
 
-def share_bent(chain: Chain, last: Frames) -> float:
+def share_bent(chain: Chain, last: Motion) -> float:
     """Return the fraction of the folded chain's bends that an explosion has left; 0 after it."""
     if last.phase[-1] != _EXPLOSION:
         return 0.0

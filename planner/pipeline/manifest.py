@@ -21,22 +21,24 @@ from planner.files import write_json, zarr_group
 from planner.pipeline.fold_layout import DESCRIBED
 from planner.pipeline.fold_layout import MANIFEST as FILE
 
-FORMAT: Final = "foldback-manifest/1"
-WHOLE: Final = "content"
-"""Field of a file that has no parts."""
-ROWS: Final = 1024
+MANIFEST_FORMAT: Final = "foldback-manifest/1"
+FILE_CONTENT: Final = "content"
+"""Field under which the digest of a file without parts is listed."""
+DIGEST_ROWS: Final = 1024
+"""Rows of an array that are read and hashed at once. Larger values take more memory; digests stay
+the same. Chosen."""
 Digests = dict[str, dict[str, str]]
 
 
 def digests_of(directory: FilePath, names: Sequence[str] = DESCRIBED) -> Digests:
-    """The digest of each field of each file that is there; of one that can't be read, of its bytes.
+    """Return digests of each file's fields; of an unreadable file, the digest of its bytes.
 
     Fields of JSON files are their keys, of ``.npz`` and zarr files their arrays; ``plan.…`` are the
     keys of the text in a plan's ``.npz`` file, ``attributes.…`` those of a zarr group.
 
     Args:
-        directory: Of the fold.
-        names: Of the files to look at.
+        directory: Directory of the fold.
+        names: Names of the files.
     """
 
     def digests(name: str) -> dict[str, str]:
@@ -44,7 +46,7 @@ def digests_of(directory: FilePath, names: Sequence[str] = DESCRIBED) -> Digests
         try:
             return dict(_fields(path))
         except UNREADABLE:
-            return {WHOLE: _of_bytes(path)}
+            return {FILE_CONTENT: _of_bytes(path)}
 
     # One after the other: two at once are no sooner done, and hold an array more.
     return {name: digests(name) for name in names if (directory / name).exists()}
@@ -60,17 +62,17 @@ def digests_of_texts(texts: dict[str, str]) -> dict[str, str]:
 
 
 def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
-    """Writes the manifest of a directory.
+    """Write the manifest of a directory.
 
     Args:
-        directory: Of the fold.
+        directory: Directory of the fold.
         earlier: Digests of files that have not changed since, which need no second look.
     """
     known = earlier or {}
     rest = digests_of(directory, [name for name in DESCRIBED if name not in known])
     found = known | rest
     in_order = {name: found[name] for name in DESCRIBED if name in found}
-    write_json(directory / FILE, {"format": FORMAT, "sha256": in_order})
+    write_json(directory / FILE, {"format": MANIFEST_FORMAT, "sha256": in_order})
 
 
 def changed_fields(directory: FilePath) -> list[str] | None:
@@ -80,11 +82,11 @@ def changed_fields(directory: FilePath) -> list[str] | None:
         return None
     try:
         values: Any = json.loads(path.read_bytes())
-        if set(values) != {"format", "sha256"} or values["format"] != FORMAT:
+        if set(values) != {"format", "sha256"} or values["format"] != MANIFEST_FORMAT:
             return [f"{FILE}: format"]
         told: Digests = {str(k): dict(v) for k, v in values["sha256"].items()}
     except UNREADABLE:
-        return [f"{FILE}: {WHOLE}"]
+        return [f"{FILE}: {FILE_CONTENT}"]
     here = digests_of(directory)
     found: list[str] = []
     for name in dict.fromkeys((*told, *here)):
@@ -135,12 +137,12 @@ def _fields(path: FilePath) -> Iterator[tuple[str, str]]:
             except UNREADABLE:
                 yield name, "unreadable"
     else:
-        yield WHOLE, _of_bytes(path)
+        yield FILE_CONTENT, _of_bytes(path)
 
 
 def _of_values(values: Any) -> Iterator[tuple[str, str]]:
     if not isinstance(values, dict):
-        values = {WHOLE: values}
+        values = {FILE_CONTENT: values}
     for key, value in cast("dict[str, Any]", values).items():
         yield key, _of_text(json.dumps(value, sort_keys=True, separators=(",", ":")))
 
@@ -158,7 +160,11 @@ def _of_array(array: Any) -> str:
         digest.update(np.asarray(array[()]).tobytes())
         return digest.hexdigest()
     # Whole chunks: each is unpacked once.
-    rows = ROWS if isinstance(array, np.ndarray) else array.chunks[0] * -(-ROWS // array.chunks[0])
+    rows = (
+        DIGEST_ROWS
+        if isinstance(array, np.ndarray)
+        else array.chunks[0] * -(-DIGEST_ROWS // array.chunks[0])
+    )
     for start in range(0, array.shape[0], rows):
         digest.update(np.ascontiguousarray(array[start : start + rows]).tobytes())
     return digest.hexdigest()

@@ -1,8 +1,8 @@
-"""Tries: explosions of a fold, the next ones made beside the one at hand.
+"""Attempt pool: explosions of a fold, likely next ones computed speculatively in other processes.
 
 The attempts and their order are those of one process: ``RetryPolicy.next_attempt`` decides them.
-What may come next is begun early, each in a process of its own; what the order comes to is taken,
-and the rest is dropped. So a plan is the same whatever the number of workers.
+Likely next attempts are started early, each in a separate process; those that the order reaches are
+used, the others are discarded. So a plan is the same whatever the number of workers.
 """
 
 from __future__ import annotations
@@ -22,44 +22,48 @@ from typing import Any, Final
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
-from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIES
+from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIALS_DIR
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.progress import Cancelled, Progress, Report
 
-STALLING: Final = 2
-"""Pulses in a row without progress, from which on the next tries are begun."""
-POLL_S: Final = 0.05
-"""Seconds between two looks at the other processes."""
-GRACE_S: Final = 1.0
-"""Seconds that a process has to write down what it came to when it is told to stop."""
+SPECULATION_PULSES: Final = 2
+"""Consecutive pulses without progress after which other processes begin the next attempts. A
+smaller value more often computes attempts that are not needed; a larger one leaves processors idle
+longer. Chosen."""
+ATTEMPT_POLL_S: Final = 0.05
+"""Time between two looks at the other processes, in s. A larger value uses their results later.
+Chosen."""
+ATTEMPT_STOP_GRACE_S: Final = 1.0
+"""Time that a process may take to write its result after it is told to stop, in s; then it is
+ended. Chosen."""
 
 
-class Tries:
-    """Holds the processes that make what may come next.
+class AttemptPool:
+    """Processes that compute likely next attempts.
 
     Args:
-        directory: Of the fold; its input must have been read. None without processes.
+        directory: Directory of the fold, with its input read; None without processes.
         workers: Explosions that are made at once at most; with one there are no processes. More
             than a fold may have would bring nothing.
     """
 
     def __init__(self, directory: FilePath | None, workers: int = 1) -> None:
-        self._exchange = None if directory is None else directory.resolve() / TRIES
+        self._exchange = None if directory is None else directory.resolve() / TRIALS_DIR
         self._workers = 1 if directory is None else min(workers, MAX_EXPLOSIONS)
-        self._beside: dict[Trial, _Beside] = {}
+        self._beside: dict[Trial, _AttemptProcess] = {}
         self._ahead: Callable[[], list[Trial]] = list
         self._here: Trial | None = None
         self._eager = False
         self._clear()
 
-    def __enter__(self) -> Tries:
+    def __enter__(self) -> AttemptPool:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
-        """Ends all processes and drops what they made."""
+        """End all processes and discard their results."""
         for beside in self._beside.values():
             beside.end()
         self._beside = {}
@@ -69,12 +73,12 @@ class Tries:
         if self._exchange is not None:
             rmtree(self._exchange, ignore_errors=True)
 
-    def rest(self) -> None:
-        """Ends what runs; what is made already is kept."""
+    def end_running(self) -> None:
+        """End running attempts; results of finished ones stay."""
         self._keep([])
 
-    def come_to(self, choice: RetryPolicy, tried: Sequence[Attempt], here: Trial) -> None:
-        """Says what is to be made now. After a failure the next ones are begun at once."""
+    def schedule(self, choice: RetryPolicy, tried: Sequence[Attempt], here: Trial) -> None:
+        """Set the current attempt. After a failure the next ones are started at once."""
         before = tuple(tried)
         self._here, self._eager = here, bool(tried)
         self._ahead = lambda: choice.lookahead(before, here, self._known())
@@ -82,17 +86,17 @@ class Tries:
         if self._eager:
             self._begin()
 
-    def watched(self, progress: Report) -> Report:
-        """A report that also has the next ones begun when the one at hand seems to be stuck."""
+    def with_speculation(self, progress: Report) -> Report:
+        """Return a report that also starts the next attempts if the current one stalls."""
 
         def told(now: Progress) -> None:
             progress(now)
-            if self._eager or now.pushes >= STALLING:
+            if self._eager or now.pushes >= SPECULATION_PULSES:
                 self._begin()
 
         return told if self._workers > 1 else progress
 
-    def take(
+    def collect(
         self, timeline: FilePath | None, progress: Report, cancelled: Cancelled
     ) -> Record | None:
         """Return the record of the current trial if it was begun beside; wait for it.
@@ -110,7 +114,7 @@ class Tries:
             if (now := beside.progress()) is not None:
                 progress(now)
             self._begin()
-            time.sleep(POLL_S)
+            time.sleep(ATTEMPT_POLL_S)
         del self._beside[self._here]
         record = beside.record()
         if record is not None and timeline is not None:
@@ -125,7 +129,7 @@ class Tries:
         return {trial: attempt for trial, attempt in found.items() if attempt is not None}
 
     def _keep(self, wanted: Sequence[Trial]) -> None:
-        """Ends what runs and is not wanted, or is one too many, the least likely first."""
+        """End running attempts that are not needed or exceed the limit, least likely first."""
         room = self._workers - (self._here not in self._beside)
         running = [trial for trial, beside in self._beside.items() if beside.running]
         kept = [trial for trial in (self._here, *wanted) if trial in running][:room]
@@ -134,7 +138,7 @@ class Tries:
                 self._beside.pop(trial).end()
 
     def _begin(self) -> None:
-        """Begins what may come next, as many as there is room for."""
+        """Start the likely next attempts, as many as there are processors for."""
         room = self._workers - (self._here not in self._beside)
         room -= sum(beside.running for beside in self._beside.values())
         if room <= 0 or self._exchange is None:
@@ -142,13 +146,13 @@ class Tries:
         fresh = [trial for trial in self._ahead() if trial not in self._beside]
         for trial in fresh[:room]:
             try:
-                self._beside[trial] = _Beside(self._exchange, trial)
+                self._beside[trial] = _AttemptProcess(self._exchange, trial)
             except OSError:  # no process or no room to be had: what is made here goes on alone
                 self._workers = 1
                 return
 
 
-class _Beside:
+class _AttemptProcess:
     """One try in a process of its own (``planner/pipeline/parallel_process.py`` is its other side).
 
     When its standard input ends, nobody wants it any more, or this process is gone.
@@ -196,13 +200,13 @@ class _Beside:
         return None if self.attempt() is None else Record.load(self.place / RECORD)
 
     def stop(self) -> None:
-        """Has it write down what it has, and waits for that."""
+        """Stop the process, and wait until it has written its result."""
         self._hang_up()
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(2.0 * GRACE_S)
+            self._process.wait(2.0 * ATTEMPT_STOP_GRACE_S)
 
     def end(self) -> None:
-        """Ends it at once and drops what it made."""
+        """Kill the process and discard its result."""
         self._process.kill()
         self._process.wait()
         self._hang_up()
@@ -218,6 +222,6 @@ def _read(path: FilePath) -> dict[str, Any] | None:
 
 
 def write_made(place: FilePath, record: Record, attempt: Attempt) -> None:
-    """Writes what a try came to; the attempt last, so that all is there when it is."""
+    """Write the result of an attempt; its description last, which marks it as complete."""
     record.save(place / RECORD)
     write_json(place / "attempt.json", attempt.as_dict())

@@ -1,7 +1,7 @@
 """Process of a trial: makes one beside the fold's own process, in the folder that it is started in.
 
-``planner.pipeline.parallel.Tries`` starts it. It ends when its standard input does: nobody wants it
-any more, or the fold's process is gone.
+``planner.pipeline.parallel.AttemptPool`` starts it. It ends when its standard input does:
+its result is not needed any more, or the fold's process is gone.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from planner.files import write_json
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold_layout import TIMELINE
 from planner.pipeline.job import Watch
-from planner.pipeline.parallel import GRACE_S, write_made
+from planner.pipeline.parallel import ATTEMPT_STOP_GRACE_S, write_made
 from planner.pipeline.steps import explode
 from planner.pipeline.workspace import Workspace
 from planner.progress import Progress
 
 
 def main() -> None:
-    """Makes the try that its argument says."""
+    """Run the attempt in its argument."""
     unwanted = threading.Event()
     threading.Thread(target=_listen, args=(unwanted,), daemon=True).start()
     place = FilePath.cwd()
@@ -46,7 +46,7 @@ def _listen(unwanted: threading.Event) -> None:
     while os.read(0, 1):
         pass
     unwanted.set()
-    time.sleep(GRACE_S)
+    time.sleep(ATTEMPT_STOP_GRACE_S)
     os._exit(1)
 
 

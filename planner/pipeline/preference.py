@@ -1,4 +1,4 @@
-"""Preference: which of several verified plans is wished for, and the figures that decide it."""
+"""Preference: the choice among several verified plans, and the figures that decide it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from planner.errors import InputError
 Preference = Literal["computing", "time", "torque", "clearance"]
 PREFERENCES: Final[tuple[Preference, ...]] = get_args(Preference)
 COMPUTING: Final = "computing"
-"""The first plan that is verified is taken, so that least is computed."""
+"""Preference for the least computation: the first verified plan is taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,10 +35,10 @@ class PlanFigures:
 
     @classmethod
     def of(cls, certificate: CertificateFigures, *, before_s: float = 0.0) -> PlanFigures:
-        """Those of a plan.
+        """Return the figures of a plan.
 
         Args:
-            certificate: Of the plan, as plain values.
+            certificate: Certificate of the plan, as plain values.
             before_s: Seconds that were computed before it was looked at.
         """
         return cls(
@@ -73,7 +73,7 @@ class PlanFigures:
 
 
 def preference_named(name: str) -> Preference:
-    """The preference of that name.
+    """Return the preference of that name.
 
     Raises:
         InputError: ``unknown-prefer``.

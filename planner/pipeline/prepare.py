@@ -1,4 +1,4 @@
-"""Preparation: from the bytes of a file to the chains that may fold into what is in it."""
+"""Preparation: from the bytes of a file to the chains that may fold into its shape."""
 
 from __future__ import annotations
 
@@ -27,36 +27,42 @@ if TYPE_CHECKING:
     from planner.shapes.voxelise import Voxels
 
 Array = NDArray[np.float64]
-LARGEST_MESH: Final = 20_000
-MOST_FAULTS: Final = 2
-"""Of a path for a table that are told."""
+MAX_PREVIEW_TRIANGLES: Final = 20_000
+"""Maximum number of triangles of the mesh in a preview; larger meshes are decimated to it. A larger
+value makes previews heavier for the browser. Chosen."""
+MAX_LISTED_VIOLATIONS: Final = 2
+"""Maximum number of violated rules that the refusal of a path for a table names; the others are
+counted. Chosen."""
 TABLE_REMEDY: Final = (
     "Choose another number of modules, blocks or a repair, or fold in zero gravity."
 )
-"""What helps a shape without a path for a table."""
-SEARCH_S: Final = 20.0
-UNTIMED: Final = ("blocks", "snake", "assembly")
-"""Methods whose result depends on no clock (``planner.pathfinding.candidates``)."""
+"""Advice for a shape that has no path for a table."""
+PATH_SEARCH_LIMIT_S: Final = 20.0
+"""Default time limit of the path search, in s. A larger value finds paths through more shapes and
+takes longer if there is none. Chosen."""
+TIME_INDEPENDENT_METHODS: Final = ("blocks", "snake", "assembly")
+"""Path methods whose result does not depend on a time limit (``planner.pathfinding.candidates``);
+their chains may be stored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Preparation:
-    """What became of an input.
+    """Result of reading an input and searching its chains.
 
     Attributes:
         kind: ``path``, ``chain``, ``voxels`` or ``mesh``: what the input was.
-        name: What people call it.
-        options: What was asked for.
+        name: Name for people.
+        options: Requested options.
         chains: Candidates, best first; empty when no path was found.
         solid, voxels: The mesh and how it was voxelised; None for other inputs.
         shape: The cells that are filled; None for a chain file.
-        method: How the paths were found; empty for paths and chains.
-        feasibility: Whether the cells have a path at all; None for paths and chains.
-        knot: Of the first candidate; None without one.
-        notes: What people should know, in plain words.
-        not_started: Why no chain begins where it was wished for; empty when they do, or when
-            nothing of the kind was wished for.
-        filled: How cells became modules; None for paths and chains.
+        method: Method that found the paths; empty for paths and chains.
+        feasibility: Result of the check for a path; None for paths and chains.
+        knot: Knot of the first candidate; None without one.
+        notes: Notes for people.
+        not_started: Reason why no chain starts in the requested cell; empty if they do, or if none
+            was requested.
+        filled: Cells and their modules; None for paths and chains.
         iou: Intersection over union of the modules with the solid; None without one.
     """
 
@@ -102,7 +108,9 @@ class Preparation:
     @property
     def repeatable(self) -> bool:
         """True if a search with another time limit finds the same chains."""
-        return bool(self.chains) and not self.not_started and self.method in UNTIMED
+        return (
+            bool(self.chains) and not self.not_started and self.method in TIME_INDEPENDENT_METHODS
+        )
 
     def prepared(self) -> PreparedChains:
         """Return the chains and how they were found.
@@ -120,7 +128,7 @@ class Preparation:
         )
 
     def report(self, *, full: bool = True) -> dict[str, Any]:
-        """Everything a page shows of it, as plain JSON values; its mesh only when ``full``."""
+        """Return all that a page shows of it, as plain JSON values; its mesh only if ``full``."""
         voxels = self.voxels
         cells = self.cells
         return {
@@ -171,7 +179,7 @@ class Preparation:
         return np.zeros((0, 3), dtype=np.int64) if self.shape is None else self.shape.cells
 
     def _modules(self) -> dict[str, Any]:
-        """Where the modules of the best chain are, and its course; nothing without a chain."""
+        """Return the poses and course of the best chain's modules; None without a chain."""
         if not self.chains:
             return {"positions": None, "wxyzs": None, "line": None}
         poses = self.chains[0].folded_poses
@@ -185,13 +193,13 @@ class Preparation:
         }
 
     def _mesh(self) -> dict[str, Any] | None:
-        """The solid in the folded chain's space."""
+        """Return the solid in the folded chain's space."""
         solid, voxels = self.solid, self.voxels
         if solid is None or voxels is None or self.filled is None:
             return None
         from planner.shapes.decimation import decimated
 
-        vertices, faces = decimated(solid.vertices, solid.faces, most=LARGEST_MESH)
+        vertices, faces = decimated(solid.vertices, solid.faces, most=MAX_PREVIEW_TRIANGLES)
         placed = vertices @ voxels.rotation.T / voxels.pitch + voxels.offset
         return {
             "vertices": np.round(self.filled.scale * placed + self.filled.shift, 4).tolist(),
@@ -205,18 +213,18 @@ def prepare(
     options: PathOptions | None = None,
     *,
     seed: int = 0,
-    time_limit_s: float = SEARCH_S,
+    time_limit_s: float = PATH_SEARCH_LIMIT_S,
     searching: bool = True,
 ) -> Preparation:
-    """Reads a file and finds the chains that may fold into what is in it.
+    """Read a file and find the chains that may fold into what is in it.
 
     Args:
         data: The whole file.
-        filename: What it was called.
-        options: How a shape is to become a path.
-        seed: What randomness starts from.
-        time_limit_s: How long a path through exact cells may be searched for.
-        searching: Whether voxels and meshes get a path at all; without one they are cells alone.
+        filename: Name of the file.
+        options: Options that turn a shape into a path.
+        seed: Random seed.
+        time_limit_s: Time limit of the search for a path through exact cells, s.
+        searching: True to search a path for voxels and meshes; else they remain cells.
 
     Returns:
         The preparation, with no chains when there is no path: it then says why.
@@ -252,13 +260,13 @@ def prepare_in_any_order(
     options: PathOptions,
     *,
     seed: int = 0,
-    time_limit_s: float = SEARCH_S,
+    time_limit_s: float = PATH_SEARCH_LIMIT_S,
     searching: bool = True,
 ) -> Preparation:
-    """As ``prepare``; a list of cells that is no path is a shape, and the first note says why.
+    """Run ``prepare``; treat a list of cells that is no path as a shape, and note why.
 
     Raises:
-        InputError: As ``prepare`` does.
+        InputError: See ``prepare``.
     """
     how: dict[str, Any] = {"seed": seed, "time_limit_s": time_limit_s, "searching": searching}
     try:
@@ -273,7 +281,7 @@ def prepare_in_any_order(
 
 
 def check_for_table(chain: Chain) -> None:
-    """Refuses a chain that cannot fold on a table.
+    """Refuse a chain that cannot fold on a table.
 
     Raises:
         InputError: ``unsuited-world`` for other modules than cubes, ``not-for-a-table`` for its
@@ -290,9 +298,9 @@ def check_for_table(chain: Chain) -> None:
         )
     faults = faults_of(np.rint(chain.folded_poses.positions).astype(np.int64))
     if faults:
-        told = " ".join(fault.detail for fault in faults[:MOST_FAULTS])
-        if len(faults) > MOST_FAULTS:
-            told += f" There are {len(faults) - MOST_FAULTS} more problems."
+        told = " ".join(fault.detail for fault in faults[:MAX_LISTED_VIOLATIONS])
+        if len(faults) > MAX_LISTED_VIOLATIONS:
+            told += f" There are {len(faults) - MAX_LISTED_VIOLATIONS} more problems."
         raise InputError(
             "not-for-a-table",
             f"got a path along which a chain cannot fold on a table: {told} "
@@ -301,7 +309,7 @@ def check_for_table(chain: Chain) -> None:
 
 
 def filling_of(options: PathOptions) -> Filling:
-    """How cells become chains."""
+    """Return the rule by which cells become chains."""
     from planner.pathfinding.filling import FILLINGS
     from planner.table_paths.fill_table import TableCubes
 

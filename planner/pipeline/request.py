@@ -1,4 +1,4 @@
-"""Request: what somebody asks of a fold, and the one check of it.
+"""Request: options of a fold, and their only check.
 
 The page, the API and the command line refuse what cannot be asked for in these words.
 """
@@ -29,30 +29,35 @@ from planner.pipeline.preference import COMPUTING, Preference, preference_named
 if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
-MODULE_SIZES: Final = (0.1, 1.0)
-LARGEST_SEED: Final = 2**32 - 1
+MODULE_SIZE_RANGE: Final = (0.1, 1.0)
+"""Smallest and largest module size that a request may ask for, as a fraction of the pitch.
+Chosen."""
+MAX_SEED: Final = 2**32 - 1
+"""Largest random seed that may be asked for: the largest unsigned integer of 32 bits. Chosen."""
 SMOOTH_SPACING_RAD: Final = 0.06
-"""Spacing of the control points of the curve through a smoothed motion."""
-SHORT_SEED: Final = 2**31
-"""Path searches take seeds below this."""
+"""Spacing of the control points of the curve through a smoothed motion, in rad of joint motion.
+Frames of a smoothed motion are joined by straight lines; a smaller value would reproduce their
+corners, a larger one cuts them more. Chosen."""
+PATH_SEED_MODULUS: Final = 2**31
+"""Path searches take a request's seed modulo this, as OR-Tools' seeds have 31 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What somebody asked for, apart from the shape.
+    """Options of a fold, apart from its shape.
 
     Attributes:
-        filename: What the input was called, if anything.
+        filename: Name of the input, if any.
         preset: Name of a parameter set.
-        seed: What randomness starts from.
+        seed: Random seed.
         module_size: Size at which the plan is verified; None for the preset's.
         settings: Other numbers for the preset ``paper`` or ``direct``, see
             ``planner.parameters.settings``.
-        strategy: How the chain is let go: ``auto``, or one of ``planner.explosion.strategies``.
-        prefer: Which of several verified plans is wanted; with ``computing`` the first one.
-        refold: Whether the chain begins folded as the plan beside it says, not straight.
-        smooth: Whether the plan beside it is smoothed, in place of an explosion.
-        world: Where the chain folds: ``floating``, or on a ``table`` under gravity.
+        strategy: Explosion strategy: ``auto``, or one of ``planner.explosion.strategies``.
+        prefer: Preference among several verified plans; ``computing`` takes the first one.
+        refold: True if the chain starts folded as in the base plan, not straight.
+        smooth: True to smooth the base plan in place of an explosion.
+        world: ``floating``, or on a ``table`` under gravity.
         module, modules, method, repair, ends, as_voxels, start: See
             ``planner.pathfinding.options.PathOptions``.
     """
@@ -83,7 +88,7 @@ class Request:
 
     @classmethod
     def of(cls, **given: Any) -> Request:
-        """A request of what somebody typed: its numbers and its cell may still be texts.
+        """Return a request of typed values: numbers and the cell may still be texts.
 
         Raises:
             InputError: When one of them cannot be read.
@@ -103,7 +108,7 @@ class Request:
         return cls(**read)
 
     def check(self) -> None:
-        """Refuses what cannot be asked for, in the same words wherever it was asked.
+        """Refuse an invalid request, with the same message for every interface.
 
         Raises:
             InputError: Naming the parameter in ``where``.
@@ -133,7 +138,7 @@ class Request:
             raise _placed(error) from None
 
     def _check_table(self) -> None:
-        """Refuses what cannot be had on a table.
+        """Refuse options that are not possible on a table.
 
         Raises:
             InputError: ``unsuited-world``.
@@ -173,7 +178,7 @@ class Request:
 
     @property
     def _one_plan(self) -> str | None:
-        """What keeps it from having several plans to choose from; None when nothing does."""
+        """Option that leaves only one plan to choose from; None if there may be several."""
         if self.smooth:
             return "smoothing of a plan"
         if self.preset != Request().preset:
@@ -181,7 +186,7 @@ class Request:
         return f"strategy {self.strategy}" if self.strategy == BASELINE else None
 
     def canonical(self) -> Request:
-        """The same request, its settings in the one way that is compared.
+        """Return the same request with its settings in the canonical form that is compared.
 
         Raises:
             InputError: ``bad-settings``, or ``unknown-preset``.
@@ -191,7 +196,7 @@ class Request:
         return replace(self, settings=settings_text(self.settings, self._plain()))
 
     def _plain(self) -> Parameters:
-        """What the preset has in this world, without settings."""
+        """Return the parameters of the preset in this world, without settings."""
         if self.world not in WORLDS:
             raise InputError(
                 "unknown-world",
@@ -200,7 +205,7 @@ class Request:
         return replace(preset(self.preset), world=self.world)
 
     def path_options(self) -> PathOptions:
-        """How a shape is to become a path."""
+        """Return the options that turn a shape into a path."""
         return PathOptions(
             module=self.module,
             modules=self.modules,
@@ -213,10 +218,10 @@ class Request:
         )
 
     def parameters(self, *, smoothed: bool = False) -> Parameters:
-        """The parameters it asks for.
+        """Return the parameters of the request.
 
         Args:
-            smoothed: Whether they are for a plan that is smoothed, though others are not.
+            smoothed: True for the parameters of smoothing a plan.
 
         Raises:
             InputError: An unknown preset, or a seed or module size out of range.
@@ -224,7 +229,7 @@ class Request:
         found = self._plain()
         if self.settings:
             found = with_settings(found, read_settings(self.settings))
-        if not 0 <= self.seed <= LARGEST_SEED:
+        if not 0 <= self.seed <= MAX_SEED:
             raise _bad("seed", str(self.seed))
         if self.strategy not in STRATEGY_OPTIONS:
             raise unknown_strategy(self.strategy)
@@ -239,23 +244,23 @@ class Request:
             found = replace(found, playback=replace(found.playback, spacing_rad=SMOOTH_SPACING_RAD))
         if self.module_size is None:
             return found
-        low, high = MODULE_SIZES
+        low, high = MODULE_SIZE_RANGE
         if not low <= self.module_size <= high:
             raise _bad("module_size", f"{self.module_size:g}")
         return replace(found, module_size=self.module_size)
 
 
 def _placed(error: InputError) -> InputError:
-    """The same refusal, saying which parameter it is about: codes end in its name."""
+    """Return the refusal with the parameter that it is about: codes end in its name."""
     where = error.code.partition("-")[2].replace("-", "_")
     return InputError(error.code, error.detail, where=where)
 
 
 def _bad(name: str, got: str) -> InputError:
-    """The refusal of a number."""
-    low, high = MODULE_SIZES
+    """Return the refusal of a number."""
+    low, high = MODULE_SIZE_RANGE
     detail = {
-        "seed": f"got the seed {got}, expected a whole number from 0 to {LARGEST_SEED}.",
+        "seed": f"got the seed {got}, expected a whole number from 0 to {MAX_SEED}.",
         "modules": f"got {got} modules, expected {MODULE_COUNTS[0]} to {MODULE_COUNTS[1]}.",
         "module_size": f"got the module size {got}, expected {low:g} to {high:g} of the pitch.",
     }[name]

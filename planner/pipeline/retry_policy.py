@@ -17,11 +17,12 @@ from planner.parameters.parameters import BASELINE
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.preference import COMPUTING
-from planner.pipeline.request import LARGEST_SEED, Request
+from planner.pipeline.request import MAX_SEED, Request
 from planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
 MAX_SEEDS: Final = 3
-"""Maximum number of seeds of one fold. Larger values find more plans and fail later. Chosen."""
+"""Maximum number of random seeds that one fold tries. A larger value folds more shapes, and takes
+longer to fail. Chosen."""
 Change = Literal["path", "strategy", "end", "forces", "seed"]
 FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "knot": ("path", "strategy"),
@@ -33,16 +34,19 @@ FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "refused": ("path", "seed", "strategy", "forces"),
     "stopped": ("strategy", "path"),
 }
-"""Changes for each reason of a failure, in the order in which they are tried. Measured."""
+"""Changes to try after a failed explosion, by the reason of the failure, in order. Measured."""
 SMOOTHING_FRAMES_FACTOR: Final = 4
-"""Factor of the frames that a plan may get when it is smoothed, peeled ones most. Measured."""
+"""Frames that smoothing may add to a plan, as a multiple of its own. A peeled plan needs most. It
+bounds the plans that are smoothed by their memory. Measured."""
 DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
-"""Usual reason why a strategy stalls; ``joints`` for those not named."""
+"""Most frequent reason why a strategy stalls, used if no reason is known; ``joints`` for the
+others."""
 
-DIRECTIONAL: Final = ("peel", "one-by-one")
-"""Strategies that begin at one end of the chain, and so may begin at the other."""
-SEED_INDEPENDENT: Final = ("one-by-one",)
-"""Strategies whose result does not depend on forces and seeds."""
+DIRECTIONAL_STRATEGIES: Final = ("peel", "one-by-one")
+"""Strategies that begin at one end of the chain; the other end is one of their fallbacks."""
+SEED_INDEPENDENT_STRATEGIES: Final = ("one-by-one",)
+"""Strategies whose result does not depend on the random forces; a retry with another seed would
+repeat it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,8 +136,8 @@ class RetryPolicy:
 
         Args:
             tried: The attempts before it.
-            here: What is being made.
-            known: What came of others that were made already.
+            here: Current attempt.
+            known: Results of finished attempts.
         """
         known = known or {}
         seen: dict[str, Reason] = {attempt.trial.strategy: attempt.why for attempt in tried}
@@ -161,18 +165,18 @@ class RetryPolicy:
             for strategy in self.strategies[here.candidate]:
                 yield replace(here, strategy=strategy)
         elif change == "end":
-            if self.two_ended and here.strategy in DIRECTIONAL:
+            if self.two_ended and here.strategy in DIRECTIONAL_STRATEGIES:
                 yield replace(here, other_end=not here.other_end)
         elif change == "forces":
-            if self.forces and here.strategy not in SEED_INDEPENDENT:
+            if self.forces and here.strategy not in SEED_INDEPENDENT_STRATEGIES:
                 yield replace(here, gentle=True)
-        elif here.strategy not in SEED_INDEPENDENT:
+        elif here.strategy not in SEED_INDEPENDENT_STRATEGIES:
             for k in range(self.seeds):
-                yield replace(here, seed=(self.seed + k) % (LARGEST_SEED + 1))
+                yield replace(here, seed=(self.seed + k) % (MAX_SEED + 1))
 
 
 def _failed(trial: Trial, reason: Reason) -> Attempt:
-    """An attempt that fails for a reason."""
+    """Return an attempt that fails for a reason."""
     if reason == "refused":
         return Attempt(trial=trial, status="straight")
     return Attempt(trial=trial, status="stalled", diagnosis=Diagnosis(kind=reason, modules=()))

@@ -20,18 +20,23 @@ from planner.pipeline.preference import PlanFigures
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.progress import Report
 
-MAX_JUDGED: Final = 6
-"""Maximum number of certified playbacks of one fold before one is verified. Chosen."""
-MAX_JUDGED_IN_ALL: Final = 12
-"""Maximum number of certified playbacks of one fold, with those for a preference. Chosen."""
-MAX_REFUSED: Final = 4
-"""Maximum number of explosions whose plans are refused before one is verified. Chosen."""
-FINER: Final = 4
-"""Factor of the frames of a playback that is repeated with more of them. Chosen."""
-ASSUMED: Final = PlanFigures(
+MAX_PLAYBACKS_BEFORE_VERIFIED: Final = 6
+"""Maximum number of certified playbacks of one fold as long as none is verified. A larger value
+folds more shapes, and takes longer to fail. Chosen."""
+MAX_PLAYBACKS: Final = 12
+"""Maximum number of certified playbacks of one fold, with those that improve a verified plan. A
+larger value finds better plans and takes longer. Chosen."""
+MAX_REFUSED_EXPLOSIONS: Final = 4
+"""Number of explosions whose plans may all be refused before the fold fails. A larger value folds
+more shapes, and takes longer to fail. Chosen."""
+REPEATED_PLAYBACK_REFINEMENT: Final = 4
+"""Factor on the number of frames of a playback that is repeated because its clearance between
+frames was not proved. A larger value proves more and takes longer. Chosen."""
+ASSUMED_FIGURES: Final = PlanFigures(
     fold_time_s=None, peak_torque_nm=None, clearance_bound=None, frames=1, seconds=0.0
 )
-"""Figures of a plan that is not judged yet. With one frame it counts as one that is smoothed."""
+"""Placeholder figures of a plan that is not judged yet. With one frame it counts as short enough to
+be smoothed."""
 VERIFIED: Final = "verified"
 
 
@@ -97,11 +102,11 @@ def _after_verdict(history: Sequence[Attempt], policy: RetryPolicy) -> Step | No
     last = history[-1]
     judged = [attempt for attempt in history if attempt.verdict is not None]
     verified = any(attempt.verified for attempt in history)
-    if len(judged) >= (MAX_JUDGED_IN_ALL if verified else MAX_JUDGED):
+    if len(judged) >= (MAX_PLAYBACKS if verified else MAX_PLAYBACKS_BEFORE_VERIFIED):
         return None
     if last.between and last.finer == 1:
-        return PlayBack(FINER)
-    if not verified and _plans(judged) >= MAX_REFUSED:
+        return PlayBack(REPEATED_PLAYBACK_REFINEMENT)
+    if not verified and _plans(judged) >= MAX_REFUSED_EXPLOSIONS:
         return None
     # The unfolding of a refold is the same whatever the other shape's path.
     return None if last.unfolding_overlaps else _explode(history, policy)
@@ -155,7 +160,7 @@ def count_plans(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[int, i
     number = _plans(history)
     if policy.improvements is None or not history:
         return number, 0
-    figures = next((each.figures for each in reversed(history) if each.figures), ASSUMED)
+    figures = next((each.figures for each in reversed(history) if each.figures), ASSUMED_FIGURES)
     assumed = replace(
         history[-1], status="straight", played=True, verdict=VERIFIED, figures=figures
     )

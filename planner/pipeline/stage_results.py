@@ -21,7 +21,7 @@ class Reading:
         candidates: Chains that may be folded.
         kind: ``path``, ``chain``, ``voxels``, ``mesh`` or ``plan``: what the input was.
         method: Method that found the paths; None for a plan.
-        notes: What users should know, in plain words.
+        notes: Notes for users.
         knot: Verdict on the knot of the first candidate; None without one.
     """
 

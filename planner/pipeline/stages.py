@@ -17,7 +17,7 @@ from planner.pipeline import manifest
 from planner.pipeline.attempt import Attempt
 from planner.pipeline.fold_layout import DESCRIBED, EXPORTED, PLAN_TEXT
 from planner.pipeline.job import Search, Watch, is_smoothing
-from planner.pipeline.parallel import Tries
+from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import (
@@ -35,8 +35,8 @@ from planner.pipeline.steps import advance, finish, read_plan, read_shape, rest
 from planner.pipeline.workspace import Workspace
 from planner.progress import Cancelled, Progress, Report, never, silent
 
-JUDGING: Final = ("play_back", "certify")
-"""Stages that go on with the last attempt of ``explode``."""
+STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
+"""Stages that process the last attempt of the stage ``explode``."""
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
 
@@ -46,7 +46,7 @@ def run_stage(
     *,
     progress: Report = silent,
     cancelled: Cancelled = never,
-    tries: Tries | None = None,
+    pool: AttemptPool | None = None,
 ) -> dict[str, Any]:
     """Run one stage of the fold in a directory, for a service.
 
@@ -55,7 +55,7 @@ def run_stage(
         directory: Holds ``request.json`` and ``input``, and the files of the stages so far.
         progress: Called with the progress.
         cancelled: Asked periodically whether to stop.
-        tries: Makes what may be tried next beside; it must outlast all stages of the fold. None for
+        pool: Makes what may be tried next beside; it must outlast all stages of the fold. None for
             one explosion after the other.
 
     Returns:
@@ -64,13 +64,13 @@ def run_stage(
     Raises:
         InputError: From ``read``, when the input cannot be used.
     """
-    workspace, tries = Workspace(directory), tries or Tries(directory)
+    workspace, pool = Workspace(directory), pool or AttemptPool(directory)
     workspace.drop_manifest()  # of what is written now
     if stage == "export":
-        tries.rest()  # what is written now is the end
-    if stage in JUDGING:
+        pool.end_running()  # what is written now is the end
+    if stage in STAGES_OF_LAST_ATTEMPT:
         progress = _counting(workspace, progress)
-    found = _STAGES[stage](workspace, Watch(progress=progress, cancelled=cancelled), tries)
+    found = _STAGES[stage](workspace, Watch(progress=progress, cancelled=cancelled), pool)
     progress(Progress(stage=stage, fraction=1.0, message="done"))
     return found.as_dict()
 
@@ -102,8 +102,8 @@ def run_stages(
     """Run all stages, those again that a refused plan makes necessary; return the plan's figures.
 
     Args:
-        directory: As for ``run_stage``.
-        progress, cancelled: As for ``run_stage``.
+        directory: Same as for ``run_stage``.
+        progress, cancelled: Same as for ``run_stage``.
         workers: Explosions that are made at once at most. The plan is the same for any number.
 
     Raises:
@@ -111,17 +111,15 @@ def run_stages(
     """
     stage: str | None = STAGES[0]
     figures: dict[str, Any] = {}
-    with Tries(directory, workers) as tries:
+    with AttemptPool(directory, workers) as pool:
         while stage is not None:
-            figures = run_stage(
-                stage, directory, progress=progress, cancelled=cancelled, tries=tries
-            )
+            figures = run_stage(stage, directory, progress=progress, cancelled=cancelled, pool=pool)
             stage = next_stage(stage, figures)
     return figures
 
 
-def _read(workspace: Workspace, watch: Watch, tries: Tries) -> Reading:
-    del watch, tries
+def _read(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Reading:
+    del watch, pool
     request = workspace.read_request()
     request.check()
     if request.smooth:
@@ -137,7 +135,7 @@ def _read(workspace: Workspace, watch: Watch, tries: Tries) -> Reading:
     return found
 
 
-def _explode(workspace: Workspace, watch: Watch, tries: Tries) -> Exploded:
+def _explode(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Exploded:
     """Run explosion after explosion, until one ends straight or nothing is left to try."""
     job = workspace.read_job()
     if job.request.smooth:
@@ -156,16 +154,16 @@ def _explode(workspace: Workspace, watch: Watch, tries: Tries) -> Exploded:
             search = replace(search, results={**search.results, smooths: known})
         report = with_count(watch.progress, begun, job.policy)
         there = replace(watch, progress=report, timeline=place.timeline)
-        search = advance(job, search, step, there, tries)
+        search = advance(job, search, step, there, pool)
         place.write_explosion(search.results[number])
         workspace.write_history(search.history)
         workspace.keep_best_explosion()
     record = search.results[workspace.number or 0].record
-    rest(tries, record, len(search.history), job.request.prefer)
+    rest(pool, record, len(search.history), job.request.prefer)
     return Exploded(record=record, attempts=len(search.history))
 
 
-def _play_back(workspace: Workspace, watch: Watch, tries: Tries) -> Played:
+def _play_back(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Played:
     place = workspace.attempt
     place.drop_playback()
     job = workspace.read_job()
@@ -177,17 +175,17 @@ def _play_back(workspace: Workspace, watch: Watch, tries: Tries) -> Played:
     search = replace(search, history=before_playback(search.history, job.policy))
     workspace.write_history(search.history)
     step = PlayBack(search.history[-1].finer)
-    search = advance(job, search, step, replace(watch, timeline=place.timeline), tries)
+    search = advance(job, search, step, replace(watch, timeline=place.timeline), pool)
     playback = search.current.playback
     assert playback is not None
     place.write_playback(playback)
     return Played(playback=playback)
 
 
-def _certify(workspace: Workspace, watch: Watch, tries: Tries) -> Judged:
+def _certify(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Judged:
     place, job = workspace.attempt, workspace.read_job()
     place.drop_curves()
-    search = advance(job, workspace.read_search(job), Certify(), watch, tries)
+    search = advance(job, workspace.read_search(job), Certify(), watch, pool)
     certificate = search.current.certificate
     assert certificate is not None
     place.write_judgement(search.current)
@@ -203,8 +201,8 @@ def _certify(workspace: Workspace, watch: Watch, tries: Tries) -> Judged:
     return Judged(certificate=workspace.read_certificate() or certificate, again=None)
 
 
-def _export(workspace: Workspace, watch: Watch, tries: Tries) -> Exported:
-    del watch, tries
+def _export(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Exported:
+    del watch, pool
     request, history = workspace.read_request(), workspace.read_history()
     best = workspace.keep_best(request.prefer)
     if best is not None and request.prefer != COMPUTING:
@@ -226,7 +224,7 @@ def _export(workspace: Workspace, watch: Watch, tries: Tries) -> Exported:
     return Exported(plan=plan)
 
 
-_Stage = Callable[[Workspace, Watch, Tries], StageResult]
+_Stage = Callable[[Workspace, Watch, AttemptPool], StageResult]
 _STAGES: Final[dict[str, _Stage]] = {
     "read": _read,
     "explode": _explode,

@@ -17,19 +17,17 @@ from planner.certificate.certificate import certify
 from planner.certificate.table import table_certificate
 from planner.chain.chain import Chain
 from planner.explosion.strategies import let_go, on_lattice, strategies_for, windowed
-from planner.motion.frames import Frames
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
-from planner.motion.windows import Windows
 from planner.parameters.explosion import TableParameters
 from planner.parameters.parameters import Parameters
 from planner.pipeline.attempt import Attempt, Candidates, Trial
 from planner.pipeline.job import Job, Result, Search, Watch, is_smoothing
-from planner.pipeline.parallel import Tries
+from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.prepare import prepare
-from planner.pipeline.request import SHORT_SEED, Request
+from planner.pipeline.request import PATH_SEED_MODULUS, Request
 from planner.pipeline.search import Explode, PlayBack, Step, before_playback
 from planner.pipeline.stage_results import Reading
 from planner.plan.plan import Plan
@@ -41,12 +39,12 @@ from planner.playback.unfolding import Unfolding, check_fits
 from planner.progress import Progress
 from planner.robot.smoothed import before_and_after, check_smoothable, smoothed_record
 
-STRONGER_MOTORS: Final = 1.5
+TABLE_MOTOR_RESERVE: Final = 1.5
 """Torque limit of the motors on a table, as a multiple of the largest static torque in the record.
-A larger value folds faster. Chosen."""
-MIN_TORQUE_WP: Final = 1.0
-"""Minimum static torque that this limit is computed from, in w·p. Below it, hardly any torque would
-be left to accelerate the chain. Chosen."""
+A larger value lets the chain accelerate more, so that it folds faster. Chosen."""
+MIN_SIZING_TORQUE_WP: Final = 1.0
+"""Smallest static torque that the limit of the motors on a table is computed from, in w·p (module
+weight × pitch). Below it, hardly any torque would be left to accelerate the chain. Chosen."""
 Sink = Callable[[Motion], None]
 
 
@@ -79,7 +77,7 @@ def read_shape(
         InputError: When the input cannot be used.
     """
     if prepared is None:
-        seed = request.seed % SHORT_SEED
+        seed = request.seed % PATH_SEED_MODULUS
         prepared = prepare(data, request.filename, request.path_options(), seed=seed).prepared()
     chain, chains = prepared.chains[0], prepared.chains
     if start is not None:
@@ -188,8 +186,8 @@ def play_back(
 
 
 def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: Watch) -> Playback:
-    """Folds the chain on the table, with motors that give a little more than standing asks."""
-    assert isinstance(record.frames, Windows)
+    """Fold the chain on the table, with motors slightly stronger than standing needs."""
+    assert record.frames.is_windowed
     assert record.table is not None
     # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.
     exploded = record.frames.dense(chain)
@@ -211,7 +209,7 @@ def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: 
         playback = play_on_table(
             chain,
             record.frames,
-            torque_limit_wp=STRONGER_MOTORS * max(asked, MIN_TORQUE_WP),
+            torque_limit_wp=TABLE_MOTOR_RESERVE * max(asked, MIN_SIZING_TORQUE_WP),
             friction=table.friction,
             clamped=table.held,
             start_s=float(exploded.time_s[-1]),
@@ -238,7 +236,7 @@ def _sink(
 def judge(result: Result, parameters: Parameters, watch: Watch, *, start: Chain | None) -> Result:
     """Return a result with its certificate, and the curves that belong to that."""
     playback, curves = result.playback, dict[str, Any]()
-    peeled = playback is not None and isinstance(playback.frames, Windows)
+    peeled = playback is not None and playback.frames.is_windowed
     certificate = certify(
         result.chain,
         result.record,
@@ -253,10 +251,10 @@ def judge(result: Result, parameters: Parameters, watch: Watch, *, start: Chain 
     return replace(result, certificate=certificate, **curves)
 
 
-def advance(job: Job, search: Search, step: Step, watch: Watch, tries: Tries) -> Search:
+def advance(job: Job, search: Search, step: Step, watch: Watch, pool: AttemptPool) -> Search:
     """Return the search after one more step; earlier results stay as they are."""
     if isinstance(step, Explode):
-        return _explode(job, search, step.trial, watch, tries)
+        return _explode(job, search, step.trial, watch, pool)
     if isinstance(step, PlayBack):
         search = replace(search, history=before_playback(search.history, job.policy))
         result = search.current
@@ -278,7 +276,7 @@ def advance(job: Job, search: Search, step: Step, watch: Watch, tries: Tries) ->
     return search.with_current(result, outcome)
 
 
-def _explode(job: Job, search: Search, trial: Trial, watch: Watch, tries: Tries) -> Search:
+def _explode(job: Job, search: Search, trial: Trial, watch: Watch, pool: AttemptPool) -> Search:
     """Return the search after one more explosion or smoothing."""
     number, chain = len(search.history), job.candidates.chain_of(trial)
     parameters = job.parameters()
@@ -290,28 +288,28 @@ def _explode(job: Job, search: Search, trial: Trial, watch: Watch, tries: Tries)
         assert source is not None
         record = smooth(source, trial, parameters, watch)
     elif parameters.explosion is not None:
-        tries.come_to(job.policy, search.history, trial)
-        record = tries.take(watch.timeline, watch.progress, watch.cancelled)
+        pool.schedule(job.policy, search.history, trial)
+        record = pool.collect(watch.timeline, watch.progress, watch.cancelled)
         if record is None:
-            watch = replace(watch, progress=tries.watched(watch.progress))
+            watch = replace(watch, progress=pool.with_speculation(watch.progress))
             record = explode(chain, trial, parameters, watch)
     outcome = Attempt.of_record(trial, chain, record, parameters)
     result = Result(chain=chain, record=record, recorded=recorded)
     return Search(history=(*search.history, outcome), results={**search.results, number: result})
 
 
-def rest(tries: Tries, record: Record | None, attempts: int, prefer: Preference) -> None:
+def rest(pool: AttemptPool, record: Record | None, attempts: int, prefer: Preference) -> None:
     """End what explodes beside, when the last explosion of a series makes it of little use.
 
     Args:
-        tries: Explosions that are made beside.
+        pool: Explosions that are made beside.
         record: Record of the explosion that is played back next; None where nothing explodes.
         attempts: Number of attempts so far.
         prefer: Preference among verified plans.
     """
     wanted = attempts > 1 or prefer != COMPUTING  # what comes out at once is rarely refused
     if record is not None and (record.status != "straight" or not wanted):
-        tries.rest()
+        pool.end_running()
 
 
 def finish(
@@ -346,9 +344,4 @@ def with_joint_errors(plan: Plan, playback: Playback | None) -> Plan:
     """Return a plan with the joint errors of its playback, which its file leaves out."""
     if playback is None:
         return plan
-    motion, simulated = plan.motion, playback.frames
-    if isinstance(motion, Windows) and isinstance(simulated, Windows):
-        motion = replace(motion, errors_rad=simulated.errors_rad)
-    elif isinstance(motion, Frames) and isinstance(simulated, Frames):
-        motion = replace(motion, joint_error_rad=simulated.joint_error_rad)
-    return replace(plan, motion=motion)
+    return replace(plan, motion=replace(plan.motion, errors_rad=playback.frames.errors_rad))

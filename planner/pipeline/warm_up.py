@@ -1,4 +1,4 @@
-"""Warm-up: compiles the kernels into their cache, so that nobody waits for it later."""
+"""Warm-up: compiles the kernels into their cache ahead of the first fold."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from planner.parameters.playback import RobotParameters
 from planner.parameters.published import PaperExplosionParameters
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.compiling import Compiling, beside, end_with_parent, motions_beside
-from planner.pipeline.compiling_lock import FIRST, REST, CompilingLock
+from planner.pipeline.compiling_lock import FIRST_LOCK, REST_LOCK, CompilingLock
 from planner.pipeline.fold import fold, smooth_plan
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
+from planner.pipeline.warm_up_paths import WARM_UP_CELLS, warm_up_chains, warm_up_paths
 from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.progress import Progress, Report, silent
@@ -45,10 +45,12 @@ from planner.simulation.engine import build_chain_model
 from planner.simulation.model import SOLIMP
 from planner.simulation.robot import Robot
 
-STEPPING_BACK: Final = 10
-"""Niceness of what nobody waits for yet."""
-SMALL_BOX: Final = (2, 4, 5)
-"""More than one unit, so that some are let go and others are the last."""
+BACKGROUND_NICENESS: Final = 10
+"""Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the
+processor to folds. Chosen."""
+PEELED_BOX_CELLS: Final = (2, 4, 5)
+"""Cells of the box along x, y and z that the warm-up peels: more modules than one release group, so
+that both a group and the last ones are released."""
 
 
 def warm_up(
@@ -61,22 +63,21 @@ def warm_up(
 
     Args:
         progress: Called with ``COMPILING`` and a fraction whenever a kernel was compiled.
-        soon: Where something had to be compiled, return once a path can be folded; another process
-            compiles the rest.
-        directory: Where the locks are; beside the compiled kernels when None.
+        soon: Return once a path can be folded; another process compiles the remaining kernels.
+        directory: Directory of the locks; beside the compiled kernels if None.
     """
     place = _locks_in(directory)
-    with Compiling(progress, lock=CompilingLock(place / FIRST)) as compiling:
+    with Compiling(progress, lock=CompilingLock(place / FIRST_LOCK)) as compiling:
         chain = warm_up_chains()
         with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
             warm_up_clearance(chain)
         warm_up_motions(chain)
         with TemporaryDirectory() as folder:  # figures are only made of what is written
-            plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"), directory=folder)
+            plan = fold(Path.from_cells(list(WARM_UP_CELLS), name="warm-up"), directory=folder)
     if soon and compiling.told:
         beside("all", place)
         return
-    with Compiling(progress, lock=CompilingLock(place / REST)):
+    with Compiling(progress, lock=CompilingLock(place / REST_LOCK)):
         retime(plan, 1.0, 1.0)
         with TemporaryDirectory() as folder:
             smooth_plan(plan, directory=folder)
@@ -135,8 +136,8 @@ def _explode_as_published() -> None:
 
 
 def _peel() -> None:
-    """What long chains need, which are too long for the simultaneous explosion."""
-    path = Path.from_cells(layered_snake(SMALL_BOX), name="warm-up")
+    """Compile the kernels of long chains, by peeling a small box."""
+    path = Path.from_cells(layered_snake(PEELED_BOX_CELLS), name="warm-up")
     with TemporaryDirectory(prefix="foldback-") as place:
         Workspace(FilePath(place)).write_request(Request(strategy="peel"), write_path(path))
         run_stages(FilePath(place))
@@ -150,10 +151,10 @@ def main() -> None:
     part, directory = sys.argv[1], FilePath(sys.argv[2]) if sys.argv[2:] else None
     end_with_parent()
     if part == "motions":
-        with Compiling(lock=CompilingLock(_locks_in(directory) / FIRST), joined=True):
+        with Compiling(lock=CompilingLock(_locks_in(directory) / FIRST_LOCK), joined=True):
             warm_up_motions(warm_up_chains())
     else:
-        os.nice(STEPPING_BACK)
+        os.nice(BACKGROUND_NICENESS)
         warm_up(directory=directory)
 
 

@@ -16,15 +16,15 @@ from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import voxelise
 
-SMALL_SHAPE: Final = (
+WARM_UP_CELLS: Final = (
     *((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)),
     *((0, 1, 1), (1, 1, 1), (1, 0, 1)),
 )
 
 
 def warm_up_chains() -> Chain:
-    """Makes a small chain of a path."""
-    chain = Chain.from_path(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
+    """Make a small chain of a path."""
+    chain = Chain.from_path(Path.from_cells(list(WARM_UP_CELLS), name="warm-up"))
     _ = chain.folded_poses
     return chain
 
@@ -47,7 +47,7 @@ def warm_up_paths() -> None:
 
 
 def _tetrahedron() -> Solid:
-    """The simplest solid there is."""
+    """Return the simplest solid there is."""
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     return Solid(name="warm-up", vertices=corners, faces=faces, notes=())

@@ -1,4 +1,4 @@
-"""Workspace: a fold's directory as typed values, and the moves that keep it whole at any time.
+"""Workspace: a fold's directory as typed values, written so that it is consistent at any time.
 
 Each file is written aside and renamed, so that a file that is there is whole. Results of an attempt
 are in a folder of their own until the fold is over: ``planner.pipeline.fold_layout``. Of attempts
@@ -20,7 +20,7 @@ import numpy as np
 
 from planner.certificate.certificate import Certificate
 from planner.certificate.measure import write_figures
-from planner.certificate.table_forces import FILE as FORCES
+from planner.certificate.table_forces import FORCES
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import stopped
 from planner.exports import mjcf
@@ -32,20 +32,21 @@ from planner.pipeline.attempt import Attempt, Candidates
 from planner.pipeline.fold_layout import last_frame
 from planner.pipeline.job import Job, Result, Search, share_bent
 from planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
-from planner.pipeline.request import SHORT_SEED, Request
+from planner.pipeline.request import PATH_SEED_MODULUS, Request
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.steps import with_joint_errors
 from planner.plan.plan import Plan
-from planner.plan.prepared import FILE as PREPARED
-from planner.plan.prepared import PreparedChains, key_of
+from planner.plan.prepared import PREPARED, PreparedChains, key_of
 from planner.playback.playback import Playback
 from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
 from planner.robot import RECORDED_PLAN
 
 MAX_PLANS_BYTES: Final = 64 * 2**20
-"""Maximum size of a fold's ``PLANS``; plans beyond it are removed and cannot be played. Chosen."""
+"""Maximum size of the stored plans of a fold that were not chosen, in bytes; plans beyond it are
+removed and cannot be played. Chosen."""
 _UNWANTED: Final = "unwanted-"
-"""A folder is renamed so before its files are removed: half of one would pass for an attempt."""
+"""Prefix of a directory that is being removed, so that a partly removed one does not pass for an
+attempt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +126,7 @@ class Workspace:
         """Return the chains that the preview of this request has found; None without one."""
         if not (self.directory / PREPARED).exists():  # spares the digest of a large input
             return None
-        seed = request.seed % SHORT_SEED
+        seed = request.seed % PATH_SEED_MODULUS
         key = key_of(data, request.filename, request.path_options(), seed)
         return PreparedChains.load(self.directory, key)
 
@@ -323,7 +324,7 @@ class Workspace:
     def clear(self) -> None:
         """Remove all that earlier attempts have made: a fold begins anew."""
         # The chain is the first candidate's.
-        self._drop(layout.FOLDER, layout.PLANS, layout.ATTEMPTS, *layout.RESULTS[1:])
+        self._drop(layout.ATTEMPTS_DIR, layout.PLANS_DIR, layout.ATTEMPTS, *layout.RESULTS[1:])
 
     def drop_pictures(self) -> None:
         """Remove what shows an earlier fold in this directory."""
@@ -363,7 +364,7 @@ class Workspace:
                 rmtree(self.directory / name, ignore_errors=True)
             if there.exists():
                 there.replace(self.directory / name)
-        rmtree(self.directory / layout.FOLDER)
+        rmtree(self.directory / layout.ATTEMPTS_DIR)
 
     def _keep_best(self, among: Sequence[int], prefer: Preference = COMPUTING) -> None:
         if len(among) > 1:
@@ -374,14 +375,14 @@ class Workspace:
             self._remove(unwanted)
 
     def _moved_to_plans(self, number: int) -> bool:
-        """Move a verified plan to ``PLANS`` if there is room; return True if it was moved."""
+        """Move a verified plan to ``PLANS_DIR`` if there is room; return True if it was moved."""
         place = layout.place_of(self.directory, number)
         if not judgement(layout.certificate_values(place / layout.CERTIFICATE))[0]:
             return False
         for path in place.iterdir():
             if path.name not in layout.PLAYABLE:
                 path.unlink()
-        plans = self.directory / layout.PLANS
+        plans = self.directory / layout.PLANS_DIR
         files = [path for root in (plans, place) for path in root.rglob("*") if path.is_file()]
         if sum(path.stat().st_size for path in files) > MAX_PLANS_BYTES:
             return False
@@ -403,7 +404,7 @@ class Workspace:
         )
 
     def _remove(self, unwanted: Sequence[int]) -> None:
-        folders = self.directory / layout.FOLDER
+        folders = self.directory / layout.ATTEMPTS_DIR
         for number in unwanted:
             (folders / str(number)).rename(folders / f"{_UNWANTED}{number}")
         for path in folders.glob(f"{_UNWANTED}*"):

@@ -8,39 +8,45 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-SINGLE_WITHIN: Final = 1e-6
-"""Joint errors below 16 rad in single precision, as timelines have them."""
+SINGLE_PRECISION_ATOL_RAD: Final = 1e-6
+"""Absolute tolerance, in rad, for joint errors that a timeline stores in single precision: their
+rounding below 16 rad. A larger value would hide changed errors."""
 FIGURES_RTOL: Final = 1e-7
+"""Relative tolerance between a certificate's figures and the same figures computed again. See
+``FIGURES_ATOL``."""
 FIGURES_ATOL: Final = 1e-9
-"""Sums over a thousand modules and positions of a thousand pitches in double precision lose 1e-12;
-another processor's sines change the last digit of what goes in."""
+"""Absolute tolerance between these figures, in their units. Sums over a thousand modules at
+positions of a thousand pitches lose 1e-12 in double precision, and another processor's sines differ
+in the last digit. Smaller values would refuse good plans, larger ones accept altered figures.
+Chosen."""
 Differences = Iterator[str]
-LONGEST: Final = 60
-"""Characters of a value that is shown."""
-NOTHING: Final = object()
+MAX_VALUE_CHARACTERS: Final = 60
+"""Maximum length, in characters, of a value that a message about a difference quotes. Chosen."""
+MISSING: Final = object()
+"""Stands for a value that one of two compared files lacks; printed as “nothing”."""
 
 
 def versus_plan(name: str, field: str) -> str:
-    """What a difference between a file and the plan is called."""
+    """Return the name of a difference between a file and the plan."""
     return f"{name} and plan.npz differ in {field}"
 
 
 def value_differences(
     got: Any, expected: Any, name: str, *, rtol: float = 0.0, atol: float = 0.0
 ) -> Differences:
-    """``name.key[3]: got …, expected …`` for each leaf of plain JSON values that differs.
+    """Yield ``name.key[3]: got …, expected …`` for each leaf of plain JSON values that differs.
 
     Args:
         got, expected: The values.
-        name: What they are called.
-        rtol, atol: How far numbers that are not whole may be apart.
+        name: Name of the values in messages.
+        rtol, atol: Relative and absolute tolerance between numbers that are not integers.
     """
     if isinstance(got, Mapping) and isinstance(expected, Mapping):
         mine, theirs = cast("dict[str, Any]", got), cast("dict[str, Any]", expected)
         for key in dict.fromkeys((*theirs, *mine)):
             yield from value_differences(
-                mine.get(key, NOTHING),
-                theirs.get(key, NOTHING),
+                mine.get(key, MISSING),
+                theirs.get(key, MISSING),
                 f"{name}.{key}",
                 rtol=rtol,
                 atol=atol,
@@ -57,12 +63,12 @@ def value_differences(
 
 
 def array_difference(got: Any, expected: Any, name: str, *, atol: float = 0.0) -> Differences:
-    """Where two arrays differ first; NaN are the same.
+    """Yield the first difference between two arrays; NaN equals NaN.
 
     Args:
         got, expected: The arrays.
-        name: What they are called.
-        atol: How far numbers may be apart.
+        name: Name of the arrays in the message.
+        atol: Absolute tolerance between floating-point numbers.
     """
     got, expected = np.asarray(got), np.asarray(expected)
     if got.shape != expected.shape:
@@ -94,7 +100,7 @@ def _same(got: Any, expected: Any, rtol: float, atol: float) -> bool:
 
 
 def _shown(value: Any) -> str:
-    if value is NOTHING:
+    if value is MISSING:
         return "nothing"
     text = json.dumps(value, default=str)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+    return text if len(text) <= MAX_VALUE_CHARACTERS else f"{text[: MAX_VALUE_CHARACTERS - 1]}…"

@@ -12,14 +12,15 @@ from planner.chain.path import Path
 from planner.readers.json_files import CHAIN_FORMAT, PATH_FORMAT, VOXELS_FORMAT
 from planner.shapes.shape import Shape
 
-ROWS_A_LINE = 8
+ROWS_PER_LINE = 8
+"""Cells or joint angles on one line of a JSON file that people may edit. Chosen."""
 
 
 def write_path(path: Path, *, title: str | None = None) -> bytes:
-    """A path as ``foldback-path/1``.
+    """Return a path as ``foldback-path/1``.
 
     Args:
-        path: What to write.
+        path: Path to write.
         title: A longer name for people, which readers leave alone.
     """
     head: dict[str, object] = {"format": PATH_FORMAT, "name": path.name}
@@ -32,12 +33,12 @@ def write_path(path: Path, *, title: str | None = None) -> bytes:
 def write_chain(
     chain: Chain, *, title: str | None = None, tags: Sequence[str] | None = None
 ) -> bytes:
-    """The folded configuration of a chain as ``foldback-chain/1``.
+    """Return the folded configuration of a chain as ``foldback-chain/1``.
 
     Args:
-        chain: What to write.
+        chain: Chain to write.
         title: A longer name for people, which readers leave alone.
-        tags: What kinds of shape it is of, which they leave alone as well.
+        tags: Kinds of shapes that it belongs to; readers ignore them as well.
     """
     head: dict[str, object] = {"format": CHAIN_FORMAT, "name": chain.name}
     if title is not None:
@@ -60,7 +61,7 @@ def write_chain(
 
 
 def write_shape(shape: Shape) -> bytes:
-    """A shape as ``foldback-voxels/1``."""
+    """Return a shape as ``foldback-voxels/1``."""
     head: dict[str, object] = {
         "format": VOXELS_FORMAT,
         "name": shape.name,
@@ -71,8 +72,8 @@ def write_shape(shape: Shape) -> bytes:
 
 def _document(head: dict[str, object], key: str, rows: Sequence[object]) -> bytes:
     lines = [
-        ", ".join(json.dumps(row, separators=(",", ":")) for row in rows[i : i + ROWS_A_LINE])
-        for i in range(0, len(rows), ROWS_A_LINE)
+        ", ".join(json.dumps(row, separators=(",", ":")) for row in rows[i : i + ROWS_PER_LINE])
+        for i in range(0, len(rows), ROWS_PER_LINE)
     ]
     fields = [f"  {json.dumps(k)}: {json.dumps(v)}" for k, v in head.items()]
     fields.append(f"  {json.dumps(key)}: [\n    " + ",\n    ".join(lines) + "\n  ]")

@@ -14,10 +14,13 @@ import numpy as np
 from planner.errors import InputError
 from planner.simulation.mujoco import mujoco
 
-RTOL: Final = 5e-7
-ATOL: Final = 2e-7
-"""MuJoCo writes six digits, which are the same wherever they come from the same chain."""
-KINDS: Final = {
+MODEL_RTOL: Final = 5e-7
+"""Relative tolerance between the numbers of two compiled MuJoCo models. MJCF holds six significant
+digits; smaller differences are its rounding, larger ones are changes of the model."""
+MODEL_ATOL: Final = 2e-7
+"""Absolute tolerance between these numbers, in the model's units (pitch, rad, module mass), for
+those near 0. See ``MODEL_RTOL``."""
+ELEMENTS_BY_PREFIX: Final = {
     "body": ("body", "nbody"),
     "jnt": ("joint", "njnt"),
     "geom": ("geom", "ngeom"),
@@ -26,14 +29,16 @@ KINDS: Final = {
     "exclude": ("exclude", "nexclude"),
     "eq": ("equality", "neq"),
 }
-"""By the beginnings of the names of MuJoCo's arrays: what they are of, and how many there are."""
-UNNAMED: Final = ("exclude", "equality")
-PRIVATE: Final = ("_", "name", "nnames", "text")
-"""Beginnings of names of what says nothing of its own."""
+"""Kind of element and the field with its count, by the first word of the names of MuJoCo's
+arrays."""
+UNNAMED_ELEMENTS: Final = ("exclude", "equality")
+"""Kinds of elements that messages number, as they have no names."""
+IGNORED_PREFIXES: Final = ("_", "name", "nnames", "text")
+"""Beginnings of names of model fields that are not compared, as they only restate names."""
 
 
 def compiled(xml: str) -> Any:
-    """The model of a text.
+    """Return the compiled model of an MJCF text.
 
     Raises:
         InputError: ``not-a-model``.
@@ -45,10 +50,10 @@ def compiled(xml: str) -> Any:
 
 
 def model_differences(text: str, expected: str) -> Iterator[str]:
-    """What of a model is not as expected; nothing when it is the same.
+    """Yield the differences between a model and the expected one; nothing if they are equal.
 
     Args:
-        text, expected: Both as MJCF.
+        text, expected: Both models as MJCF.
 
     Raises:
         InputError: ``not-a-model``.
@@ -61,7 +66,9 @@ def model_differences(text: str, expected: str) -> Iterator[str]:
     for part, of, other in (("", here, there), ("option ", here.opt, there.opt)):
         for name in dir(there if not part else there.opt):
             mine, theirs = getattr(of, name, None), getattr(other, name, None)
-            if isinstance(theirs, np.ndarray | int | float) and not name.startswith(PRIVATE):
+            if isinstance(theirs, np.ndarray | int | float) and not name.startswith(
+                IGNORED_PREFIXES
+            ):
                 yield from _difference(here, part, name, mine, theirs)
 
 
@@ -72,14 +79,14 @@ def _difference(model: Any, part: str, name: str, mine: Any, theirs: Any) -> Ite
         return
     if got.dtype.kind not in "fiub":
         return
-    off = ~np.isclose(got, expected, rtol=RTOL, atol=ATOL, equal_nan=True)
+    off = ~np.isclose(got, expected, rtol=MODEL_RTOL, atol=MODEL_ATOL, equal_nan=True)
     if not off.any():
         return
     place = tuple(int(k) for k in np.argwhere(off)[0])
     where = ""
-    kind, count = KINDS.get(name.partition("_")[0], ("", ""))
+    kind, count = ELEMENTS_BY_PREFIX.get(name.partition("_")[0], ("", ""))
     if kind and place and len(got) == getattr(model, count):
-        called = "" if kind in UNNAMED else getattr(model, kind)(place[0]).name
+        called = "" if kind in UNNAMED_ELEMENTS else getattr(model, kind)(place[0]).name
         where = f" of {kind} {called or place[0]}"
     yield f"{part}{name}{where}: got {got[place].item():.9g}, expected {expected[place].item():.9g}"
 

@@ -20,32 +20,33 @@ from planner.certificate.metrics import Curves, Figures, write
 from planner.errors import InputError
 from planner.files import write_json, write_whole, zarr_group
 from planner.motion.angle_steps import PLAN_STEP_RAD, byte_planes, whole_numbers, whole_steps
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import save_npz
 from planner.motion.timeline import TimelineWriter, chain_from_attributes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.signedinteger[Any]]
 Arrays = dict[str, NDArray[Any]]
-FORMAT: Final = "foldback-packed/1"
-TEXTS: Final = (
+PACKED_FORMAT: Final = "foldback-packed/1"
+TEXT_FILES: Final = (
     *("input", "request.json", "chain.json", "start.json", "candidates.json", "attempts.json"),
     *("certificate.json", "manifest.json", "model.xml"),
 )
-"""Files that are packed as they are, where they are there."""
-ARRAYS: Final = ("record.npz", "playback.npz", "plan.npz", "start.npz")
-"""Files whose arrays are packed by name."""
+"""Files of a fold that are packed unchanged if the fold has them."""
+ARRAY_FILES: Final = ("record.npz", "playback.npz", "plan.npz", "start.npz")
+"""Files of a fold whose arrays are packed by name."""
 ROOT_STEPS: Final = {"root_position": 2.0**-20, "root_wxyz": 2.0**-30}
-"""Steps of a root's position, in pitches, and of the parts of its quaternion. The far end of a
-chain magnifies an error of the latter. Chosen."""
-ROOT: Final = tuple(ROOT_STEPS)
-CLEARANCE_STEP: Final = 2.0**-10
-"""Step of the clearances that plots show, in pitches. Chosen."""
-ANGLE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
-"""Order of the differences over time that are smallest, by the arrays' names. Measured."""
-COLUMNS: Final = ("time_s", "phase", "joint_angles_rad", *ROOT, "joint_error_rad")
-PLAN_ROWS: Final = ("phase", "time_s", "joint_angles_rad", *ROOT, "max_error_rad")
-"""Columns of ``plan.json`` that have a value for each frame."""
+"""Quantisation of a root's position (pitches) and quaternion in a packed fold. Larger steps make
+packed folds smaller and less exact; the chain's far end magnifies an error of the quaternion.
+Chosen."""
+ROOT_ARRAYS: Final = tuple(ROOT_STEPS)
+CLEARANCE_STEP_PITCH: Final = 2.0**-10
+"""Quantisation of the clearances that plots show, in pitches. Chosen."""
+DIFFERENCE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
+"""Order of the differences over time by which an array of angles is coded: the order with the
+smallest numbers, so that the packed file is smallest. Measured."""
+PLAN_FRAME_COLUMNS: Final = ("phase", "time_s", "joint_angles_rad", *ROOT_ARRAYS, "max_error_rad")
+"""Columns of ``plan.json`` with one value for each frame."""
 
 
 def pack(directory: FilePath, about: dict[str, Any]) -> bytes:
@@ -58,17 +59,17 @@ def pack(directory: FilePath, about: dict[str, Any]) -> bytes:
     packer = _Packer()
     texts = {
         name: (directory / name).read_text(encoding="utf-8")
-        for name in TEXTS
+        for name in TEXT_FILES
         if (directory / name).exists()
     }
-    for file in ARRAYS:
+    for file in ARRAY_FILES:
         if (directory / file).exists():
             with np.load(directory / file, allow_pickle=False) as opened:
                 packer.add_npz(file, dict(opened))
     timeline = zarr_group(directory / "timeline.zarr")
     packer.add_figures(Figures.load(directory / "figures.zarr"))
     header = {
-        "format": FORMAT,
+        "format": PACKED_FORMAT,
         "about": about,
         "texts": texts,
         "timeline": timeline.attrs["id"],
@@ -84,12 +85,12 @@ def unpack(data: bytes, directory: FilePath) -> dict[str, Any]:
     with np.load(io.BytesIO(lzma.decompress(data)), allow_pickle=False) as file:
         arrays: Arrays = dict(file)
     header = json.loads(str(arrays.pop("header")))
-    if header["format"] != FORMAT:
-        raise InputError("not-packed", f"got {header['format']!r}, expected {FORMAT!r}.")
+    if header["format"] != PACKED_FORMAT:
+        raise InputError("not-packed", f"got {header['format']!r}, expected {PACKED_FORMAT!r}.")
     found = _unpacked(arrays, header["coded"])
     for name, text in header["texts"].items():
         write_whole(directory / name, text.encode())
-    for file in ARRAYS:
+    for file in ARRAY_FILES:
         if any(name.startswith(f"{file}/") for name in found):
             save_npz(directory / file, _of_file(found, file))
     _write_plan_json(directory / "plan.json", _of_file(found, "plan.npz"))
@@ -114,7 +115,7 @@ class _Packer:
                 continue
             if name.endswith("_rad") and array.ndim > 1:
                 self._add_angles(key, name, array, reference)
-            elif name in ROOT and file != "start.npz":
+            elif name in ROOT_ARRAYS and file != "start.npz":
                 step = ROOT_STEPS[name]
                 self._code(key, _whole(key, array / step), step, 2, array.dtype)
             else:
@@ -124,7 +125,7 @@ class _Packer:
         """Return True if ``_unpacked`` finds an array in another one."""
         if name == "joint_error_rad":
             return True  # of a record it is NaN, of a playback the distance from the reference
-        if file != "plan.npz" or name not in ("joint_angles_rad", *ROOT):
+        if file != "plan.npz" or name not in ("joint_angles_rad", *ROOT_ARRAYS):
             return False
         other = "reference_rad" if name == "joint_angles_rad" else name
         known = _unpacked(dict(self.arrays), self.coded).get(f"playback.npz/{other}")
@@ -135,7 +136,7 @@ class _Packer:
     def _add_angles(self, key: str, name: str, array: Array, reference: Array | None) -> None:
         steps = _steps(key, array)
         if reference is None or name == "reference_rad":
-            order = ANGLE_ORDERS["reference_rad" if "start" in key else name]
+            order = DIFFERENCE_ORDERS["reference_rad" if "start" in key else name]
             self._code(key, steps, PLAN_STEP_RAD, order, array.dtype)
             return
         errors = steps - _steps(key, reference)
@@ -146,8 +147,8 @@ class _Packer:
         for name in Curves.__dataclass_fields__:
             self.arrays[f"figures/{name}"] = getattr(figures, name)
         self._code("figures/nearest", figures.nearest, 1, 1, np.dtype(np.int32))
-        clearance = _whole("clearance", figures.clearance.astype(float) / CLEARANCE_STEP)
-        self._code("figures/clearance", clearance, CLEARANCE_STEP, 1, np.dtype(np.float32))
+        clearance = _whole("clearance", figures.clearance.astype(float) / CLEARANCE_STEP_PITCH)
+        self._code("figures/clearance", clearance, CLEARANCE_STEP_PITCH, 1, np.dtype(np.float32))
         torque = figures.torque_nm.astype(float)
         first = int(np.isnan(torque).all(axis=1).sum())  # the explosion's frames have none
         step = torque_step(torque)
@@ -217,7 +218,7 @@ def _unpacked(arrays: Arrays, coded: dict[str, dict[str, Any]]) -> Arrays:
     if played is not None and reference is not None:
         found["playback.npz/joint_error_rad"] = np.abs(played - reference)
         found["plan.npz/joint_angles_rad"] = reference
-        for name in ROOT:
+        for name in ROOT_ARRAYS:
             found[f"plan.npz/{name}"] = found[f"playback.npz/{name}"]
     return found
 
@@ -231,7 +232,7 @@ def _write_plan_json(path: FilePath, arrays: Arrays) -> None:
     """Write what ``planner.plan.plan.Plan.save_json`` does of a plan that holds plain angles."""
     values = json.loads(str(arrays["plan"]))
     values["joint_names"] = arrays["joint_names"].tolist()
-    for name in PLAN_ROWS:
+    for name in PLAN_FRAME_COLUMNS:
         rows = arrays[name]
         missing = rows.ndim == 1 and rows.dtype.kind == "f" and bool(np.isnan(rows).any())
         values[name] = [None if v != v else v for v in rows.tolist()] if missing else rows.tolist()
@@ -245,5 +246,4 @@ def _write_timeline(directory: FilePath, arrays: Arrays, timeline_id: str) -> No
     refold = (directory / "start.json").exists()
     with TimelineWriter.create(path, chain, timeline_id=timeline_id) as writer:
         for file in ("playback.npz",) if refold else ("record.npz", "playback.npz"):
-            columns = _of_file(arrays, file)
-            writer.append(Frames(**{name: columns[name] for name in COLUMNS}))
+            writer.append(Motion.from_columns(_of_file(arrays, file)))

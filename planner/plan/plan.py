@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
-from planner.clearance.sweep import check_windows
 from planner.errors import UNREADABLE, InputError, named
 from planner.explosion.diagnosis import stuck_of
 from planner.files import write_whole
@@ -25,53 +24,50 @@ from planner.motion.angle_steps import (
     MAX_PLAIN_ANGLES,
     PLANES_NAME,
     Planes,
-    frame_angles,
     frame_planes,
     told_of,
     whole_steps,
-    window_angles,
     window_planes,
+    with_plain_angles,
 )
-from planner.motion.frames import PHASES, Frames
-from planner.motion.motion import Motion
+from planner.motion.motion import FRAME_COLUMNS, PHASES, WINDOW_COLUMNS, Columns, Motion
 from planner.motion.record import Record, save_npz
 from planner.motion.timeline import chain_attributes, chain_from_attributes
-from planner.motion.windows import Windows
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
 
 Array = NDArray[np.float64]
-FORMAT: Final = "foldback-plan/3"
-EARLIER: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}
-"""Formats that are read as well, and the kind of motion that each held."""
-MOST_ANGLES: Final = 2**25
-"""Angles that are put side by side at once, a quarter of a gibibyte."""
-LEVEL: Final = 6
-"""Of deflate, where a plan is written."""
+PLAN_FORMAT: Final = "foldback-plan/3"
+EARLIER_FORMATS: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}
+"""Formats of earlier versions that are still read, and the kind of motion that each holds."""
+MAX_DENSE_ANGLES: Final = 2**25
+"""Maximum number of joint angles (frames × hinges) of a plan in one array: 256 MiB. A windowed plan
+with more cannot be read as dense frames. Chosen."""
+DEFLATE_LEVEL: Final = 6
+"""Compression level of a plan's files, from 1 (fast) to 9 (small). Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
-    """How a straight chain folds, frame by frame, and what was verified of it.
+    """Folding motion of a straight chain, frame by frame, with its certificate.
 
     Attributes:
         chain: The chain.
         preset: Name of the parameter set.
         parameters: All parameters, as plain values.
-        seed: What randomness started from.
-        versions: Of the programs that made it.
+        seed: Random seed.
+        versions: Versions of the programs that computed it.
         start: The chain as it is folded at the beginning of a refold; None when it is straight.
         motion: F snapshots from straight to folded, of a refold from the start on: what the hinges
-            should be, the pose as simulated. Frames of all angles, or windows.
+            should be, the pose as simulated. Dense or windowed.
         max_error_rad: (F,) largest joint error of the simulated playback; NaN, in JSON null, where
             there was no simulation.
         explosion: Status, reason, steps, frames and seconds of the explosion; None without one.
         playback: Status, reason, steps, seconds and errors of the playback; None without one.
-        certificate: What was verified.
+        certificate: Certificate of the plan.
         attempts: Every explosion that was tried, the last one is the record.
-        smoothing: What smoothing has changed, see ``planner.robot.smoothed``; None of a recorded
-            plan.
+        smoothing: Changes by smoothing, see ``planner.robot.smoothed``; None of a recorded plan.
     """
 
     chain: Chain
@@ -100,24 +96,14 @@ class Plan:
         attempts: tuple[dict[str, Any], ...] = (),
         start: Chain | None = None,
     ) -> Plan:
-        """A plan from the results of the stages."""
-        motion: Motion = Frames.none(len(chain.folded_rad))
-        errors = np.zeros(0)
+        """Return a plan from the results of the stages."""
+        motion, errors = Motion.empty(len(chain.folded_rad)), np.zeros(0)
         if playback is not None:
-            motion = replace(
-                playback.frames, time_s=playback.frames.time_s - playback.frames.time_s[0]
-            )
-            errors = motion.largest_errors
-            reference = playback.reference
-            if isinstance(motion, Windows):
-                assert isinstance(reference, Windows)
-                motion = replace(motion, angles_rad=reference.angles_rad, errors_rad=None)
-            else:
-                assert not isinstance(reference, Windows)
-                if parameters.world == "table":
-                    motion = motion.planned(chain, reference, clamped=parameters.table.held)
-                else:
-                    motion = replace(motion, joint_angles_rad=reference)
+            motion, errors = playback.reference, playback.frames.largest_errors
+            if parameters.world == "table":
+                held = parameters.table.held
+                motion = playback.frames.planned(chain, motion, clamped=held)
+            motion = replace(motion, time_s=motion.time_s - motion.time_s[0])
         return cls(
             chain=chain,
             preset=parameters.preset,
@@ -162,30 +148,30 @@ class Plan:
         """(F, 4) its orientation."""
         return self.whole().root_wxyz
 
-    def part(self, start: int, stop: int) -> Frames:
-        """Some of its frames with all their angles."""
+    def part(self, start: int, stop: int) -> Motion:
+        """Return some frames with all their angles."""
         return self.motion.dense(self.chain, start, stop)
 
-    def whole(self) -> Frames:
-        """All of its frames with all their angles.
+    def whole(self) -> Motion:
+        """Return all frames with all their angles.
 
         Raises:
             InputError: ``plan-too-long`` when they are too many.
         """
-        if isinstance(self.motion, Frames):
+        if not self.motion.is_windowed:
             return self.motion
         count = len(self.motion) * len(self.chain.folded_rad)
-        if count > MOST_ANGLES:
+        if count > MAX_DENSE_ANGLES:
             raise InputError(
                 "plan-too-long",
                 f"got {len(self.motion)} frames of {len(self.chain.folded_rad)} hinges, expected "
-                f"at most {MOST_ANGLES} angles at once; use plan.npz, which stores only the angles "
-                "of hinges that are neither folded nor straight.",
+                f"at most {MAX_DENSE_ANGLES} angles at once; use plan.npz, which stores only the "
+                "angles of hinges that are neither folded nor straight.",
             )
         return self.motion.dense(self.chain)
 
     def unfolding(self) -> Unfolding:
-        """The way back; of a plan that is a refold itself, that of its second half.
+        """Return the unfolding motion; of a refold, that of its second half.
 
         Raises:
             InputError: ``refold-not-folded`` when it does not lead from straight to folded.
@@ -209,11 +195,11 @@ class Plan:
 
     @property
     def verified(self) -> bool:
-        """Whether the certificate says that the plan may be trusted."""
+        """True if the certificate verifies the plan."""
         return self.certificate.verified
 
     def summary(self) -> dict[str, Any]:
-        """The figures of the plan without its frames."""
+        """Return the figures of the plan without its frames."""
         nothing = {"steps": 0, "frames": 0, "seconds": 0.0}
         return {
             "status": "verified" if self.verified else "failed",
@@ -235,7 +221,7 @@ class Plan:
         }
 
     def _refold(self) -> dict[str, Any] | None:
-        """Of a refold: what it begins folded as, and when it is straight."""
+        """Return the start of a refold and when it is straight; None of other plans."""
         if self.start is None:
             return None
         straight = int((self.phase == PHASES.index("unfolding")).sum())
@@ -247,21 +233,21 @@ class Plan:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """The plan as plain JSON values."""
+        """Return the plan as plain JSON values."""
         columns, planes = self._columns()
         values: dict[str, Any] = {**self.rest(), "joint_names": list(self.chain.joint_names)}
         if planes is not None:
-            data = b64encode(zlib.compress(planes.tobytes(), LEVEL)).decode()
+            data = b64encode(zlib.compress(planes.tobytes(), DEFLATE_LEVEL)).decode()
             values["angles"]["data"] = data
         return {**values, **{name: _listed(column) for name, column in columns.items()}}
 
     def rest(self) -> dict[str, Any]:
-        """All but the joints' names and what there is of each frame, as plain JSON values."""
+        """Return all but the joints' names and the frames, as plain JSON values."""
         motion = self.motion
-        angles = motion.angles_rad if isinstance(motion, Windows) else motion.joint_angles_rad
+        angles = motion.stored_angles_rad
         return {
-            "format": FORMAT,
-            "motion": _kind(self.motion),
+            "format": PLAN_FORMAT,
+            "motion": motion.layout,
             "chain": chain_attributes(self.chain),
             "start": None if self.start is None else chain_attributes(self.start),
             "preset": self.preset,
@@ -277,23 +263,23 @@ class Plan:
             "angles": (
                 None
                 if whole_steps(angles) is None
-                else told_of(angles.shape, windowed=isinstance(motion, Windows))
+                else told_of(angles.shape, windowed=motion.is_windowed)
             ),
         }
 
     def _columns(self) -> tuple[dict[str, NDArray[Any]], Planes | None]:
-        """What it holds of each frame, by name; the angles apart when they are in planes."""
+        """Return the arrays with a value a frame, by name; angles apart if in planes."""
         motion = self.motion
-        names = _columns_of(_kind(motion))
+        names, stored = _columns_of(motion.layout), motion.columns()
         columns = {
             "phase": np.array([PHASES[index] for index in self.phase.tolist()], dtype="<U16"),
-            **{name: getattr(motion, name) for name in names},
+            **{name: stored[name] for name in names},
             "max_error_rad": self.max_error_rad,
         }
         angles = next(name for name in names if name.endswith("angles_rad"))
         if columns[angles].size <= MAX_PLAIN_ANGLES:
             return columns, None
-        if isinstance(motion, Windows):
+        if motion.is_windowed:
             planes = window_planes(
                 motion.first, motion.offsets, motion.angles_rad, self.chain.folded_rad
             )
@@ -304,7 +290,7 @@ class Plan:
         return columns, planes
 
     def save_json(self, path: FilePath) -> dict[str, str]:
-        """Writes the JSON form; the file is either whole or not there.
+        """Write the JSON form; the file is either whole or not there.
 
         Returns:
             The text of each of its values, by key.
@@ -314,7 +300,7 @@ class Plan:
         return texts
 
     def json_bytes(self) -> bytes:
-        """The JSON form as text."""
+        """Return the JSON form as text."""
         return _json_of(self._json_texts())
 
     def _json_texts(self) -> dict[str, str]:
@@ -323,11 +309,11 @@ class Plan:
         }
 
     def save_npz(self, path: FilePath) -> None:
-        """Writes the arrays, with all else as JSON text in ``plan``; needs no pickle to read."""
-        save_npz(path, self.npz_arrays(), level=LEVEL)
+        """Write the arrays, with all else as JSON text in ``plan``; no pickle is needed."""
+        save_npz(path, self.npz_arrays(), level=DEFLATE_LEVEL)
 
     def npz_arrays(self) -> dict[str, Any]:
-        """What the ``.npz`` form holds, by name."""
+        """Return the arrays of the ``.npz`` form by name."""
         columns, planes = self._columns()
         return {
             "plan": np.array(json.dumps(self.rest())),
@@ -344,7 +330,7 @@ class Plan:
 
     @classmethod
     def load(cls, path: FilePath) -> Plan:
-        """Reads a plan from its JSON or ``.npz`` form.
+        """Read a plan from its JSON or ``.npz`` form.
 
         Raises:
             InputError: ``not-a-plan``, ``wrong-format``.
@@ -353,21 +339,21 @@ class Plan:
 
     @classmethod
     def of_values(cls, values: dict[str, Any], name: str) -> Plan:
-        """The plan that a file holds.
+        """Return the plan that a file holds.
 
         Args:
             values: From ``read_values``.
-            name: Of the file.
+            name: Name of the file.
 
         Raises:
             InputError: ``not-a-plan``, ``wrong-format``.
         """
         try:
-            if values["format"] != FORMAT and values["format"] not in EARLIER:
+            if values["format"] != PLAN_FORMAT and values["format"] not in EARLIER_FORMATS:
                 raise InputError(
                     "wrong-format",
                     f"got the format {values['format']!r} in {name}, expected one of "
-                    f"{', '.join((FORMAT, *EARLIER))}.",
+                    f"{', '.join((PLAN_FORMAT, *EARLIER_FORMATS))}.",
                 )
             chain = chain_from_attributes(values["chain"])
             motion, errors = _read_motion(values, chain)
@@ -388,7 +374,7 @@ class Plan:
 
 
 def read_values(path: FilePath) -> dict[str, Any]:
-    """What a plan's file holds, by name: plain JSON values, of an ``.npz`` file arrays as well.
+    """Return a plan file's values by name: JSON values, and the arrays of an ``.npz`` file.
 
     Raises:
         InputError: ``not-a-plan``.
@@ -418,64 +404,36 @@ _VALUES: Final = (
 )
 
 
-def _kind(motion: Motion) -> str:
-    return "windows" if isinstance(motion, Windows) else "frames"
+def _columns_of(layout: str) -> Columns:
+    """Return the columns of a motion that a plan has as they are: all but phase and errors."""
+    columns = WINDOW_COLUMNS if layout == "windows" else FRAME_COLUMNS
+    others = ("phase", "joint_error_rad", "errors_rad")
+    return {name: column for name, column in columns.items() if name not in others}
 
 
-def _columns_of(kind: str) -> dict[str, tuple[tuple[int, ...], Any]]:
-    """What is written of a motion beside the phase: shape behind the first axis, and type."""
-    if kind == "windows":
-        return {
-            "time_s": ((), np.float64),
-            "first": ((), np.int64),
-            "offsets": ((), np.int64),
-            "angles_rad": ((), np.float32),
-            "base_position": ((3,), np.float64),
-            "base_wxyz": ((4,), np.float64),
-        }
-    return {
-        "time_s": ((), np.float64),
-        "joint_angles_rad": ((-1,), np.float64),
-        "root_position": ((3,), np.float64),
-        "root_wxyz": ((4,), np.float64),
-    }
-
-
-def _unpacked(values: dict[str, Any], kind: str, chain: Chain) -> dict[str, Any]:
-    """A plan's values, those of angles that are in planes as plain numbers."""
+def _unpacked(values: dict[str, Any], layout: str, chain: Chain) -> dict[str, Any]:
+    """Return a plan's values, with angles that are stored in planes as plain numbers."""
     told = values.get("angles") or {}
-    name = next(name for name in _columns_of(kind) if name.endswith("angles_rad"))
-    forms = [name in values, "data" in told, PLANES_NAME in values]
-    if sum(forms) != 1:
-        raise ValueError(
-            f"got its angles {sum(forms)} times, expected {name}, {PLANES_NAME} or angles.data "
-            "alone"
-        )
     if "data" in told:
+        if PLANES_NAME in values:
+            raise ValueError(f"got its angles 2 times, expected {PLANES_NAME} or angles.data alone")
         planes = np.frombuffer(zlib.decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
-    elif PLANES_NAME in values:
-        planes = values[PLANES_NAME]
-    else:
-        return values
-    if kind == "frames":
-        return values | {name: frame_angles(planes, told)}
-    first, offsets = (np.asarray(values[each], np.int64) for each in ("first", "offsets"))
-    return values | {name: window_angles(planes, told, first, offsets, chain.folded_rad)}
+        values = {**values, PLANES_NAME: planes}
+    return with_plain_angles(values, told, chain.folded_rad, windowed=layout == "windows")
 
 
 def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
-    """The motion and the largest errors among a plan's values."""
-    kind = EARLIER.get(values["format"]) or values["motion"]
-    windowed = kind == "windows"
-    if not windowed and kind != "frames":
-        raise ValueError(f"got a motion of {kind!r}, expected frames or windows")
-    values = _unpacked(values, kind, chain)
+    """Return the motion and the largest errors among a plan's values."""
+    layout = EARLIER_FORMATS.get(values["format"]) or values["motion"]
+    if layout not in ("frames", "windows"):
+        raise ValueError(f"got a motion of {layout!r}, expected frames or windows")
+    values = _unpacked(values, layout, chain)
     hinges = len(chain.folded_rad)
     arrays: dict[str, Any] = {
-        name: np.asarray(values[name], dtype=of).reshape(
+        name: np.asarray(values[name], dtype=dtype).reshape(
             -1, *(hinges if length < 0 else length for length in tail)
         )
-        for name, (tail, of) in _columns_of(kind).items()
+        for name, (tail, dtype) in _columns_of(layout).items()
     }
     arrays["phase"] = np.array(
         [PHASES.index(str(name)) for name in values["phase"]], dtype=np.uint8
@@ -483,20 +441,17 @@ def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
     errors = np.asarray(values["max_error_rad"], dtype=np.float64).reshape(-1)
     counts = {name: len(array) for name, array in arrays.items() if name != "angles_rad"}
     counts["max_error_rad"] = len(errors)
-    if windowed:
+    if "offsets" in counts:
         counts["offsets"] -= 1
     if len(set(counts.values())) > 1:
         raise ValueError(f"its arrays differ in their numbers of frames: {counts}")
-    if windowed:
-        windows = Windows(**arrays)
+    motion = Motion.from_columns(arrays)
+    if motion.is_windowed:
         try:
-            check_windows(chain, windows)
+            motion.check(chain)
         except InputError as error:
             raise ValueError(error.detail) from error
-        return windows, errors
-    # What was simulated is not told apart from what should be, so there is no error of each hinge.
-    nothing = np.broadcast_to(np.nan, (len(errors), hinges))
-    return Frames(joint_error_rad=nothing, **arrays), errors
+    return motion, errors
 
 
 def versions() -> dict[str, str]:
@@ -516,7 +471,7 @@ def _versions() -> dict[str, str]:
 
 
 def _json_of(texts: dict[str, str]) -> bytes:
-    """The object whose values have these texts."""
+    """Return the object whose values have these texts."""
     return f"{{{','.join(f'{json.dumps(key)}:{text}' for key, text in texts.items())}}}".encode()
 
 

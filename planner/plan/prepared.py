@@ -19,8 +19,9 @@ from planner.files import write_json
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.pathfinding.options import PathOptions
 
-FILE: Final = "prepared.json"
-"""Name of the file, in the directory of a preview and of a fold that has not read its input."""
+PREPARED: Final = "prepared.json"
+"""Name of the file with an input's stored chains, in the directory of a preview and of a fold that
+has not read its input yet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,7 +29,7 @@ class PreparedChains:
     """Chains through the shape in an input.
 
     Attributes:
-        kind, method, notes: As of ``planner.pipeline.prepare.Preparation``.
+        kind, method, notes: Same as for ``planner.pipeline.prepare.Preparation``.
         knot: Verdict on the first chain; None without one.
         chains: Candidates, best first; at least one.
     """
@@ -43,7 +44,7 @@ class PreparedChains:
     def load(cls, directory: FilePath, key: str) -> Self | None:
         """Return the stored chains; None if there are none with this key."""
         try:
-            values: Any = json.loads((directory / FILE).read_bytes())
+            values: Any = json.loads((directory / PREPARED).read_bytes())
             if values["key"] != key:
                 return None
             return cls(
@@ -66,7 +67,7 @@ class PreparedChains:
             "knot": self.knot,
             "chains": [chain_attributes(chain) for chain in self.chains],
         }
-        write_json(directory / FILE, values)
+        write_json(directory / PREPARED, values)
 
 
 def key_of(data: bytes, filename: str | None, options: PathOptions, seed: int) -> str:

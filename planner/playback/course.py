@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.motion.frames import Frames, Phase
+from planner.motion.motion import Phase
 from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.controllers import (
@@ -79,12 +79,6 @@ def _controller(p: PlaybackParameters, motors: Servos | RateMotors | None) -> Co
     return RateServo(gain=p.gain) if isinstance(motors, RateMotors) else Servo()
 
 
-def _whole(record: Record) -> Frames:
-    """Return the frames of a record of all angles; only such a record is simulated here."""
-    assert isinstance(record.frames, Frames)
-    return record.frames
-
-
 class Course:
     """Reference and time laws of a playback, computed once for all robots."""
 
@@ -120,7 +114,7 @@ class Course:
         elif record is None:
             self.begins = (zero, *root_folded(chain))
         else:
-            last = _whole(record)[-1:]
+            last = record.frames[-1:]
             self.begins = (zero, last.root_position[0], last.root_wxyz[0])
 
     @property
@@ -158,7 +152,7 @@ class Course:
         if record is None:
             raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
         angles = record.snapshots_rad
-        snapshots = (_whole(record).joint_angles_rad if angles is None else angles)[::-1]
+        snapshots = (record.frames.joint_angles_rad if angles is None else angles)[::-1]
         if p.controller == "paper":
             folding: list[tuple[Phase, Callable[[], Setpoints]]] = [
                 ("playback", lambda: self._snapshots(snapshots))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -12,8 +11,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import UNSMOOTHED_FROM_MODULES
 from planner.motion.angle_steps import snapped
-from planner.motion.frames import PHASES, Frames, Phase
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion, Phase
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.reference import clear_reference
 from planner.playback.time_law import LAW_STEPS, hinge_bounded_times, smooth_law
@@ -26,15 +24,17 @@ KINEMATIC_CHUNK_FRAMES: Final = 256
 
 def kinematic_frames(
     chain: Chain,
-    recorded: Frames,
+    recorded: Motion,
     parameters: PlaybackParameters,
     *,
     module_size: float,
     start_s: float,
     frame_rad: float,
     unfolding: Unfolding | None,
-) -> Iterator[Frames]:
-    """Yield the frames of a kinematic playback, in chunks; the centre of mass stays at rest.
+) -> Iterator[Motion]:
+    """Yield the frames of a kinematic playback, in chunks.
+
+    The centre of mass of a dense motion stays at rest.
 
     Args:
         chain: The chain.
@@ -45,8 +45,8 @@ def kinematic_frames(
         frame_rad: Approximate turn of a hinge between two frames, rad.
         unfolding: Motion by which the chain becomes straight first; None if it is straight.
     """
-    if len(chain) > UNSMOOTHED_FROM_MODULES and unfolding is None:
-        yield _as_recorded(recorded, parameters, start_s)
+    if recorded.is_windowed or (len(chain) > UNSMOOTHED_FROM_MODULES and unfolding is None):
+        yield _as_recorded(chain, recorded, parameters, start_s)
         return
     reference = clear_reference(
         chain,
@@ -68,10 +68,10 @@ def kinematic_frames(
         position, wxyz = root_folded(unfolding.chain)
     centre = chain.poses(first, position, wxyz).positions.mean(axis=0)
 
-    def at_rest(phase: Phase, times: Array, angles: Array) -> Frames:
+    def at_rest(phase: Phase, times: Array, angles: Array) -> Motion:
         free = chain.poses(angles, np.zeros(3), wxyz).positions.mean(axis=1)
-        return Frames.of_phase(
-            phase,
+        return Motion.from_frames(
+            phase=phase,
             time_s=times,
             joint_angles_rad=angles,
             root_position=centre - free,
@@ -90,49 +90,28 @@ def kinematic_frames(
         )
 
 
-def _as_recorded(recorded: Frames, parameters: PlaybackParameters, start_s: float) -> Frames:
-    """Return the record in reverse: between two of its frames the hinges run evenly."""
-    angles = snapped(recorded.joint_angles_rad[::-1])
-    steps_rad = np.abs(np.diff(angles, axis=0)).max(axis=1)
-    seconds = parameters.step_s * parameters.steps_per_rad * float(steps_rad.sum())
-    return Frames.of_phase(
-        "playback",
-        time_s=start_s + hinge_bounded_times(steps_rad, seconds),
-        joint_angles_rad=angles,
-        root_position=recorded.root_position[::-1].copy(),
-        root_wxyz=recorded.root_wxyz[::-1].copy(),
-    )
+def _as_recorded(
+    chain: Chain, recorded: Motion, parameters: PlaybackParameters, start_s: float
+) -> Motion:
+    """Return the record in reverse: between two of its frames the hinges run evenly.
 
-
-def windowed_frames(
-    chain: Chain, record: Windows, parameters: PlaybackParameters, *, start_s: float
-) -> Windows:
-    """Return the frames of a kinematic playback of windows: those of the record, in reverse.
-
-    Between two frames the hinges run evenly, all motion at the speed that a smooth reference would
-    have on the same hinges; the folded end of the chain is held still.
-
-    Args:
-        chain: The chain.
-        record: Snapshots of the explosion, from folded on.
-        parameters: Parameters of the speed.
-        start_s: Time of the first frame, s.
+    A windowed motion has the speed of a smooth reference on the same hinges.
     """
-    reversed_record = record[::-1]
-    largest, _ = reversed_record.steps(chain)
-    lengths = np.concatenate([[0.0], np.cumsum(largest)])
-    total = float(lengths[-1])
-    duration_s = parameters.steps_per_rad * parameters.step_s * total
-    law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
-    shares = np.interp(lengths / max(total, 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1))
-    # The stops of a simulated joint give a little.
-    angles = snapped(reversed_record.angles_rad, chain.module.angle_limit_rad)
-    return replace(
-        reversed_record,
-        angles_rad=angles.astype(np.float32),
-        time_s=start_s + duration_s * shares,
-        phase=np.full(len(record), PHASES.index("playback"), dtype=np.uint8),
-    )
+    backwards = recorded[::-1]
+    s_per_rad = parameters.step_s * parameters.steps_per_rad
+    if recorded.is_windowed:
+        # The stops of a simulated joint give a little.
+        angles = snapped(backwards.angles_rad, chain.module.angle_limit_rad).astype(np.float32)
+        lengths = np.concatenate([[0.0], np.cumsum(backwards.steps(chain)[0])])
+        total = float(lengths[-1])
+        law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
+        shares = np.interp(lengths / max(total, 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1))
+        times = s_per_rad * total * shares
+    else:
+        angles = snapped(backwards.angles_rad)
+        steps_rad, _ = backwards.with_angles(angles).steps(chain)
+        times = hinge_bounded_times(steps_rad, s_per_rad * float(steps_rad.sum()))
+    return backwards.with_angles(angles).with_columns(time_s=start_s + times, phase="playback")
 
 
 def root_folded(chain: Chain) -> tuple[Array, Array]:

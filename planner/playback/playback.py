@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.cores import cores
 from planner.errors import InputError
-from planner.motion.angle_steps import packed_frames, snapped, unpacked_frames
-from planner.motion.frames import Frames
+from planner.motion.angle_steps import packed_frames, unpacked_frames
 from planner.motion.inverse import inverse_dynamics
-from planner.motion.motion import Motion, motion_arrays, motion_from_arrays
+from planner.motion.motion import Angles, Motion
 from planner.motion.record import Record, save_npz
-from planner.motion.windows import Windows
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.course import Course
-from planner.playback.kinematic import kinematic_frames, windowed_frames
+from planner.playback.kinematic import kinematic_frames
 from planner.playback.run import PlaybackStatus, Run
 from planner.playback.unfolding import Unfolding
 from planner.playback.window_course import FRAME_RAD, WindowCourse
@@ -45,8 +43,8 @@ class Playback:
         reason: Reason in plain English; empty when folded.
         frames: Simulated configurations with their joint errors: from straight on or, of a
             refold, from where it begins on, over straight.
-        reference_rad: (F, J) planned hinge angles at those frames, rad; of windows (V,), as
-            their angles; None if the frames are the plan itself.
+        reference_rad: (F, J) planned hinge angles at those frames, rad; of windows (V,), as their
+            angles; None if the frames are the plan itself.
         steps: Number of simulation steps.
         seconds: Wall time, s.
         rms_position_error: RMS error of the modules' centres at the end, pitches, after
@@ -68,7 +66,7 @@ class Playback:
     status: PlaybackStatus
     reason: str
     frames: Motion
-    reference_rad: Array | NDArray[np.float32] | None
+    reference_rad: Angles | None
     steps: int
     seconds: float
     rms_position_error: float | None
@@ -78,7 +76,7 @@ class Playback:
     kind: Literal["dynamic", "kinematic"] = "dynamic"
     torque_frames: int | None = None
     robots: int | None = None
-    others_rad: Array | NDArray[np.float32] | None = None
+    others_rad: Angles | None = None
 
     @property
     def simulated(self) -> bool:
@@ -86,15 +84,11 @@ class Playback:
         return self.kind == "dynamic"
 
     @property
-    def reference(self) -> Array | Windows:
-        """Motion of the plan: (F, J) hinge angles, or windows."""
-        if isinstance(self.frames, Windows):
-            if self.reference_rad is None:
-                return self.frames
-            return replace(self.frames, angles_rad=self.reference_rad, errors_rad=None)
+    def reference(self) -> Motion:
+        """Planned motion: the frames with the angles of the reference, without errors."""
         if self.reference_rad is None:
-            raise ValueError("got frames of all angles without their reference")
-        return np.asarray(self.reference_rad, dtype=np.float64)
+            return self.frames
+        return self.frames.with_angles(np.asarray(self.reference_rad, self.frames.angles_rad.dtype))
 
     def summary(self) -> dict[str, Any]:
         """Return the figures without the frames."""
@@ -102,15 +96,13 @@ class Playback:
 
     def save(self, path: FilePath) -> None:
         """Write an ``.npz`` that is either complete or absent."""
-        frames, reference = motion_arrays(self.frames), self.reference_rad
-        if reference is None:
-            packed = {}
-        elif isinstance(self.frames, Windows):
-            packed = {"window_reference_rad": reference}
-        else:
+        frames, reference, packed = self.frames.columns(), self.reference_rad, dict[str, Any]()
+        if not self.frames.is_windowed:
             packed = packed_frames("reference_rad", np.asarray(reference, dtype=np.float64))
             if np.array_equal(reference, frames["joint_angles_rad"]):
                 del frames["joint_angles_rad"]  # of a kinematic playback they are the same
+        elif reference is not None:
+            packed = {"window_reference_rad": reference}
         save_npz(
             path,
             {
@@ -126,12 +118,13 @@ class Playback:
         """Read a file that ``save`` wrote."""
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
-            reference = arrays.get("window_reference_rad")
-            if "offsets" not in arrays:
+            if "offsets" in arrays:
+                reference = arrays.get("window_reference_rad")
+            else:
                 reference = unpacked_frames(arrays, "reference_rad")
                 arrays.setdefault("joint_angles_rad", reference)
             return cls(
-                frames=motion_from_arrays(arrays),
+                frames=Motion.from_columns(arrays),
                 reference_rad=reference,
                 others_rad=arrays.get("others_rad"),
                 **{name: _loaded(arrays[name].item()) for name in _SCALARS if name in arrays},
@@ -200,56 +193,61 @@ def play_back(
     """
     begun = time.perf_counter()
     recorded = None if record is None else record.frames
-    if isinstance(recorded, Windows):
-        if unfolding is not None:
-            raise InputError(
-                "cannot-refold",
-                "a chain that is peeled cannot be refolded from another shape; fold it from "
-                "straight.",
-            )
-        if not simulates(chain, recorded, parameters):
-            return _reversed_windows(chain, recorded, parameters, sink, start_s)
-        followed = WindowCourse(chain, recorded, parameters, module_size, finer)
-        return _simulated_windows(followed, sink, progress, cancelled, start_s, seed)
+    windowed = recorded is not None and recorded.is_windowed
+    if windowed and unfolding is not None:
+        raise InputError(
+            "cannot-refold",
+            "a chain that is peeled cannot be refolded from another shape; fold it from straight.",
+        )
     if recorded is not None and not simulates(chain, recorded, parameters):
         return _followed(chain, recorded, parameters, module_size, sink, start_s, finer, unfolding)
-    course = Course(chain, record, parameters, module_size, start_s, finer, unfolding)
-    runs = _runs(course, seed, sink if course.robots == 1 else None, progress, cancelled)
+    if recorded is not None and windowed:
+        course = WindowCourse(chain, recorded, parameters, module_size, finer, start_s)
+    else:
+        course = Course(chain, record, parameters, module_size, start_s, finer, unfolding)
+    streamed = not windowed and course.robots == 1
+    runs = _runs(course, seed, sink if streamed else None, progress, cancelled)
     failed = next((one for one in runs if one.status != "folded"), None)
     run = failed or max(runs, key=lambda one: one.largest_error)
-    others = [one.frames.joint_angles_rad for one in runs if one is not run]
-    frames = run.frames
-    if course.robots > 1 and sink is not None:
+    others = [one.frames.stored_angles_rad for one in runs if one is not run]
+    frames, largest_error = run.frames, run.largest_error
+    if windowed:  # in single precision, frames may tell a little more
+        largest_error = max(largest_error, float(frames.largest_errors.max()))
+    if sink is not None and not streamed:
         for start in range(0, len(frames), SINK_CHUNK_FRAMES):
             sink(frames[start : start + SINK_CHUNK_FRAMES])
     return Playback(
         status=run.status,
         reason=run.reason,
         frames=frames,
-        reference_rad=snapped(np.array(run.references)),
+        reference_rad=run.reference_rad,
         steps=run.steps,
         seconds=time.perf_counter() - begun,
         rms_position_error=run.final_error(),
-        max_angle_error_rad=run.largest_error,
+        max_angle_error_rad=largest_error,
         peak_torque=max(one.peak_torque for one in runs),
         rms_torque=float(np.sqrt(run.square_torque / max(1, run.steps))),
-        robots=len(runs) if course.robots > 1 else None,
+        robots=len(runs) if len(runs) > 1 else None,
         others_rad=np.array(others) if others and failed is None else None,
     )
 
 
 def _runs(
-    course: Course,
+    course: Course | WindowCourse,
     seed: int,
     sink: Callable[[Motion], None] | None,
     progress: Report,
     cancelled: Cancelled,
-) -> list[Run]:
+) -> Sequence[Run | WindowRun]:
     """Simulate all robots of a course and return their runs."""
 
-    def one(number: int, told: Report, stopped: Cancelled) -> Run:
-        run = Run(course, [seed, number])
-        run.simulate(sink, told, stopped)
+    def one(number: int, told: Report, stopped: Cancelled) -> Run | WindowRun:
+        if isinstance(course, WindowCourse):
+            run = WindowRun(course, [seed, number])
+            run.simulate(told, stopped)
+        else:
+            run = Run(course, [seed, number])
+            run.simulate(sink, told, stopped)
         return run
 
     return _beside(course.robots, one, progress, cancelled)
@@ -314,55 +312,13 @@ def simulates(chain: Chain, recorded: Motion, parameters: PlaybackParameters) ->
         recorded: The explosion to play in reverse, or its playback.
         parameters: Parameters of the playback. With windows only robots are simulated.
     """
-    able = isinstance(recorded, Frames) or parameters.controller == "robot"
+    able = not recorded.is_windowed or parameters.controller == "robot"
     return able and len(chain) <= parameters.dynamic_up_to
-
-
-def _simulated_windows(
-    course: WindowCourse,
-    sink: Callable[[Motion], None] | None,
-    progress: Report,
-    cancelled: Cancelled,
-    start_s: float,
-    seed: int,
-) -> Playback:
-    """Play windows back by robots; the sink receives the frames at the end."""
-    begun = time.perf_counter()
-
-    def one(number: int, told: Report, stopped: Cancelled) -> WindowRun:
-        run = WindowRun(course, [seed, number])
-        run.simulate(told, stopped)
-        return run
-
-    runs = _beside(course.robots, one, progress, cancelled)
-    failed = next((one for one in runs if one.status != "folded"), None)
-    run = failed or max(runs, key=lambda one: one.largest_error)
-    frames = run.frames
-    frames = replace(frames, time_s=start_s + frames.time_s)
-    if sink is not None:
-        for start in range(0, len(frames), SINK_CHUNK_FRAMES):
-            sink(frames[start : start + SINK_CHUNK_FRAMES])
-    others = [one.frames.angles_rad for one in runs if one is not run]
-    return Playback(
-        status=run.status,
-        reason=run.reason,
-        frames=frames,
-        reference_rad=course.reference[: len(frames)].angles_rad,
-        steps=run.steps,
-        seconds=time.perf_counter() - begun,
-        rms_position_error=run.final_error(),
-        # In single precision, frames may tell a little more.
-        max_angle_error_rad=max(run.largest_error, float(frames.largest_errors.max())),
-        peak_torque=max(one.peak_torque for one in runs),
-        rms_torque=float(np.sqrt(run.square_torque / max(1, run.steps))),
-        robots=len(runs) if len(runs) > 1 else None,
-        others_rad=np.array(others) if others and failed is None else None,
-    )
 
 
 def _followed(
     chain: Chain,
-    recorded: Frames,
+    recorded: Motion,
     parameters: PlaybackParameters,
     module_size: float,
     sink: Callable[[Motion], None] | None,
@@ -372,7 +328,7 @@ def _followed(
 ) -> Playback:
     """Play a record back kinematically."""
     begun = time.perf_counter()
-    kept: list[Frames] = []
+    kept: list[Motion] = []
     for frames in kinematic_frames(
         chain,
         recorded,
@@ -385,32 +341,13 @@ def _followed(
         kept.append(frames)
         if sink is not None:
             sink(frames)
-    frames = Frames.joined(kept)
-    return _kinematic(chain, frames, frames.joint_angles_rad, begun)
-
-
-def _reversed_windows(
-    chain: Chain,
-    record: Windows,
-    parameters: PlaybackParameters,
-    sink: Callable[[Motion], None] | None,
-    start_s: float,
-) -> Playback:
-    """Play windows back kinematically."""
-    begun = time.perf_counter()
-    windows = windowed_frames(chain, record, parameters, start_s=start_s)
-    if sink is not None:
-        sink(windows)
-    return _kinematic(chain, windows, None, begun)
-
-
-def _kinematic(chain: Chain, frames: Motion, reference_rad: Array | None, begun: float) -> Playback:
+    frames = Motion.joined(kept)
     torques = inverse_dynamics(chain, frames)
     return Playback(
         status="folded",
         reason="",
         frames=frames,
-        reference_rad=reference_rad,
+        reference_rad=None if frames.is_windowed else frames.joint_angles_rad,
         steps=0,
         seconds=time.perf_counter() - begun,
         rms_position_error=None,

@@ -13,6 +13,7 @@ from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 SPLINE_DEGREE: Final = 3
 """Degree of the B-spline: cubic, so that accelerations are continuous. Chosen."""
 REFERENCE_CHUNK_FRAMES: Final = 64
@@ -81,9 +82,7 @@ class Reference:
         knots = np.concatenate([np.zeros(SPLINE_DEGREE), breaks, np.ones(SPLINE_DEGREE)])
         # At the means of their knots, so that u runs evenly along the record at its ends too.
         where = total * sliding_window_view(knots[1:-1], SPLINE_DEGREE).mean(axis=1)
-        right = np.clip(np.searchsorted(lengths, where), 1, len(lengths) - 1)
-        span = lengths[right] - lengths[right - 1]
-        part = np.where(span > 0, (where - lengths[right - 1]) / np.where(span > 0, span, 1), 1.0)
+        right, part = frames_around(lengths, where)
         controls = (1.0 - part)[:, None] * angles[right - 1] + part[:, None] * angles[right]
         controls[0], controls[-1] = angles[0], angles[-1]
         # The stops of a simulated joint give a little. A B-spline stays within its control points,
@@ -125,6 +124,22 @@ class Reference:
                 for k in range(0, len(places) - 1, REFERENCE_CHUNK_FRAMES)
             ]
         )
+
+
+def frames_around(lengths: Array, at: Array) -> tuple[Ints, Array]:
+    """Find the frames of a record between which some arc lengths lie.
+
+    Args:
+        lengths: (F,) arc length of the record up to each frame, rad.
+        at: (P,) arc lengths, rad.
+
+    Returns:
+        (P,) numbers of the later frames, and (P,) fractions of the way from the earlier ones.
+    """
+    after = np.clip(np.searchsorted(lengths, at), 1, max(1, len(lengths) - 1))
+    span = lengths[after] - lengths[after - 1]
+    part = np.where(span > 0, (at - lengths[after - 1]) / np.where(span > 0, span, 1), 1.0)
+    return after, part
 
 
 def clear_reference(

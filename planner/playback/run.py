@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
-from planner.motion.frames import Frames, Phase
+from planner.motion.angle_steps import snapped
+from planner.motion.motion import Motion, Phase
 from planner.playback.course import Course
 from planner.playback.setpoints import Setpoints, Target
 from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
@@ -62,7 +63,7 @@ class Run:
         self.largest_error = 0.0
         self.peak_torque = 0.0
         self.square_torque = 0.0
-        self.kept: list[Frames] = []
+        self.kept: list[Motion] = []
         self.references: list[Array] = []
         self.plant, self.drive = course.plant(seed)
         self.plant.place(*course.begins)
@@ -76,12 +77,17 @@ class Run:
         self.reason = ""
 
     @property
-    def frames(self) -> Frames:
+    def frames(self) -> Motion:
         """Recorded frames."""
-        return Frames.joined(self.kept)
+        return Motion.joined(self.kept)
+
+    @property
+    def reference_rad(self) -> Array:
+        """(F, J) planned angles at the recorded frames, in whole steps."""
+        return snapped(np.array(self.references))
 
     def simulate(
-        self, sink: Callable[[Frames], None] | None, progress: Report, cancelled: Cancelled
+        self, sink: Callable[[Motion], None] | None, progress: Report, cancelled: Cancelled
     ) -> None:
         """Fold; set ``status`` and ``reason`` to the result."""
         self.status, self.reason = self._simulated(sink, progress, cancelled)
@@ -95,7 +101,7 @@ class Run:
             )
 
     def _simulated(
-        self, sink: Callable[[Frames], None] | None, progress: Report, cancelled: Cancelled
+        self, sink: Callable[[Motion], None] | None, progress: Report, cancelled: Cancelled
     ) -> tuple[PlaybackStatus, str]:
         plant = self.plant
         parts: list[tuple[Phase, Setpoints]] = [(p, make()) for p, make in self.course.parts]
@@ -192,10 +198,10 @@ class Run:
         phase: Phase,
         angles: Array,
         target: Target,
-        sink: Callable[[Frames], None] | None,
+        sink: Callable[[Motion], None] | None,
     ) -> None:
-        frame = Frames.of_phase(
-            phase,
+        frame = Motion.from_frames(
+            phase=phase,
             time_s=np.array([self.course.start_s + self.steps * self.step_s]),
             joint_angles_rad=angles[None],
             root_position=self.plant.root_position[None],

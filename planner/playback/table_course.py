@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.table_curve import TableCurve
 from planner.playback.time_law import (
     MIN_PLAYBACK_STEPS,
     bounded_profile,
     duration,
+    frames_kept,
     law_from_profile,
 )
 from planner.simulation.table_body import TableBody
@@ -39,7 +40,7 @@ class TableCourse:
 
     Args:
         chain: The chain.
-        record: Windows of its explosion on the table, from folded on.
+        record: Windowed motion of its explosion on the table, from folded on.
         parameters: Parameters of the playback.
         body: Body that computes torques of inertia; its pose changes.
         torque_limit: Torque limit of the motors, w·p.
@@ -48,7 +49,7 @@ class TableCourse:
     def __init__(
         self,
         chain: Chain,
-        record: Windows,
+        record: Motion,
         parameters: TablePlaybackParameters,
         body: TableBody,
         torque_limit: float,
@@ -61,10 +62,8 @@ class TableCourse:
         steps = max(MIN_PLAYBACK_STEPS, int(np.ceil(duration(share, profile) / parameters.step)))
         law = law_from_profile(share, profile, steps, parameters.step)
         self._u = self.curve.end * law.u
-        gone = np.floor(law.u * self.curve.length_rad / parameters.frame_rad)
-        self.is_kept = np.concatenate([[True], np.diff(gone) > 0.0])
+        self.is_kept = frames_kept(law.u * self.curve.length_rad / parameters.frame_rad)
         """(S + 1,) True if a frame is kept at a step."""
-        self.is_kept[-1] = True
 
     def __len__(self) -> int:
         """Return the number of steps S."""

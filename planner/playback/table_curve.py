@@ -16,7 +16,7 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.statics import hinge_frames
 from planner.kernels.statics import Hinges, torque_columns
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from planner.playback.window_course import WindowCurve
 from planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, lowest_corners
 
@@ -48,7 +48,7 @@ class TableCurve(WindowCurve):
         spacing_rad: Turn of the fastest hinge from one control point to the next, rad.
     """
 
-    def __init__(self, chain: Chain, windows: Windows, spacing_rad: float) -> None:
+    def __init__(self, chain: Chain, windows: Motion, spacing_rad: float) -> None:
         super().__init__(chain, windows, spacing_rad)
         self._every = slice(0, len(chain.folded_rad))
         drawn = super()._point

@@ -21,8 +21,7 @@ from planner.chain.rotations import aligned_distances
 from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError, SimulationError
 from planner.motion.angle_steps import snapped
-from planner.motion.frames import Frames
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.course import TRACKING_LOST_RAD
 from planner.playback.playback import Playback
@@ -69,7 +68,7 @@ class TablePlayback:
 
     status: PlaybackStatus
     reason: str
-    frames: Frames
+    frames: Motion
     reference_rad: Array
     torques: Array
     position_errors: Array
@@ -112,7 +111,7 @@ def time_unit_s(chain: Chain) -> float:
 
 def play_on_table(
     chain: Chain,
-    record: Windows,
+    record: Motion,
     *,
     torque_limit_wp: float,
     friction: float = 0.0,
@@ -126,7 +125,7 @@ def play_on_table(
 
     Args:
         chain: The chain; folded, it stands on the table with its lowest modules, z up.
-        record: Windows of its explosion on the table, folded to straight.
+        record: Windowed motion of its explosion on the table, folded to straight.
         torque_limit_wp: Largest torque of every motor, w·p.
         friction: μ between modules and table.
         clamped: True if the first module is clamped to the table; else the chain lies free.
@@ -160,7 +159,7 @@ class _Run:
     def __init__(
         self,
         chain: Chain,
-        record: Windows,
+        record: Motion,
         p: TablePlaybackParameters,
         limit: float,
         friction: float,
@@ -268,8 +267,8 @@ class _Run:
         angles, targets = np.array(self._angles), np.array(self._targets)
         positions = np.array([centres for centres, _ in self._poses])
         unit = time_unit_s(chain)
-        frames = Frames.of_phase(
-            "playback",
+        frames = Motion.from_frames(
+            phase="playback",
             time_s=start_s + unit * np.array(self._times),
             joint_angles_rad=angles,
             root_position=positions[:, chain.root],
@@ -278,8 +277,8 @@ class _Run:
         )
         if self.clamped:
             frames = frames.clamped(chain)
-        meant = frames.planned(chain, targets, clamped=self.clamped)
-        wanted = chain.poses(targets, meant.root_position, meant.root_wxyz).positions
+        meant = frames.planned(chain, frames.with_angles(targets), clamped=self.clamped)
+        wanted = meant.poses(chain).positions
         errors = np.sqrt(((positions - wanted) ** 2).sum(axis=2).mean(axis=1))
         aligned = aligned_distances(positions[-1], chain.folded_poses.positions)
         status, reason = self.status, self.reason

@@ -62,6 +62,17 @@ class TimeLaw:
         )
 
 
+def frames_kept(gone: Array) -> NDArray[np.bool_]:
+    """Return (S + 1,) True at steps where a frame is kept: the first and last, and one per unit.
+
+    Args:
+        gone: (S + 1,) length of the curve up to each step, in the distance of two frames.
+    """
+    kept = np.concatenate([[True], np.diff(np.floor(gone)) > 0.0])
+    kept[-1] = True
+    return kept
+
+
 def torque_bounded_law(
     reference: Reference, module: Module, *, steps: int, step_s: float, samples: int
 ) -> TimeLaw:

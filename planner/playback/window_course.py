@@ -18,14 +18,18 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
 from planner.clearance.sweep import sweep
-from planner.motion.frames import PHASES
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.reference import JOINT_LIMIT_MARGIN_RAD, REFERENCE_CLEARANCE_PITCH
+from planner.playback.reference import (
+    JOINT_LIMIT_MARGIN_RAD,
+    REFERENCE_CLEARANCE_PITCH,
+    frames_around,
+)
 from planner.playback.setpoints import SETTLE_STEPS
 from planner.playback.time_law import (
     MIN_PLAYBACK_STEPS,
     TimeLaw,
+    frames_kept,
     law_from_profile,
     torque_bounded_profile,
 )
@@ -98,16 +102,14 @@ class WindowCurve:
         spacing_rad: Turn of the fastest hinge from one control point to the next, rad.
     """
 
-    def __init__(self, chain: Chain, windows: Windows, spacing_rad: float) -> None:
+    def __init__(self, chain: Chain, windows: Motion, spacing_rad: float) -> None:
         largest, _ = windows.steps(chain)
         lengths = np.concatenate([[0.0], np.cumsum(largest)])
         self.chain = chain
         self.length_rad = float(lengths[-1])
         count = max(SUPPORT_POINTS, int(np.ceil(self.length_rad / spacing_rad)) + 1)
         where = np.linspace(0.0, self.length_rad, count)
-        after = np.clip(np.searchsorted(lengths, where), 1, max(1, len(windows) - 1))
-        span = lengths[after] - lengths[after - 1]
-        part = np.where(span > 0.0, (where - lengths[after - 1]) / np.where(span > 0, span, 1), 1.0)
+        after, part = frames_around(lengths, where)
         self._windows = windows
         # Twice again at both ends, where the curve is to begin and to end.
         ends = np.clip(np.arange(-2, count + 2), 0, count - 1)
@@ -179,23 +181,26 @@ class WindowCourse:
 
     Args:
         chain: The chain.
-        record: Windows of the explosion, from folded on.
+        record: Windowed motion of the explosion, from folded on.
         parameters: Parameters of the playback.
         module_size: Size of the modules as a fraction of the pitch.
         finer: Factor of the number of steps and frames.
+        start_s: Time of the first frame, s.
     """
 
     def __init__(
         self,
         chain: Chain,
-        record: Windows,
+        record: Motion,
         parameters: PlaybackParameters,
         module_size: float,
         finer: int,
+        start_s: float = 0.0,
     ) -> None:
         self.chain = chain
         self.parameters = parameters
         self.module_size = module_size
+        self._start_s = start_s
         self.robots = parameters.robot.runs
         self._backwards = record[::-1]
         self._ends = RigidEnds(chain, np.ones(len(chain)))
@@ -220,10 +225,8 @@ class WindowCourse:
         steps = max(MIN_PLAYBACK_STEPS, int(finer * p.steps_per_rad * length))
         law = self._law(steps)
         self._u = self.curve.end * law.u
-        gone = np.floor(law.u * length * finer / FRAME_RAD)
-        self.is_kept = np.concatenate([[True], np.diff(gone) > 0.0])
+        self.is_kept = frames_kept(law.u * length * finer / FRAME_RAD)
         """(S + 1,) True if a frame is kept before a step."""
-        self.is_kept[-1] = True
         self.stretches = tuple(_stretches(self.chain, self.curve, self._u))
         self.reference = self._reference()
         """Planned motion at the kept frames; the pose of module 0 is that at the beginning."""
@@ -248,7 +251,7 @@ class WindowCourse:
         share = u / self.curve.end
         return law_from_profile(share, torque_bounded_profile(share, a, b), steps, self.step_s)
 
-    def _reference(self) -> Windows:
+    def _reference(self) -> Motion:
         first, angles = [], []
         for number, stretch in enumerate(self.stretches):
             hinges = stretch.hinges(self.chain)
@@ -259,14 +262,14 @@ class WindowCourse:
         steps = np.flatnonzero(self.is_kept)
         steps[-1] += SETTLE_STEPS
         backwards = self._backwards
-        return Windows(
-            time_s=self.step_s * steps.astype(np.float64),
-            phase=np.full(len(steps), PHASES.index("playback"), dtype=np.uint8),
+        return Motion.from_windows(
+            time_s=self._start_s + self.step_s * steps.astype(np.float64),
+            phase="playback",
             first=np.array(first, dtype=np.int64),
             offsets=np.concatenate([[0], np.cumsum([len(one) for one in angles])]),
             angles_rad=np.concatenate(angles).astype(np.float32),
-            base_position=np.repeat(backwards.base_position[:1], len(steps), axis=0),
-            base_wxyz=np.repeat(backwards.base_wxyz[:1], len(steps), axis=0),
+            base_position=np.repeat(backwards.anchor_position[:1], len(steps), axis=0),
+            base_wxyz=np.repeat(backwards.anchor_wxyz[:1], len(steps), axis=0),
         )
 
     def __len__(self) -> int:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
-from planner.motion.windows import Windows
+from planner.motion.motion import Angles, Motion
 from planner.playback.course import TRACKING_LOST_RAD
 from planner.playback.run import CANCEL_CHECK_STEPS, PlaybackStatus
 from planner.playback.setpoints import SETTLE_STEPS
@@ -43,7 +43,7 @@ class WindowRun:
             course.parameters.robot,
             peak_torque=course.peak_torque,
             seed=seed,
-            base=(course.reference.base_position[0], course.reference.base_wxyz[0]),
+            base=(course.reference.anchor_position[0], course.reference.anchor_wxyz[0]),
             geom_size=course.module_size,
             step_s=course.step_s,
         )
@@ -51,7 +51,7 @@ class WindowRun:
         self._poses: list[tuple[Array, Array]] = []
 
     @property
-    def frames(self) -> Windows:
+    def frames(self) -> Motion:
         """Recorded frames; joints outside the window have zero error by construction."""
         reference = self.course.reference[: len(self._angles)]
         angles = np.concatenate(self._angles)
@@ -60,9 +60,14 @@ class WindowRun:
             reference,
             angles_rad=angles,
             errors_rad=np.abs(angles - reference.angles_rad),
-            base_position=np.array(positions),
-            base_wxyz=np.array(wxyzs),
+            anchor_position=np.array(positions),
+            anchor_wxyz=np.array(wxyzs),
         )
+
+    @property
+    def reference_rad(self) -> Angles:
+        """(V,) planned angles of the recorded frames."""
+        return self.course.reference[: len(self._angles)].angles_rad
 
     def final_error(self) -> float:
         """Return the RMS distance of the modules from the folded shape, pitches, aligned."""

@@ -23,9 +23,11 @@ MIN_ANGLES: Final = 2
 """Minimum number of angles in a string without a heading. Smaller values take other texts for
 strings of angles. Chosen."""
 DIGITS_CHECKED: Final = 4096
-"""Number of characters at the beginning of a text that are checked for digits. Chosen."""
+"""Number of characters at the beginning of a text that are searched for digits, to recognise
+strings of angles. Chosen."""
 MAX_COLUMNS: Final = 4
-"""Maximum number of columns of a table of cells; a line of more digits is a puzzle. Chosen."""
+"""Maximum number of columns of a table of cells; a line with more digits is a string of a puzzle's
+angles. Chosen."""
 _TURN_NUMBER: Final = re.compile(r"[+\-\u2212]?(?:[0-4]+|90|180|270)(?:\.0*)?")
 """Turns as numbers: of quarters, one after the other, or in degrees."""
 _NO_SEPARATORS: Final = {ord(c): " " for c in ",;"}

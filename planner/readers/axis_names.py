@@ -12,7 +12,7 @@ from planner.readers.text import is_number
 
 AXES: Final = ("x", "y", "z")
 OTHER_AXES: Final = ("ijk", "abc", "uvw")
-"""Other names of x, y and z, read where a header has none of these."""
+"""Alternative names of the axes x, y and z, accepted if a table's header does not name these."""
 OCCUPANCY: Final = frozenset(
     ("value", "filled", "occupied", "occupancy", "solid", "voxel", "active")
 )

@@ -25,7 +25,8 @@ JSON_CHUNK: Final = 0x4E4F534A
 BINARY_CHUNK: Final = 0x004E4942
 """Type of the GLB chunk with binary data: glTF 2.0 specification, section 4.4.3."""
 MAX_NODES: Final = 100_000
-"""Maximum number of nodes, and of placed parts, of a scene. Chosen; bounds memory and time."""
+"""Maximum number of nodes, and of placed meshes, of a glTF scene; with more it is refused. Chosen;
+bounds memory and time."""
 MAX_GLTF_VERTICES: Final = 20_000_000
 """Maximum number of vertices of all parts. Each primitive gets its own copy, even of shared
 vertices. Chosen; bounds memory."""

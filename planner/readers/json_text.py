@@ -15,9 +15,10 @@ MAX_INTEGER_DIGITS: Final = 18
 """Digits up to which a JSON integer is parsed exactly. Longer ones become a float: parsing takes
 time by the square of the digits."""
 HUGE_NUMBER: Final = 1e300
-"""Magnitude at which very long integers are cut off; every later check refuses it."""
+"""Magnitude to which very long integers are cut off; all later checks refuse it."""
 SPARE_VALUES: Final = 1000
-"""Number of lists and values that are allowed besides those of the cells. Chosen."""
+"""Number of JSON lists and values that a file may have in addition to those of its cells; more are
+refused. Chosen."""
 KEYS_OF_FORM: Final = re.compile(
     r"(?:unit|pitch|scale|ax[ei]s|order|origin|offset|rotat|transform|mirror|joint|angle|cell|closed|module\b)"
 )

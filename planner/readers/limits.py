@@ -10,13 +10,15 @@ from planner.shapes.shape import MAX_CELLS
 from planner.shapes.solid import MAX_TRIANGLES
 
 MAX_FILE_BYTES: Final = 64 << 20
-"""Maximum size of a file. Larger values admit larger meshes and take more memory. Chosen."""
+"""Maximum size of an input file, in bytes. Larger values admit larger meshes and take more memory.
+Chosen."""
 BYTES_PER_CELL: Final = 96
-"""Size of a text file that is allowed for each cell, bytes. Chosen."""
+"""Maximum size of a text file per cell of the largest shape, in bytes; a larger file is refused
+before it is parsed. Chosen."""
 SPARE_BYTES: Final = 65_536
-"""Size of a text file that is allowed besides its cells, bytes. Chosen."""
+"""Size that a text file may have in addition to that of its cells, in bytes. Chosen."""
 MAX_QUOTE_CHARACTERS: Final = 40
-"""Length at which quotations in messages are cut. Chosen."""
+"""Maximum length of a quotation from the input in a message, in characters. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

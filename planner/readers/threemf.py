@@ -21,19 +21,20 @@ from planner.shapes.solid import Solid, check_triangles
 
 ZIP_MAGIC: Final = b"PK\x03\x04"
 MAX_ENTRIES: Final = 4_000
-"""Maximum number of files in the archive. Chosen; bounds time."""
+"""Maximum number of files in a 3MF archive; with more it is refused. Chosen; bounds time."""
 MAX_UNPACKED_BYTES: Final = 400 << 20
 """Maximum size of all models after unpacking. Larger values admit larger models. Chosen."""
 FREE_UNPACKED_BYTES: Final = 16 << 20
-"""Unpacked size up to which any compression ratio is allowed. Chosen."""
+"""Unpacked size of an archive, in bytes, up to which any compression ratio is accepted. Chosen."""
 MAX_COMPRESSION_RATIO: Final = 100
 """Maximum ratio of unpacked to packed size; more is a zip bomb. Chosen."""
 MAX_INSTANCES: Final = 20_000
-"""Maximum number of placed parts, nested ones included. Chosen; bounds time."""
+"""Maximum number of placed meshes of a 3MF model, with nested ones; with more it is refused.
+Chosen; bounds time."""
 MAX_NESTING: Final = 64
 """Maximum depth of nested components. Chosen; excludes cycles."""
 XML_PIECE_BYTES: Final = 1 << 18
-"""Bytes of XML parsed at once. Chosen."""
+"""Bytes of XML that are parsed at once. Larger values take more memory. Chosen."""
 RELATIONSHIPS: Final = "_rels/.rels"
 """Entry of the archive that names its main model."""
 MAIN_MODEL: Final = re.compile(rb"<[^<>]*/3dmodel[\"'][^<>]*>")

@@ -14,9 +14,10 @@ from planner.shapes.shape import Shape
 
 VOX_MAGIC: Final = b"VOX "
 MAX_CHUNKS: Final = 100_000
-"""Maximum number of chunks of a file. Chosen; bounds time."""
+"""Maximum number of chunks of a MagicaVoxel file; with more it is refused. Chosen; bounds time."""
 MAX_SCENE_NODES: Final = 10_000
-"""Maximum number of visited nodes of the scene. Chosen; bounds time."""
+"""Maximum number of visited nodes of a MagicaVoxel scene; with more the file is refused. Chosen;
+bounds time."""
 FILE_HEADER_BYTES: Final = 8
 """Size of the signature and version before the first chunk."""
 COLOURLESS: Final = "voxels of colour 0, which means empty, were ignored."
@@ -24,7 +25,7 @@ HIDDEN: Final = "hidden objects were ignored."
 CHUNK_HEADER_BYTES: Final = 12
 """Size of a chunk's header: its type and the sizes of content and children."""
 MAX_FRAME_DIGITS: Final = 9
-"""Digits of a frame number that are read; further ones are cut off. Chosen."""
+"""Maximum number of digits of a frame number that are read; further ones are cut off. Chosen."""
 
 Ints = NDArray[np.int64]
 

@@ -17,7 +17,8 @@ from planner.readers.text import COMMENT_MARK, cells_array, coordinate, is_numbe
 from planner.shapes.shape import Shape
 
 MAX_COUNT_DIGITS: Final = 9
-"""Digits of the leading count that are read; longer ones never match. Chosen."""
+"""Maximum number of digits of the count of points on the first line; a longer number is no count.
+Chosen."""
 
 
 def is_xyz(text: str) -> bool:

@@ -11,8 +11,8 @@ RECORDED_PLAN: Final = "recorded.npz"
 """File name, in a smoothed fold's directory, of the plan that is smoothed."""
 SMOOTHED, SOFTENED, RECORDED = "smoothed", "softened", "recorded"
 SMOOTHING_WAYS: Final = (SMOOTHED, SOFTENED, RECORDED)
-"""Ways to smooth, each tried when the certificate refuses the one before: shortcuts and means,
-fewer of them, and new times alone."""
+"""Kinds of smoothing, each tried if the certificate refuses the previous one: shortcuts and
+averaging, fewer of them, and only new times."""
 MAX_SMOOTHED_ANGLES: Final = 2**23
 """Maximum number of angles, frames times hinges, of a plan that is smoothed (memory and time).
 Chosen."""

@@ -17,8 +17,8 @@ from planner.simulation.tree import Tree
 
 Array = NDArray[np.float64]
 MAX_INTERVALS_PER_STEP: Final = 4
-"""Maximum number of intervals between two frames at whose ends torques are computed. Larger values
-find torque peaks more closely. Chosen."""
+"""Maximum number of intervals between two frames; torques are computed at the ends of each. Larger
+values find torque peaks more exactly and take longer. Chosen."""
 MAX_TORQUE_MODULES: Final = 1_000_000
 """Maximum number of intervals times modules (processor time); a longer plan has fewer intervals.
 Chosen."""

@@ -21,7 +21,8 @@ from planner.robot.trajectory import CutPath, Trajectory
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MAX_STILL_TURN_RAD: Final = 1e-6
-"""Maximum turn of the fastest hinge between two frames that count as one, rad. Chosen."""
+"""Largest turn of the fastest hinge between two frames, in rad, at which they are merged into one.
+Chosen."""
 BOUND_RANGE: Final = (1e-6, 1e6)
 """Minimum and maximum bound of speed and acceleration that is accepted, rad/s and rad/s².
 Chosen."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.plan.plan import Plan
 from planner.playback.reference import record_lengths
@@ -104,8 +104,8 @@ def smoothed_record(
     return Record(
         status="cancelled" if stopped else "straight",
         reason="smoothing was cancelled" if stopped else "",
-        frames=Frames.of_phase(
-            "explosion",
+        frames=Motion.from_frames(
+            phase="explosion",
             time_s=np.linspace(0.0, float(whole.time_s[-1]), count),
             joint_angles_rad=angles[::-1],
             root_position=np.repeat(whole.root_position[:1], count, axis=0),
@@ -133,9 +133,7 @@ def before_and_after(recorded: Plan, smoothed: Plan) -> dict[str, Any]:
     size = smoothed.certificate.module_size
     before = Quality.of(recorded, seconds)
     if recorded.certificate.module_size != size:
-        motion = recorded.motion
-        way = motion.joint_angles_rad if isinstance(motion, Frames) else motion
-        clearance = sweep(recorded.chain, way, size=size).clearance
+        clearance = sweep(recorded.chain, recorded.motion, size=size).clearance
         before = replace(before, clearance=clearance)
     return {
         "way": (smoothed.explosion or {}).get("strategy"),

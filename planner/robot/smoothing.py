@@ -53,23 +53,27 @@ Chosen."""
 FRAME_SPACING_RANGE_RAD: Final = (0.015, 0.06)
 """Minimum and maximum arc length between two frames, rad. Chosen."""
 CLEARANCE_SLACK_PITCH: Final = 0.001
-"""Additional clearance of frames, and of configurations halfway between, pitches: room for the
-motion beside them. Chosen."""
+"""Clearance that smoothing demands in addition, in pitches, at frames and halfway between them, as
+a reserve for the motion in between. Larger values smooth less. Chosen."""
 SIMPLIFIED_PARTS: Final = (1, 3, 6, 12, 24, 48)
-"""Numbers of parts into which a motion is divided for simplification, in turn. Chosen."""
+"""Numbers of parts into which a motion is divided in turn; each part is replaced by a simpler one.
+Chosen."""
 MIN_PART_FRAMES: Final = 4
 """Minimum number of frames of a part that is simplified. Chosen."""
 HALVING_ROUNDS: Final = 1
-"""Number of first rounds in which blamed hinges follow the target half as far, and not at all
-later. Chosen."""
+"""Number of first rounds in which hinges that are blamed for a collision follow the smoothed target
+only half as far; in later rounds they do not follow at all. Chosen."""
 WHOLE_FRAME_FROM_ROUND: Final = 6
-"""Round from which on all hinges of a frame with a blamed hinge leave the target. Chosen."""
+"""Round from which on all hinges of a frame, not only the blamed ones, leave the smoothed target.
+Chosen."""
 MAX_FOLLOWING_ROUNDS: Final = 14
-"""Maximum number of rounds in which one target is followed; then it is given up. Chosen."""
+"""Maximum number of rounds in which a motion is moved towards one smoothed target; then that target
+is given up. Chosen."""
 MIN_FOLLOWED_SHARE: Final = 0.02
-"""Minimum fraction to which a hinge follows the target; smaller ones become 0. Chosen."""
+"""Fraction of the way to the target below which a hinge stays where it was. Chosen."""
 MIN_PASS_GAIN: Final = 0.005
-"""Minimum relative gain of a pass; two passes in a row with less end the smoothing. Chosen."""
+"""Smallest relative decrease of a motion's cost that counts as a gain of a pass; two passes in a
+row with less end the smoothing. Smaller values smooth longer. Chosen."""
 MAX_RESAMPLINGS: Final = 6
 """Maximum number of resamplings that restore frames at corners that are cut too close. Chosen."""
 MARGIN_ROUNDING_PITCH: Final = 1e-9
@@ -83,7 +87,8 @@ MIN_STEP_LENGTH_RAD: Final = 1e-6
 DISTANCE_WEIGHT: Final = 0.03
 """Arc length of a displacement of one pitch, rad: ``PlaybackParameters.distance_weight``."""
 SWEEP_STEPS: Final = 6
-"""Number of steps that one sweep checks. Smaller values find more close places at once. Chosen."""
+"""Number of intervals between frames that one sweep checks; it reports the closest place. Smaller
+values find more close places at once, more slowly. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

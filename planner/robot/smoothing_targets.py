@@ -15,7 +15,7 @@ FADE_FRAMES: Final = 3
 """Half width of the filters that fade a change in, frames; it takes about four times as many.
 Larger values change speeds more smoothly. Chosen."""
 MIN_SHARE: Final = 1e-9
-"""Fraction below which a share counts as 0: rounding of running sums."""
+"""Weights below this count as 0: rounding of running sums."""
 
 
 def parts(frames: int, pieces: int, rng: np.random.Generator) -> Ints:

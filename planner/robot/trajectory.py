@@ -17,15 +17,16 @@ REST_FILE: Final = "rest.npz"
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 CELLS_PER_PIECE: Final = 2
-"""Number of cells of the grid on either side of a frame and on a straight line. Larger values made
-motions faster by less than one per cent. Measured."""
+"""Number of grid cells of the time parameterisation on each corner's half and on each straight
+piece. Larger values made motions faster by less than one per cent. Measured."""
 MIN_PATH_CELLS: Final = 200
-"""Approximate minimum number of cells of the grid of a path. Chosen."""
+"""Approximate minimum number of grid cells of a path's time parameterisation. Larger values are
+more exact and slower. Chosen."""
 MIN_PIECE_SHARE: Final = 1e-6
 """Minimum length of a straight piece as a fraction of its step; shorter ones are left out.
 Chosen."""
 CORNERS_AT_ONCE: Final = 256
-"""Number of corners whose cuts are compared at once (memory): all of a long chain's would take a
+"""Number of corners of a path that are blended at once (memory): all of a long chain's would take a
 gibibyte. Chosen."""
 
 

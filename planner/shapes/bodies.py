@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 MIN_FILLED_SHARE: Final = 1e-9
-"""Volume over that of the bounding box below which a mesh encloses nothing. Chosen: rounding."""
+"""Smallest enclosed volume of a mesh, as a fraction of its bounding box; with less it encloses
+nothing. Chosen: rounding."""
 MAX_PROBES: Final = 64
 """Maximum number of points of a body that are tested for lying inside another body. Larger values
 are slower and miss less. Chosen."""
@@ -22,14 +23,14 @@ PROBE_WEIGHTS: Final = np.array([0.4142, 0.3183, 0.2675])
 """Weights of a triangle's corners in its probe, irregular so that no ray meets an edge of a regular
 mesh. Chosen."""
 PROBE_DEPTH_SHARE: Final = 1e-7
-"""Distance of a probe from its triangle over the size of the mesh; separates touching walls.
-Chosen."""
+"""Depth of a probe point below its triangle, as a fraction of the mesh's size; it separates
+touching walls. Larger values miss thin walls. Chosen."""
 MAX_CONTAINERS: Final = 1000
 """Maximum number of bodies, the largest first, that are tested as containers. Others keep their
 orientation. Chosen; bounds time."""
 MAX_TESTS: Final = 10_000_000
-"""Maximum number of tests of a probe against a triangle, about two seconds. Beyond it bodies keep
-the orientation of the file. Chosen."""
+"""Maximum number of tests of a probe point against a triangle, about two seconds; beyond it bodies
+keep the orientation in the file. Chosen."""
 TESTS_AT_ONCE: Final = 1 << 20
 """Number of tests of a probe against a triangle per NumPy call. Chosen; bounds memory."""
 MAX_GRID_COLUMNS: Final = 512

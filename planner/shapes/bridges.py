@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_BRIDGES: Final = 64
-"""Maximum number of parts that are joined; the rest is dropped. Chosen; bounds time."""
+"""Maximum number of separate parts of a shape that are connected by bridges; further parts are
+dropped. Chosen; bounds time."""
 MIN_PART_SHARE: Final = 0.005
-"""Share of all cells below which a part is a speck and is dropped. Larger values drop more.
-Chosen."""
+"""Fraction of all cells below which a separate part is a speck and is dropped. Larger values drop
+more. Chosen."""
 
 Cell = tuple[int, int, int]
 FACE_STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))

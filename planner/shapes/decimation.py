@@ -11,10 +11,11 @@ Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 GRID_COARSENING: Final = 1.25
-"""Factor by which the grid gets coarser in each round. Smaller values come closer to the limit in
-more rounds. Chosen."""
+"""Factor by which the grid of vertices gets coarser in each round of decimation. Smaller values
+come closer to the permitted number of triangles, in more rounds. Chosen."""
 MAX_COARSENINGS: Final = 40
-"""Maximum number of rounds; beyond it nothing is left. Chosen: 1.25⁴⁰ is 7500."""
+"""Maximum number of rounds of decimation; the grid is then 1.25⁴⁰ ≈ 7500 times coarser, and no
+triangle remains. Chosen."""
 
 
 def decimated(vertices: Array, faces: Faces, *, most: int) -> tuple[Array, Faces]:

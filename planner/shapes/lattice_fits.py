@@ -23,10 +23,11 @@ from planner.shapes.sampling import Sampling, grid_of, sample
 from planner.shapes.solid import Solid, signed_volume
 
 OFFSETS: Final = 4
-"""Number of lattice offsets per cell tried along each axis. Larger values fit better at cubic cost.
-Chosen."""
+"""Number of lattice offsets per cell that are tried along each axis. Larger values fit a solid
+better, at cubic cost. Chosen."""
 THRESHOLD_LEVELS: Final = 64
-"""Maximum number of levels of the fill histogram, and so of thresholds. Chosen."""
+"""Maximum number of levels of the histogram of cells' filled fractions, and so of tried thresholds.
+Chosen."""
 MIN_FILL_THRESHOLD: Final = 0.06
 """Smallest tried threshold of the filled share above which a cell is kept. Chosen."""
 MAX_FILL_THRESHOLD: Final = 0.65
@@ -34,19 +35,22 @@ MAX_FILL_THRESHOLD: Final = 0.65
 PITCH_STEP: Final = 1.0125
 """Ratio of two neighbouring pitches of the ladder. Smaller values try more pitches. Chosen."""
 BASE_CELL_SAMPLES: Final = 4
-"""Samples along a cell's edge without other needs, and step of that number. Larger values are more
-exact at cubic cost. Chosen."""
+"""Default number of sampling points along a cell's edge; numbers are multiples of it. Larger values
+are more exact, at cubic cost. Chosen."""
 SMALL_CELL_SAMPLES: Final = 8
-"""Samples along a cell's edge where the whole solid takes few samples. Chosen."""
+"""Number of sampling points along a cell's edge for solids with few samples in all. Chosen."""
 MAX_CELL_SAMPLES: Final = 16
-"""Maximum number of samples along a cell's edge, for thin solids. Chosen."""
+"""Maximum number of sampling points along a cell's edge, for thin solids. Larger values are more
+exact, at cubic cost. Chosen."""
 MAX_SMALL_SAMPLES: Final = 250_000
-"""Samples of a solid's box up to which a cell gets ``SMALL_CELL_SAMPLES``. Chosen."""
+"""Number of samples of a solid's box up to which ``SMALL_CELL_SAMPLES`` are taken. Larger values
+are more exact and slower. Chosen."""
 MAX_FINE_SAMPLES: Final = 2_000_000
-"""Samples of a solid's box up to which thin solids get more samples per cell. Chosen."""
+"""Number of samples of a solid's box up to which thin solids get more samples per cell. Chosen;
+bounds time."""
 MAX_FINER_SAMPLES: Final = 3_000_000
-"""Samples of a solid's box up to which a fit is measured with twice the samples per cell.
-Chosen."""
+"""Number of samples of a solid's box up to which the overlap of a fit is measured with twice the
+samples per edge. Chosen; bounds time."""
 MANY_SAMPLES: Final = 8_000_000
 """Samples of a solid's box above which cells get half of ``BASE_CELL_SAMPLES``; twice as many are
 refused. Chosen; bounds memory."""
@@ -54,7 +58,8 @@ MIN_THICKNESS_SAMPLES: Final = 2.0
 """Minimum number of samples across the mean thickness of a solid. Larger values find thinner walls.
 Chosen."""
 BODY_SAMPLES: Final = 1_000_000
-"""Number of samples of the box at which separate bodies are counted. Chosen."""
+"""Number of samples of a solid's box with which separate bodies are counted. Larger values separate
+closer bodies, more slowly. Chosen."""
 MAX_BODY_SAMPLES: Final = 4_000_000
 """Maximum number of samples at which the bodies of thin solids are counted. Chosen; bounds
 memory."""

@@ -21,8 +21,8 @@ from planner.shapes.bridges import parts_of
 Ints = NDArray[np.int64]
 
 LAYER_TRIALS: Final = 4
-"""Number of random spanning trees tried for the same layers. Larger values find more paths.
-Chosen."""
+"""Number of random spanning trees that are tried for a path through the same layers. Larger values
+find more paths, more slowly. Chosen."""
 ROUND_STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))
 """Step of the cycle around a square from each of its corners."""
 OUT_STEPS: Final = ((0, -1), (1, 0), (0, 1), (-1, 0))

@@ -9,14 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_LOOSE_EDGES: Final = 100_000
-"""Maximum number of loose edges of a mesh whose holes are closed. Chosen; bounds time."""
+"""Maximum number of loose edges (with one triangle) of a mesh whose holes are closed; with more it
+stays open. Chosen; bounds time."""
 SAMPLED_EDGES: Final = 20_000
-"""Number of edges of a large mesh that are sampled to tell a surface, about. Chosen."""
+"""Approximate number of sampled edges of a large mesh by which surfaces are told from scattered
+triangles. Chosen."""
 MAX_ODD_SHARE: Final = 2 / 3
-"""Maximum share of edges with an odd number of triangles, before repair. Larger values admit more
-broken meshes. Chosen."""
+"""Largest fraction of edges with an odd number of triangles, before repair, at which a mesh is
+accepted. Larger values admit more broken meshes. Chosen."""
 MAX_EDGE_TRIANGLES: Final = 3.0
-"""Maximum mean number of triangles at an edge. Chosen; a surface has 2."""
+"""Largest mean number of triangles at an edge at which a mesh is accepted; a closed surface has 2.
+Chosen."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 from planner.shapes.solid import Solid
 
 RANDOM_ORIENTATIONS: Final = 3
-"""Number of random orientations that are tried. Larger values fit better, more slowly. Chosen."""
+"""Number of random orientations of a solid that are tried. Larger values fit better, more slowly.
+Chosen."""
 SAME_ORIENTATION_RAD: Final = 0.05
-"""Angle up to which two orientations count as one. Chosen."""
+"""Angle between two orientations, in rad, below which only one is tried. Smaller values try more.
+Chosen."""
 MAX_AXES_VERTICES: Final = 20_000
-"""Number of vertices from which the main axes are computed, about. Chosen; bounds time."""
+"""Approximate number of vertices from which a solid's main axes are computed. Chosen; bounds
+time."""
 
 Floats = NDArray[np.float64]
 

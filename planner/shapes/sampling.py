@@ -15,8 +15,8 @@ from planner.shapes.solid import Solid
 MAX_GRID_SAMPLES: Final = 48_000_000
 """Maximum number of samples of a grid; finer grids are refused. Chosen; bounds memory."""
 MIN_VOTES: Final = 2
-"""Number of the three axes whose parity must agree that a sample is inside. Chosen: the
-majority."""
+"""Number of axes, of three, along which a sample must lie inside by parity to count as inside: the
+majority. Chosen."""
 
 Floats = NDArray[np.float64]
 

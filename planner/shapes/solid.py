@@ -19,7 +19,8 @@ MAX_TRIANGLES: Final = 2_000_000
 MAX_VERTEX_COORDINATE: Final = 1e9
 """Largest coordinate of a vertex, in the file's unit. Chosen; larger ones are damage."""
 MIN_THICKNESS_SHARE: Final = 1e-6
-"""Smallest over largest extent below which a mesh is flat and is refused. Chosen."""
+"""Ratio of a mesh's smallest to its largest extent below which it is flat and is refused.
+Chosen."""
 WELD_TOLERANCE: Final = 1e-5
 """Distance of vertices that are merged in open meshes, as a share of the size. Larger values close
 wider gaps and lose detail. Chosen."""

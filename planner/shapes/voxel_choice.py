@@ -20,45 +20,54 @@ from planner.shapes.layers import has_whole_layers
 from planner.shapes.sampling import too_fine
 
 COUNT_TOLERANCE: Final = 0.1
-"""Deviation from the requested count, relative, within which overlap decides. Larger values keep
-more of the shape. Chosen."""
+"""Relative deviation from the requested number of modules within which the overlap alone decides.
+Larger values preserve more of the shape. Chosen."""
 COUNT_PENALTY: Final = 0.3
-"""Overlap (IoU) that a relative deviation of 1 from the count must gain. Larger values come nearer
-to the count. Chosen."""
+"""Overlap (IoU, 0 to 1) that a fit must gain for each relative deviation of 1 from the requested
+number of modules. Larger values come nearer to that number. Chosen."""
 SCORE_TOLERANCE: Final = 0.01
-"""Difference of scores (IoU) within which two fits count as equally good. Chosen."""
+"""Difference of scores (IoU, 0 to 1) within which two fits count as equally good. Chosen."""
 UPRIGHT_BONUS: Final = 0.02
 """Score (IoU) that the orientation of the file gains. Larger values turn fewer solids. Chosen."""
 MIN_LAYERED_CELLS: Final = 75
 """Number of cells from which connected layers are preferred: such 2×2×2 blocks are peeled.
 Chosen."""
 LAYERED_LOSS: Final = 0.02
-"""Score (IoU) that connected layers may cost. Chosen."""
+"""Score (IoU, 0 to 1) that a fit with connected layers may be worse and still be preferred. Larger
+values prefer it more often. Chosen."""
 OFFER_LOSSES: Final = (0.03, 0.1, 0.3, 1.0)
-"""Scores (IoU) that offered counts may cost, tried in this order until one is found. Chosen."""
+"""Scores (IoU, 0 to 1) by which offered numbers of modules may be worse, tried in this order until
+an offer is found. Chosen."""
 OTHER_PITCHES: Final = {False: (1.08, 1.25), True: (0.93, 0.8)}
-"""Factors of the pitch at which larger (True) and smaller counts are searched. Chosen."""
-OTHER_COUNTS: Final = {False: (0.85, 0.7, 0.5), True: (1.18, 1.4, 2.0)}
-"""Factors of the count that are tried above (True) and below if no fit is near. Chosen."""
-MAX_OFFER_FACTOR: Final = 2.5
-"""Maximum ratio of an offered count to the limit, or of the limit to it. Chosen."""
-MAX_OFFERS_TRIED: Final = 8
-"""Maximum number of likely counts that are tried on each side. Chosen; bounds time."""
-MAX_OFFER_COUNTS: Final = 400
-"""Maximum number of counts that are compared on each side. Chosen; bounds time."""
-FIT_WORK: Final = 1.2e8
-"""Work of all fits for one count, in samples. Larger values try more pitches and orientations.
+"""Factors on the pitch at which larger (True) and smaller (False) numbers of modules are searched.
 Chosen."""
+OTHER_COUNTS: Final = {False: (0.85, 0.7, 0.5), True: (1.18, 1.4, 2.0)}
+"""Factors on the number of modules that are tried above (True) and below (False) the requested one
+if no fit is near. Chosen."""
+MAX_OFFER_FACTOR: Final = 2.5
+"""Largest ratio between an offered number of modules and the limit it must keep. Chosen."""
+MAX_OFFERS_TRIED: Final = 8
+"""Maximum number of promising numbers of modules that are tried on each side of the requested one.
+Chosen; bounds time."""
+MAX_OFFER_COUNTS: Final = 400
+"""Maximum number of numbers of modules that are compared on each side of the requested one. Chosen;
+bounds time."""
+FIT_WORK: Final = 1.2e8
+"""Number of samples that all fits for one number of modules may take together. Larger values try
+more pitches and orientations, more slowly. Chosen."""
 MIN_FITS: Final = 10
-"""Minimum number of fits tried for one count. Chosen."""
+"""Minimum number of lattice fits that are tried for one number of modules, whatever they cost.
+Chosen."""
 MAX_FITS: Final = 120
-"""Maximum number of fits tried for one count. Chosen."""
+"""Maximum number of lattice fits that are tried for one number of modules. Chosen."""
 THOROUGH_FITS: Final = 30
-"""Number of affordable fits from which more candidates are compared. Chosen."""
+"""Number of affordable lattice fits from which on more candidates are compared in full. Chosen."""
 STEPS_TO_SIDES: Final = 4
-"""Number of ladder steps tried on each side of a pitch. Chosen."""
+"""Number of steps of the ladder of pitches that are tried on each side of the estimated pitch.
+Larger values find better fits, more slowly. Chosen."""
 WIDE_STEPS: Final = range(-16, 17, 2)
-"""Ladder steps around the pitch that are tried if no count is near. Chosen."""
+"""Steps of the ladder of pitches around the estimated pitch that are tried if no number of modules
+is near. Chosen."""
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]

@@ -16,11 +16,14 @@ from planner.shapes.solid import Solid
 from planner.shapes.voxel_choice import Chooser
 
 POOR_IOU: Final = 0.5
-"""Overlap (IoU) below which a note tells that the shape is poorly preserved. Chosen."""
+"""Overlap (IoU, 0 to 1) of voxels and solid below which a note says that the shape is poorly
+preserved. Chosen."""
 MIN_IOU_GAIN: Final = 0.1
-"""Overlap (IoU) that the next smaller count must gain for a note to name it. Chosen."""
+"""Gain in overlap (IoU, 0 to 1) at which a note recommends the next smaller number of modules.
+Larger values recommend it less often. Chosen."""
 MIN_PRESERVED_SHARE: Final = 0.7
-"""Share of the volume below which a poor overlap is put down to lost parts. Chosen."""
+"""Fraction of the volume in voxels below which the note blames lost parts for a poor overlap.
+Chosen."""
 
 Floats = NDArray[np.float64]
 

@@ -20,14 +20,15 @@ from planner.kernels.statics import FacetedHull, contact_points
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 FLOOR: Final = -1
-"""Index that stands for the floor in place of a module."""
+"""Index that denotes the floor in place of a module."""
 FLOOR_GAP: Final = 0.02
 """Height up to which a corner touches the floor, pitches. Larger values find more contacts.
 Chosen."""
 MODULE_GAP: Final = 0.03
 """Distance up to which two modules touch, pitches. Larger values find more contacts. Chosen."""
 MAX_TABLE_PENETRATION_PITCH: Final = 0.01
-"""Maximum depth of a module of a motion in the table: simulated tables are soft. Chosen."""
+"""Largest depth of a module below the table, in pitches, at which it counts as standing on it:
+simulated tables are soft. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -22,9 +22,10 @@ Ints = NDArray[np.int64]
 Columns = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 """A sparse matrix by columns: where each starts, rows and values."""
 MIN_SCALE: Final = 1e-9
-"""Value of s up to which there is no equilibrium: rounding. Chosen."""
+"""Load factor s of the linear program up to which there is no equilibrium: rounding. Chosen."""
 MIN_COMMON_RAYS: Final = 0.8
-"""Share of the last basis' rays that must occur again for a warm start. Chosen."""
+"""Fraction of the force directions in the last solution that must occur again for the linear
+program to be warm-started with it. Chosen."""
 PRIMAL, DUAL = 4, 1
 """HiGHS' numbers of the two simplex methods."""
 BASIC: Final = highspy.HighsBasisStatus.kBasic

@@ -27,18 +27,20 @@ CONE_SIDES: Final = 8
 """Number of edges of the pyramid inside the friction cone of a sticking corner. Larger values are
 closer to the cone, more slowly. Chosen."""
 SLIP_THRESHOLD: Final = 1e-3
-"""Displacement from which a corner slips, as a share of the largest one of a module. Chosen."""
+"""Displacement from which on a corner counts as slipping, as a fraction of a module's largest one.
+Chosen."""
 DRIFT_SLIP_THRESHOLD: Final = 0.02
-"""Displacement from which a corner of a drifting chain slips, as a share; the drift is only
-estimated. Chosen."""
+"""The same threshold for a chain that drifts as a whole; larger, as the drift is only estimated.
+Chosen."""
 DIRECTION_SPREADS_RAD: Final = (0.2, 0.8)
 """Half-angles about −v within which friction of a drifting chain may point; the second if there is
 no equilibrium with the first. Chosen."""
 SMOOTHING_SHARE: Final = 2e-3
-"""Displacement below which friction is smoothed in the estimate of the drift, as a share of the
-largest one. Chosen."""
+"""Displacement below which the friction law is smoothed in the estimate of the drift, as a fraction
+of the largest displacement. Smaller values are more exact and converge more slowly. Chosen."""
 MAX_DRIFT_ITERATIONS: Final = 100
-"""Maximum number of iterations of the estimate of the drift. Chosen; bounds time."""
+"""Maximum number of iterations of the estimate of a chain's drift on the table; beyond it the
+estimate is less exact. Chosen; bounds time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,7 +16,8 @@ from planner.chain.module import Module
 
 Array = NDArray[np.float64]
 FACE_TOLERANCE: Final = 1e-9
-"""Share of a triangle by which the centre of mass may lie outside: rounding. Chosen."""
+"""Fraction of a triangle's size by which the centre of mass may lie outside of a face that still
+counts as stable: rounding. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,8 +15,8 @@ Ints = NDArray[np.int64]
 Array = NDArray[np.float64]
 
 MIN_BALANCE_MARGIN_PITCH: Final = 0.05
-"""Minimum distance of the centre of mass from the rim of the hull of the floor cells. Larger values
-refuse more paths. Chosen."""
+"""Minimum horizontal distance, in pitches, of the centre of mass from the edge of the convex hull
+of the cells on the floor. Larger values refuse more paths. Chosen."""
 CELL_CORNERS: Final = np.array(list(product((-0.5, 0.5), repeat=2)))
 SIDE_ROTATIONS: Final = {
     "-z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),

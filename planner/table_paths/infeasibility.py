@@ -21,8 +21,8 @@ Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
 REASON_RANKS: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
 """Rank of the reasons that are reported first if the sides differ; others rank 1, ties by side."""
 FALLING_EFFORT: Final = 1.5
-"""Deterministic effort of the solver for descending paths, all sides of a shape together, about
-seconds. Chosen."""
+"""Deterministic effort of the solver for paths that only descend, for all sides of a shape
+together, in about seconds. Larger values prove more. Chosen."""
 NO_TABLE_PATH_REMEDY: Final = (
     "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
 )

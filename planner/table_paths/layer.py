@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 
 MAX_EXHAUSTIVE_CELLS: Final = 16
-"""Number of cells of a layer up to which all its paths are searched. Chosen; bounds time."""
+"""Number of cells of a layer up to which all its paths are enumerated; larger layers are searched
+at random. Chosen; bounds time."""
 MAX_TRIAL_STEPS_PER_CELL: Final = 40
-"""Number of steps per cell after which a random trial is given up. Chosen."""
+"""Number of steps per cell after which one random search of a layer is given up. Larger values find
+more paths, more slowly. Chosen."""
 
 
 @dataclass(slots=True)

@@ -17,13 +17,14 @@ from planner.table_paths.score import WEIGHTS, Parts
 Ints = NDArray[np.int64]
 
 POOL_SIZE: Final = 240
-"""Number of paths of a layer that are kept. Larger values find better paths, more slowly.
-Chosen."""
+"""Maximum number of paths through one layer that are stored for combination. Larger values find
+better paths, more slowly. Chosen."""
 RANDOM_TRIALS: Final = 48
-"""Number of paths of a large layer that are searched at random. Chosen."""
-BEAM_WIDTH: Final = 24
-"""Number of partial paths that are kept for each end. Larger values find better paths, more slowly.
+"""Number of random searches for paths through a large layer. Larger values find more, more slowly.
 Chosen."""
+BEAM_WIDTH: Final = 24
+"""Number of partial paths that the beam search keeps for each end cell. Larger values find better
+paths, more slowly. Chosen."""
 VERTICAL: Final = -1
 """Step of a path of a single cell, which has no heading."""
 

@@ -16,17 +16,19 @@ from planner.table_paths.table_paths import paths_or_reasons
 Ints = NDArray[np.int64]
 
 MAX_ADDED_CELLS: Final = 24
-"""Maximum number of cells that a repair adds; beyond it the shape is another one. Chosen."""
+"""Maximum number of cells that a repair adds; with more it would be another shape. Chosen."""
 MAX_ADDED_SHARE: Final = 0.1
-"""Maximum share of cells that a repair adds; the smaller limit applies. Chosen."""
+"""Maximum number of cells that a repair adds, as a fraction of the shape's; the smaller limit
+applies. Chosen."""
 MAX_COMPARED_ADDITIONS: Final = 16
 """Number of candidate cells compared for each added cell. Larger values find smaller repairs, more
 slowly. Chosen."""
 MAX_TRIED_ADDITIONS: Final = 6
-"""Number of single cells tried without a known obstacle and without a path, about 1 s each.
-Chosen."""
+"""Maximum number of single cells that are tried if a shape has no path for an unknown reason, about
+1 s each. Chosen."""
 SEPARATE_PART_WEIGHT: Final = 1000
-"""Severity of a further part of a layer, in cells too many of a colour. Chosen."""
+"""Severity of one more separate part of a layer, in units of one cell too many of a chessboard
+colour. Larger values join parts first. Chosen."""
 
 
 def cells_to_add(cells: Ints, seed: int = 0) -> list[Cell]:

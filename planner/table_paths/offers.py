@@ -28,11 +28,13 @@ Kind = Literal["repair", "modules", "blocks"]
 OFFERS_LIMIT_S: Final = 20.0
 """Wall-clock limit of all offers of one shape. A larger value finds more of them, later. Chosen."""
 MAX_COUNTS: Final = 12
-"""Maximum number of module counts tried on each side of the requested one. Chosen."""
+"""Maximum number of other numbers of modules that are tried on each side of the requested one, to
+find a variant for a table. Chosen; bounds time."""
 MAX_BLOCK_COUNTS: Final = 9
-"""Maximum number of module counts tried for 2×2×2 modules. Chosen."""
+"""Maximum number of other numbers of modules that are tried with 2×2×2 blocks, to find a variant
+for a table. Chosen; bounds time."""
 OFFER_DEFAULTS: Final[dict[str, Any]] = {"method": "auto", "repair": False}
-"""Options that each offer for a solid sets."""
+"""Options that each offered variant of a solid sets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

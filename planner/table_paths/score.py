@@ -19,7 +19,8 @@ from planner.table_paths.rules import FLAT_STEPS
 Ints = NDArray[np.int64]
 
 FRONT_WINDOW_CELLS: Final = 4
-"""Number of cells in the moving average that tracks the front of the fold. Chosen."""
+"""Number of cells of the moving average that follows how far the front of the fold moves along a
+path. Larger values ignore short detours. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +77,7 @@ WEIGHTS: Final = Parts(
     overhang=2.0,
     tipping=0.5,
 )
-"""Weights of the parts."""
+"""Weights of the parts of a path's score, by part; a larger weight avoids that property more."""
 
 
 def parts_of(order: Ints) -> Parts:

@@ -20,7 +20,7 @@ from planner.table_paths.rules import hairpins
 Ints = NDArray[np.int64]
 
 TABLE_SOLVER_EFFORT: Final = 1.0
-"""Deterministic effort of the solver for one call, about seconds. Larger values find and prove
+"""Deterministic effort of the solver for one call, in about seconds. Larger values find and prove
 more. Chosen."""
 UP, DOWN = 4, 5
 """Places of the vertical steps among ``STEPS``."""

@@ -28,14 +28,16 @@ from planner.table_paths.score import WEIGHTS, Parts, parts_of
 Ints = NDArray[np.int64]
 
 MAX_TABLE_PATHS: Final = 8
-"""Maximum number of returned paths. Chosen."""
+"""Maximum number of paths for a table that are returned, best first. Chosen."""
 LAYER_WORK_STEPS: Final = 60_000
-"""Number of steps of the search through layers, all sides of a shape together. Larger values find
-better paths, more slowly. Chosen."""
+"""Maximum number of steps of the search through layers, for all sides of a shape together. Larger
+values find better paths, more slowly. Chosen."""
 SCORED_PER_PATH: Final = 6
-"""Number of paths that are scored in full for each returned one. Chosen."""
+"""Number of candidate paths that are scored in full for each returned one. Larger values return
+better ones, more slowly. Chosen."""
 MAX_SHARED_LINKS: Final = 0.9
-"""Share of common links above which two paths count as alike; alike paths come last. Chosen."""
+"""Fraction of common links above which two paths count as alike; alike ones are returned last.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

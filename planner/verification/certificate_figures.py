@@ -6,14 +6,13 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.certificate.certificate import Certificate
 from planner.certificate.figures import RobotFigures
 from planner.clearance.linked import Place
 from planner.clearance.sweep import clearance_at
+from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.motion.windows import Windows
 from planner.plan.differences import (
     FIGURES_ATOL,
     FIGURES_RTOL,
@@ -120,13 +119,11 @@ class ToldFigures:
         found = clearance_at(chain, motion, place.frame, (i, j), size=size)
         return abs(found - told) <= SAME_CLEARANCE_PITCH
 
-    def _motion(self, name: str) -> NDArray[np.float64] | Windows | None:
+    def _motion(self, name: str) -> Motion | None:
         if name == "min_clearance_at":
             return self.playback and self.playback.reference
         held = self.record if name == "min_clearance_record_at" else self.playback
-        if held is None:
-            return None
-        return held.frames if isinstance(held.frames, Windows) else held.frames.joint_angles_rad
+        return held and held.frames
 
     def _end(self, again: Certificate) -> Differences:
         """Yield the differences of the end of a simulation from the playback's figures."""

@@ -7,10 +7,9 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from planner.motion.motion import motion_arrays
 from planner.motion.record import Record
 from planner.plan.differences import Differences, array_difference, value_differences, versus_plan
-from planner.plan.plan import EARLIER, Plan
+from planner.plan.plan import EARLIER_FORMATS, Plan
 from planner.playback.playback import Playback
 
 JSON_ROUNDING: Final = 1e-9
@@ -20,10 +19,10 @@ JSON_ROUNDING: Final = 1e-9
 def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
     """Yield the differences of the two forms of a plan, and contradictions in one of them."""
     other = Plan.of_values(text, "plan.json")
-    earlier = npz["format"] in EARLIER
-    arrays = {**motion_arrays(plan.motion), "max_error_rad": plan.max_error_rad}
-    theirs = {**motion_arrays(other.motion), "max_error_rad": other.max_error_rad}
-    if type(plan.motion) is not type(other.motion):
+    earlier = npz["format"] in EARLIER_FORMATS
+    arrays = {**plan.motion.columns(), "max_error_rad": plan.max_error_rad}
+    theirs = {**other.motion.columns(), "max_error_rad": other.max_error_rad}
+    if plan.motion.layout != other.motion.layout:
         yield "plan.json and plan.npz differ in the form of their frames"
         return
     for name, mine in arrays.items():
@@ -55,7 +54,7 @@ def lacking(
         expected["playback"] = playback.summary()
     if record is not None:
         expected["explosion"] = record.summary()
-    columns = {*motion_arrays(plan.motion), "max_error_rad", "angle_planes"}
+    columns = {*plan.motion.columns(), "max_error_rad", "angle_planes"}
     mine = {name: _plain(value) for name, value in npz.items() if name not in columns}
     yield from value_differences(mine, json.loads(json.dumps(expected)), "plan.npz")
     if record is None and plan.explosion is not None:

@@ -121,12 +121,12 @@ def _reason_by_itself(path: FilePath) -> str | None:
 
 def _manifest(directory: FilePath) -> Digests | None:
     """Return the digests of a manifest; None if there is none, as of a fold without a plan."""
-    from planner.pipeline.manifest import FILE, FORMAT
+    from planner.pipeline.manifest import FILE, MANIFEST_FORMAT
 
     path = directory / FILE
     try:
         values: Any = json.loads(path.read_bytes())
-        if values["format"] != FORMAT:
+        if values["format"] != MANIFEST_FORMAT:
             raise DamagedError(path, f"{FILE} has the format {values['format']!r}")
         return {str(name): dict(fields) for name, fields in values["sha256"].items()}
     except FileNotFoundError:

@@ -10,14 +10,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.motion.frames import Frames
 from planner.motion.inverse import inverse_dynamics
-from planner.motion.windows import Windows
 from planner.parameters.playback import TablePlaybackParameters
 from planner.plan.differences import (
     FIGURES_ATOL,
     FIGURES_RTOL,
-    SINGLE_WITHIN,
+    SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
@@ -45,11 +43,11 @@ def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Difference
     if wanted != (plan.explosion is not None):
         need = "its results" if wanted else "null"
         yield f"plan.npz explosion: expected {need} with the preset {plan.preset}"
-    direct = plan.explosion is None and isinstance(plan.motion, Frames)
+    direct = plan.explosion is None and not plan.motion.is_windowed
     limit = int(playback_number(plan, "dynamic_up_to"))
     short = len(plan.chain) <= limit
     # Earlier versions simulated no windows.
-    able = isinstance(plan.motion, Frames) or playback.simulated
+    able = not plan.motion.is_windowed or playback.simulated
     simulated = direct or (short and able)
     kind = "dynamic" if simulated else "kinematic"
     yield from value_differences(playback.kind, kind, "plan.npz playback.kind")
@@ -66,7 +64,7 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
         return
     most = float(np.nanmax(plan.max_error_rad, initial=0.0))
     if playback.status == "folded" and not most <= (playback.max_angle_error_rad or 0.0) * (
-        1 + SINGLE_WITHIN
+        1 + SINGLE_PRECISION_ATOL_RAD
     ):
         yield f"plan.npz playback.max_angle_error_rad: expected at least {most}, as in a frame"
     told = playback.summary()
@@ -77,17 +75,11 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
         steps = float(np.diff(plan.time_s).sum()) / _step_s(plan)
         if not abs(playback.steps - steps) <= STEP_COUNT_TOLERANCE_STEPS:
             yield f"plan.npz playback.steps: got {playback.steps}, expected {steps:.9g}"
-    played, reference = playback.frames, playback.reference_rad
-    if reference is None:
-        return
-    if isinstance(played, Windows):
-        angles, errors, moves = played.angles_rad, played.errors, played.angles_rad.any()
-    else:
-        angles, errors = played.joint_angles_rad, played.joint_error_rad
-        moves = np.diff(reference, axis=0).any()
-    if not np.isfinite(errors).all():
+    played, reference = playback.frames, playback.reference
+    moves = reference.steps(plan.chain)[0].any()
+    if not np.isfinite(played.errors).all():
         yield "timeline.zarr joint errors: got no numbers, expected errors of a simulation"
-    if moves and np.array_equal(angles, reference):
+    if moves and np.array_equal(played.angles_rad, reference.angles_rad):
         yield (
             "timeline.zarr joint angles: got exactly those of plan.npz, expected those of a "
             "simulation, which always differ"

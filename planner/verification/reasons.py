@@ -105,8 +105,7 @@ def _differences(
     if record.status not in ("stalled", "timeout", "diverged"):
         yield f"status: got {record.status}, which needs no reason"
     elif told["kind"] == "knot":
-        poses = chain.poses(angles, last.root_position[0], last.root_wxyz[0])
-        yield from knot_differs(poses.positions, told)
+        yield from knot_differs(last.poses(chain).positions[0], told)
     elif told["kind"] == "blocks":
         peels = record.strategy == "peel"
         if told["first_hinge"] and not peels:

@@ -12,15 +12,13 @@ import numpy as np
 from planner.errors import UNREADABLE, PlannerError
 from planner.explosion.paper import FRAME_SPACING_RAD
 from planner.motion.angle_steps import PLAN_STEP_RAD
-from planner.motion.frames import Frames
-from planner.motion.motion import Motion, motion_arrays
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes
-from planner.motion.windows import Windows
 from planner.pipeline.fold_layout import CANDIDATES
 from planner.pipeline.workspace import Workspace
 from planner.plan.differences import (
-    SINGLE_WITHIN,
+    SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
@@ -109,12 +107,11 @@ def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -
     yield from value_differences(told, plan.playback or {}, versus_plan("playback.npz", "playback"))
     if playback is not None:
         yield from _same_motion(found.frames, playback.frames, "playback.npz")
-        if found.reference_rad is not None:
-            yield from array_difference(
-                found.reference_rad,
-                playback.reference_rad,
-                versus_plan("playback.npz", "joint_angles_rad"),
-            )
+        yield from array_difference(
+            found.reference.stored_angles_rad,
+            playback.reference.stored_angles_rad,
+            versus_plan("playback.npz", "joint_angles_rad"),
+        )
 
 
 def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Differences:
@@ -124,11 +121,8 @@ def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Diff
         found.summary(), plan.explosion or {}, versus_plan("record.npz", "explosion")
     )
     if record is not None:
-        frames = found.frames
-        if isinstance(record.frames, Frames) and isinstance(frames, Windows):
-            # A timeline holds motion of one kind: that of a fold on a table is of frames once it
-            # has been played back.
-            frames = frames.dense(plan.chain)
+        # A timeline holds one layout: that of a fold on a table is dense once it is played back.
+        frames = found.frames.in_layout_of(record.frames, plan.chain)
         yield from _same_motion(frames, record.frames, "record.npz")
     yield from _snapshots(found, plan)
 
@@ -138,7 +132,7 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     told: Any = plan.parameters.get("explosion") or {}
     every, name = told.get("snapshot_interval"), "record.npz snapshots_rad"
     angles, frames = record.snapshots_rad, record.frames
-    if every is None or isinstance(frames, Windows):
+    if every is None or frames.is_windowed:
         if angles is not None:
             yield f"{name}: got snapshots, expected none with these parameters"
         return
@@ -161,13 +155,13 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
 
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
-    if type(got) is not type(expected):
+    if got.layout != expected.layout:
         yield f"{name}: its frames have another form than those of timeline.zarr"
         return
-    theirs = motion_arrays(expected)
+    theirs = expected.columns()
     both = f"{name} and timeline.zarr differ in"
-    for column, values in motion_arrays(got).items():
-        single = SINGLE_WITHIN if column == "joint_error_rad" else 0.0
+    for column, values in got.columns().items():
+        single = SINGLE_PRECISION_ATOL_RAD if column == "joint_error_rad" else 0.0
         if column not in theirs:
             yield f"{both} {column}: only {name} has it"
             continue

@@ -9,14 +9,12 @@ from typing import Final
 import numpy as np
 
 from planner.errors import UNREADABLE, InputError, TimelineError
-from planner.motion.frames import PHASES, Frames
-from planner.motion.motion import Motion
+from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, chain_attributes
-from planner.motion.windows import Windows
 from planner.pipeline.workspace import Workspace
 from planner.plan.differences import (
-    SINGLE_WITHIN,
+    SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
@@ -81,24 +79,17 @@ def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]
             raise InputError(
                 "wrong-timeline", "the phases in timeline.zarr are not those of plan.npz."
             )
-        if isinstance(plan.motion, Windows):
-            simulated = plan.playback.get("kind") == "dynamic"
-            if not isinstance(played, Windows) or not (
-                _same_windows(played, plan.motion) if simulated else played.passes_as(plan.motion)
-            ):
+        simulated = plan.playback.get("kind") == "dynamic"
+        if plan.motion.is_windowed:
+            same = played.has_windows_of if simulated else played.passes_as
+            if not same(plan.motion):
                 raise InputError(
                     "wrong-timeline", "the playback in timeline.zarr is not the motion of plan.npz."
                 )
-            reference = plan.motion.angles_rad if simulated else None
-        else:
-            reference = plan.joint_angles_rad
+        kinematic = plan.motion.is_windowed and not simulated
+        reference = None if kinematic else plan.motion.stored_angles_rad
         playback = Playback(frames=played, reference_rad=reference, **plan.playback)
     return record, playback
-
-
-def _same_windows(a: Windows, b: Windows) -> bool:
-    """Return True if the windows of two motions hold the same hinges."""
-    return np.array_equal(a.first, b.first) and np.array_equal(a.offsets, b.offsets)
 
 
 def with_other_robots(
@@ -136,42 +127,42 @@ def kept_record(directory: FilePath, plan: Plan) -> Record | None:
 def playback_differs(plan: Plan, playback: Playback) -> Differences:
     """Yield the differences of the playback in the timeline from that of the plan."""
     played, motion = playback.frames, plan.motion
-    columns = {"time_s": played.time_s - played.time_s[0] if len(played) else played.time_s}
-    names = ("base_position", "base_wxyz") if isinstance(played, Windows) else _ROOT
-    if is_on_table(plan) and isinstance(played, Frames) and isinstance(motion, Frames):
-        yield from _root_differs(plan, motion, played)
-        names = ()
-    columns |= {name: getattr(played, name) for name in names}
-    if isinstance(played, Frames) and not playback.simulated:
-        columns["joint_angles_rad"] = played.joint_angles_rad
     both = "timeline.zarr and plan.npz differ in"
-    for name, values in columns.items():
-        yield from array_difference(values, getattr(motion, name), f"{both} {name}")
+    shown = played.columns() | {"time_s": played.time_s - played.time_s[:1]}
+    planned = motion.columns()
+    names = [name for name in ("time_s", *_ROOT, "base_position", "base_wxyz") if name in shown]
+    if is_on_table(plan) and not played.is_windowed:
+        yield from _root_differs(plan, motion, played)
+        names = ["time_s"]
+    if not played.is_windowed and not playback.simulated:
+        names.append("joint_angles_rad")
+    for name in names:
+        yield from array_difference(shown[name], planned[name], f"{both} {name}")
     yield from array_difference(
-        played.largest_errors, plan.max_error_rad, f"{both} max_error_rad", atol=SINGLE_WITHIN
+        played.largest_errors,
+        plan.max_error_rad,
+        f"{both} max_error_rad",
+        atol=SINGLE_PRECISION_ATOL_RAD,
     )
     if not playback.simulated:
         return
-    if isinstance(played, Windows) and isinstance(motion, Windows):
-        name, errors = "errors_rad", played.errors
-        angles, reference = played.angles_rad, motion.angles_rad
-    else:
-        assert isinstance(played, Frames)
-        name, errors, angles = "joint_error_rad", played.joint_error_rad, played.joint_angles_rad
-        reference = plan.joint_angles_rad
+    name, errors = "errors_rad", played.errors
+    if not played.is_windowed:
+        name, errors = "joint_error_rad", played.joint_error_rad
+    expected = np.abs(played.angles_rad - motion.angles_rad).reshape(errors.shape)
     yield from array_difference(
-        errors, np.abs(angles - reference), f"timeline.zarr {name}", atol=SINGLE_WITHIN
+        errors, expected, f"timeline.zarr {name}", atol=SINGLE_PRECISION_ATOL_RAD
     )
 
 
-def _root_differs(plan: Plan, motion: Frames, played: Frames) -> Differences:
+def _root_differs(plan: Plan, motion: Motion, played: Motion) -> Differences:
     """Yield the differences of the root of a chain on a table from the pose by its base.
 
     The first module of a clamped chain has its folded pose, in the plan and in the playback. The
     drift of a chain that lies free is known from the simulation alone: the plan follows it.
     """
     held = own_parameters(plan, None).table.held
-    followed = played.planned(plan.chain, motion.joint_angles_rad, clamped=held)
+    followed = played.planned(plan.chain, motion, clamped=held)
     meant = [("plan.npz", motion, followed)]
     how = "that drifts like the playback"
     if held:

@@ -19,7 +19,7 @@ from planner.exports import mjcf
 from planner.pipeline import manifest
 from planner.plan.differences import Differences
 from planner.plan.model_differences import model_differences
-from planner.plan.plan import EARLIER, Plan, read_values
+from planner.plan.plan import EARLIER_FORMATS, Plan, read_values
 from planner.progress import Report, silent
 from planner.verification.certificate_figures import ToldFigures
 from planner.verification.forms import forms_differ, lacking
@@ -136,7 +136,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
     text = read_values(directory / "plan.json")
     plan = Plan.of_values(npz, "plan.npz")
     found.look("plan.json and plan.npz are equal", forms_differ(plan, npz, text))
-    earlier = npz["format"] in EARLIER
+    earlier = npz["format"] in EARLIER_FORMATS
     timeline, frames = opened(directory / "timeline.zarr")
     found.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
     try:

@@ -13,12 +13,13 @@ from typing import Final, cast
 from planner.certificate.figures import AttemptFigures, CertificateFigures, FoldSummary
 from planner.errors import UNREADABLE
 from planner.files import json_of
-from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, PLANS
+from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, PLANS_DIR
 from planner.pipeline.preference import COMPUTING
-from server.store.shown import RUNNING, Found
+from server.store.shown import RUNNING_STATUSES, Found
 
-MAX_DIGITS: Final = 3
-"""Maximum digits of an attempt's number; folds have at most a few dozen attempts."""
+MAX_ATTEMPT_DIGITS: Final = 3
+"""Maximum number of digits of an attempt's number in an address; folds have at most a few dozen
+attempts."""
 
 
 def alternative(found: Found, number: str) -> Found | None:
@@ -28,9 +29,13 @@ def alternative(found: Found, number: str) -> Found | None:
         found: The fold.
         number: Number of the attempt as a text, counted from 0.
     """
-    if found.row.status in RUNNING or not number.isdecimal() or len(number) > MAX_DIGITS:
+    if (
+        found.row.status in RUNNING_STATUSES
+        or not number.isdecimal()
+        or len(number) > MAX_ATTEMPT_DIGITS
+    ):
         return None
-    directory = found.directory / PLANS / str(int(number))
+    directory = found.directory / PLANS_DIR / str(int(number))
     if not (directory / CHAIN).is_file():
         return None
     try:

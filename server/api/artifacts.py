@@ -1,4 +1,4 @@
-"""Routes of what comes out of a fold: frames of its timeline, and files to download."""
+"""Routes of a fold's results: frames of its timeline, and files to download."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ if TYPE_CHECKING:
     from planner.motion.timeline import Timeline
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
-SMALL_ANSWER: Final = 100_000
-"""Numbers in an answer up to which it is made at once, without a place in a queue."""
-MEDIA_TYPES: Final = {
+MAX_UNQUEUED_NUMBERS: Final = 100_000
+"""Maximum count of numbers in an answer with frames that is computed at once; a larger one waits in
+the queue for files. A larger value lets large answers delay others. Chosen."""
+PLAN_MEDIA_TYPES: Final = {
     "plan.json": "application/json",
     "plan.npz": "application/octet-stream",
     "model.xml": "application/xml",
@@ -77,7 +78,7 @@ async def get_frames(
         body.next = rest if until < end else None
         return body.model_dump_json(by_alias=True)
 
-    if numbers * ((until - start) // stride) > SMALL_ANSWER:
+    if numbers * ((until - start) // stride) > MAX_UNQUEUED_NUMBERS:
         key = (fold_id, total, start, stop, stride, poses)
         data = await context.answers.get_or_make(key, make, visitor=address_of(request))
     else:
@@ -108,13 +109,13 @@ def _timeline(context: Context, fold_id: str) -> Timeline:
 
 def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: bool) -> FramesBody:
     """Return a stretch of a timeline, without a link to the rest."""
-    from planner.motion.frames import PHASES
+    from planner.motion.motion import PHASES
 
     chain = timeline.chain
     frames = timeline.frames(start, until, stride)
     positions = wxyzs = None
     if poses:
-        found = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+        found = frames.poses(chain)
         positions, wxyzs = _short(found.positions), _short(found.wxyzs)
     return FramesBody(
         status=timeline.status,
@@ -185,7 +186,7 @@ def _file(name: str) -> None:
         summary=f"Download {name}",
         response_class=FileResponse,
         responses={
-            200: {"description": "The file", "content": {MEDIA_TYPES[name]: {}}},
+            200: {"description": "The file", "content": {PLAN_MEDIA_TYPES[name]: {}}},
             **problems(404, 409),
         },
         name=name,
@@ -198,15 +199,15 @@ def _file(name: str) -> None:
             check(path.parent, name)
         if not row.over or not path.is_file():
             raise not_there(row, name)
-        return FileResponse(path, media_type=MEDIA_TYPES[name], filename=_download(row, name))
+        return FileResponse(path, media_type=PLAN_MEDIA_TYPES[name], filename=_download(row, name))
 
 
-for _name in MEDIA_TYPES:
+for _name in PLAN_MEDIA_TYPES:
     _file(_name)
 
 
 def _finished(context: Context, fold_id: str) -> FoldRow:
-    """The row of a fold that has a plan."""
+    """Return the row of a fold that has a plan."""
     row = context.store.fold(fold_id)
     context.store.looked(row)
     if not row.over or not (context.store.directory(fold_id) / "plan.npz").is_file():
@@ -215,12 +216,12 @@ def _finished(context: Context, fold_id: str) -> FoldRow:
 
 
 def _download(row: FoldRow, name: str) -> str:
-    """What a file of a fold is called where it is saved."""
+    """Return the name under which a browser saves a file of a fold."""
     return f"{download_stem(row.name)}-{name}"
 
 
 def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
-    """The problem that a fold has not made something, or not yet."""
+    """Return the problem that a fold does not have a file, or not yet."""
     if row.over:
         reason = f" ({row.error['detail']})" if row.error else ""
         return NotFound("no-such-artifact", f"This fold finished without its {what}{reason}.")
@@ -232,7 +233,7 @@ def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
 
 
 def _short(values: NDArray[Any]) -> Any:
-    """Values as JSON numbers, to a precision that nobody can see or measure."""
+    """Return values as JSON numbers, rounded beyond any visible or measurable precision."""
     return values.round(9).tolist()
 
 

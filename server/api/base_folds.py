@@ -17,26 +17,27 @@ from server.errors import Conflict, Unusable
 from server.store.tables import FoldRow
 
 Use = Literal["refold", "smooth"]
-FILES: Final[dict[str, dict[str, str]]] = {
+COPIED_FILES: Final[dict[str, dict[str, str]]] = {
     "refold": {START_CHAIN: "chain.json", START_PLAN: "plan.npz"},
     "smooth": {RECORDED_PLAN: "plan.npz", START_CHAIN: "chain.json"},
 }
-"""Files copied for each use: their names here, and in the finished fold."""
-BROUGHT: Final = tuple(name for files in FILES.values() for name in files)
-"""Files that a fold may have before it begins, beside its input."""
+"""Files that a refold or a smoothed plan copies from the finished fold, by use: name in the new
+fold, and in the finished one."""
+COPIED_NAMES: Final = tuple(name for files in COPIED_FILES.values() for name in files)
+"""Files that a fold may have before it is computed, beside its input."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseFold:
-    """What a refold begins with, or what is smoothed: a fold, by files that are copied.
+    """Finished fold that a refold starts from, or whose plan is smoothed.
 
     Attributes:
-        use: What is made of it.
+        use: ``refold`` or ``smooth``.
         fold: Its id; None when it is only known by its files.
-        name: What people call its shape.
-        module, modules: What its chain is made of.
-        files: Where the files are, by what they are called when copied.
-        digest: Of the plan's content.
+        name: Name of its shape.
+        module, modules: Kind and number of its chain's modules.
+        files: Paths of the files by their names in the new fold.
+        digest: Digest of the plan's content.
     """
 
     use: Use
@@ -48,13 +49,13 @@ class BaseFold:
     digest: str
 
     def copy(self, directory: Path) -> None:
-        """Copies its files into another fold's directory, so that the fold may be deleted."""
+        """Copy its files into another fold's directory, so that the fold may be deleted."""
         for name, path in self.files.items():
             shutil.copyfile(path, directory / name)
 
 
 def beginning_of(context: Context, fold_id: str, use: Use) -> BaseFold:
-    """A finished fold, as what another one is made of.
+    """Return a finished fold as the base of another one.
 
     Raises:
         NoSuchFoldError: When there is no such fold.
@@ -68,17 +69,19 @@ def beginning_of(context: Context, fold_id: str, use: Use) -> BaseFold:
             "is over.",
             retry_after_s=5,
         )
-    check(directory, *FILES[use].values())
-    files = {name: directory / source for name, source in FILES[use].items()}
+    check(directory, *COPIED_FILES[use].values())
+    files = {name: directory / source for name, source in COPIED_FILES[use].items()}
     return _beginning(use, fold_id, row, files)
 
 
 def beginning_noted(directory: Path, row: FoldRow) -> BaseFold | None:
-    """What a fold was made of that is a refold or smoothed; None when it is neither."""
+    """Return the base of a refold or of a smoothed plan; None of other folds."""
     if row.refold is None and row.smooths is None:
         return None
     use: Use = "refold" if row.smooths is None else "smooth"
-    found = _beginning(use, row.smooths, row, {name: directory / name for name in FILES[use]})
+    found = _beginning(
+        use, row.smooths, row, {name: directory / name for name in COPIED_FILES[use]}
+    )
     return found if row.refold is None else replace(found, name=row.refold)
 
 

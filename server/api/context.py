@@ -21,7 +21,7 @@ from server.files.uploads import Uploads
 from server.http.client_address import address_of
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.limits.networks import hidden
 from server.limits.quota import Quota
 from server.limits.single_flight import SingleFlight
@@ -67,7 +67,7 @@ class Context:
     uploads: Uploads
     metrics: Metrics
     leases: Leases
-    remaining: Remaining
+    remaining: EtaEstimator
     estimates: Estimates
     secret: bytes
 
@@ -91,7 +91,7 @@ class Context:
 
 
 def context_of(request: Request) -> Context:
-    """The context of the application that a request is for."""
+    """Return the context of the application that a request is for."""
     context: Context = request.app.state.context
     return context
 

@@ -19,11 +19,11 @@ from server.store.shown import FoldSource, Found, id_of_fold
 if TYPE_CHECKING:
     from web.timeline.views import TimelineViews
 
-FOLD_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
 class Viewing(Protocol):
-    """What the pages of a fold need: of a service, or of one who looks at a directory.
+    """Services that a fold's pages need: those of the service, or of a viewer of one directory.
 
     There are neither jobs nor settings where nothing is computed.
     """
@@ -45,7 +45,7 @@ class Viewing(Protocol):
 
 
 def viewing_of(request: Request) -> Viewing:
-    """What the application has that a request for a fold's page came to."""
+    """Return the application's ``Viewing`` for a request of a fold's page."""
     viewing: Viewing = request.app.state.context
     return viewing
 
@@ -55,7 +55,7 @@ def find_now(request: Request, fold_id: str) -> Found | None:
 
     It asks the database, so it must not run in the event loop's own thread.
     """
-    if not FOLD_ID.fullmatch(fold_id):
+    if not ADDRESS_ID.fullmatch(fold_id):
         return None
     found = viewing_of(request).store.find(id_of_fold(fold_id))
     if found is None or fold_id == found.row.id:
@@ -64,5 +64,5 @@ def find_now(request: Request, fold_id: str) -> Found | None:
 
 
 async def find_fold(request: Request, fold_id: str) -> Found | None:
-    """The fold of that id, or None."""
+    """Return the fold of that id, or None."""
     return await asyncio.to_thread(find_now, request, fold_id)

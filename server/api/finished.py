@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from server.settings import Settings
     from server.store.gallery import Gallery
 
-FOLDER: Final = Path(str(files("server"))) / "finished"
-VISITOR: Final = "the service itself"
+FINISHED_FOLDS_DIR: Final = Path(str(files("server"))) / "finished"
+SERVICE_VISITOR: Final = "the service itself"
 log = logging.getLogger("foldback.web")
 
 
@@ -41,7 +41,7 @@ def import_finished(settings: Settings, store: Store, gallery: Gallery) -> Seque
     """
     names: list[str] = []
     scratch = Scratch(settings.scratch_dir)
-    for path in sorted(FOLDER.glob("*.fold")):
+    for path in sorted(FINISHED_FOLDS_DIR.glob("*.fold")):
         try:
             if _import(path, store, gallery, scratch):
                 names.append(path.stem)
@@ -101,7 +101,7 @@ def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str |
         preset=about["summary"]["preset"],
         seed=about["summary"]["seed"],
         module_size=None,
-        visitor=VISITOR,
+        visitor=SERVICE_VISITOR,
         token="",
     )
     return asked.content_key
@@ -127,7 +127,7 @@ def _row(fold_id: str, about: dict[str, Any], content_key: str | None) -> FoldRo
         seed=summary["seed"],
         module_size=None,
         content_key=content_key,
-        visitor=VISITOR,
+        visitor=SERVICE_VISITOR,
         progress={},
         summary={**summary, "included": {"version": about["version"]}},
         error=None,

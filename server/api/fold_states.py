@@ -15,27 +15,30 @@ from cachetools import TTLCache
 from fastapi.sse import ServerSentEvent
 
 from server.api.schemas import progress_of
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.store.folds import NoSuchFoldError, Store
 
-LOOK_EVERY_S: Final = 0.15
-MOST_KEPT: Final = 1024
+STATE_CACHE_S: Final = 0.15
+"""Time for which a fold's state is cached for all who watch it, in s. A larger value shows progress
+later; a smaller one reads the database more often. Chosen."""
+MAX_CACHED_STATES: Final = 1024
+"""Maximum number of folds whose states are cached. Chosen."""
 
 
 class FoldStates:
-    """Keeps each looked-at state for a moment."""
+    """Cache of the states of folds that are being watched."""
 
-    def __init__(self, store: Store, remaining: Remaining) -> None:
+    def __init__(self, store: Store, remaining: EtaEstimator) -> None:
         self._store = store
         self._remaining = remaining
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="fold-states")
-        self._states: TTLCache[str, dict[str, Any]] = TTLCache(MOST_KEPT, LOOK_EVERY_S)
+        self._states: TTLCache[str, dict[str, Any]] = TTLCache(MAX_CACHED_STATES, STATE_CACHE_S)
         self._looks: dict[str, asyncio.Task[dict[str, Any]]] = {}
         """Looks that are not over, by fold: few, however slow the database is."""
         self._ending = asyncio.Event()
 
     def end(self) -> None:
-        """Lets all who follow go, so that the service can end; browsers come back by themselves."""
+        """End all event streams, so that the service can stop; browsers reconnect by themselves."""
         self._ending.set()
 
     def close(self) -> None:
@@ -43,7 +46,7 @@ class FoldStates:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     async def state(self, fold_id: str) -> dict[str, Any]:
-        """The fold's progress, at most ``LOOK_EVERY_S`` old.
+        """Return the fold's progress, at most ``STATE_CACHE_S`` old.
 
         Raises:
             NoSuchFoldError: When there is no such fold.
@@ -70,7 +73,7 @@ class FoldStates:
                     yield ServerSentEvent(event="done", data=state)
                     return
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._ending.wait(), LOOK_EVERY_S)
+                await asyncio.wait_for(self._ending.wait(), STATE_CACHE_S)
 
     async def _read(self, fold_id: str) -> dict[str, Any]:
         loop = asyncio.get_running_loop()

@@ -1,4 +1,4 @@
-"""Routes of folds: ask for one, follow it, take its plan, stop it, delete it."""
+"""Routes of folds: request, watch, download, cancel, delete."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from planner.parameters.settings import MAX_TEXT_CHARS, SETTINGS, TABLE_SETTINGS
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pathfinding.starts import TEXT as START
 from planner.pathfinding.starts import cell_of
-from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
+from planner.pipeline.request import MAX_SEED, MODULE_SIZE_RANGE
 from planner.pipeline.request import Request as Asked
 from planner.readers.limits import quote
 from server.api.base_folds import beginning_noted, beginning_of
 from server.api.context import Context, context_of, in_list_rate
 from server.api.schemas import (
-    LONGEST_NAME,
+    MAX_FOLD_NAME,
     Accepted,
     Fold,
     FoldChanges,
@@ -45,9 +45,9 @@ from server.store.folds import new_token
 from server.store.owned import change_fold
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
-ID: Final = "^[A-Za-z0-9_-]*$"
-MESHES = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
-"""Endings of the names of mesh files."""
+OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
+"""File name suffixes of mesh formats."""
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 
 Here = Annotated[Context, Depends(context_of)]
@@ -121,7 +121,7 @@ GalleryShape = Annotated[str | None, Form(description="Or: the name of a gallery
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """How OpenAPI says which problems a route answers with."""
+    """Return the problems that a route may answer with, as OpenAPI describes them."""
     content = {"application/problem+json": {"schema": ProblemBody.model_json_schema()}}
     return {status: {"description": "A problem", "content": content} for status in statuses}
 
@@ -133,6 +133,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     responses=problems(404, 409, 413, 422, 429, 503, 507),
 )
 def post_fold(
+    *,
     request: Request,
     context: Here,
     credentials: Bearer,
@@ -140,13 +141,13 @@ def post_fold(
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
-        str | None, Form(max_length=64, pattern=ID, description="Or: the id of a preview.")
+        str | None, Form(max_length=64, pattern=OPTIONAL_ID, description="Or: the id of a preview.")
     ] = None,
     fold: Annotated[
         str | None,
         Form(
             max_length=64,
-            pattern=ID,
+            pattern=OPTIONAL_ID,
             description="Or: the id of a fold whose input and shape options are used again.",
         ),
     ] = None,
@@ -154,7 +155,7 @@ def post_fold(
         str | None,
         Form(
             max_length=64,
-            pattern=ID,
+            pattern=OPTIONAL_ID,
             description="The id of a finished fold. Its chain unfolds and then folds into the "
             "shape, which must have the same number of modules of the same kind.",
         ),
@@ -163,7 +164,7 @@ def post_fold(
         str | None,
         Form(
             max_length=64,
-            pattern=ID,
+            pattern=OPTIONAL_ID,
             description="Or: the id of a verified fold. A new fold makes its motion shorter and "
             "smoother. Preset and strategy do not apply, because there is no new explosion.",
         ),
@@ -172,7 +173,8 @@ def post_fold(
         Literal["default", "paper", "direct"],
         Form(
             description=(
-                "`direct` drives every joint straight to its target (fails for most shapes)."
+                "`direct` is direct servoing: it drives every joint straight to its target (fails "
+                "for most shapes)."
             )
         ),
     ] = "default",
@@ -185,12 +187,12 @@ def post_fold(
             f"`damping=0.05,radial_gain=0.2`. Available settings: {listed(SETTINGS)}.",
         ),
     ] = "",
-    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
+    seed: Annotated[int, Form(ge=0, le=MAX_SEED)] = 0,
     module_size: Annotated[
         float | None,
         Form(
-            ge=MODULE_SIZES[0],
-            le=MODULE_SIZES[1],
+            ge=MODULE_SIZE_RANGE[0],
+            le=MODULE_SIZE_RANGE[1],
             description=(
                 "Edge of a module in pitches (one pitch is the distance between modules)."
             ),
@@ -250,7 +252,7 @@ def post_fold(
             world, (options, cells) = options.world, noted(context.store.directory(again))
             if world != row.world and world == "table":
                 # The path of a floating chain is not used; a mesh gets 2×2×2 modules as before.
-                mesh = cells is None or (filename or "").lower().endswith(MESHES)
+                mesh = cells is None or (filename or "").lower().endswith(MESH_SUFFIXES)
                 method = "blocks" if mesh and options.method == "auto" else "auto"
                 options = replace(options, as_voxels=True, method=method)
             options = replace(options, world=world)  # which is asked for each time
@@ -321,7 +323,7 @@ def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
 
 
 async def follower(request: Request, fold_id: str, context: Here) -> AsyncIterator[None]:
-    """A place among those who follow a fold, for as long as the answer lasts."""
+    """Hold a place among a fold's event streams for as long as the answer lasts."""
     await context.fold_states.state(fold_id)
     with context.streams.enter(address_of(request)):
         yield
@@ -391,11 +393,11 @@ def patch_fold(fold_id: str, changes: FoldChanges, context: Here, credentials: B
         raise Forbidden(
             "public", "This is a gallery fold, which everyone can see; it cannot be renamed."
         )
-    name = None if changes.name is None else clean_name(changes.name, max_length=LONGEST_NAME)
+    name = None if changes.name is None else clean_name(changes.name, max_length=MAX_FOLD_NAME)
     if name == "":
         raise Unusable(
             "empty-name",
-            f"got a name without printable characters, expected 1 to {LONGEST_NAME} characters.",
+            f"got a name without printable characters, expected 1 to {MAX_FOLD_NAME} characters.",
             where="name",
         )
     if not change_fold(store, fold_id, token, name=name, new_token=changes.owner_token):
@@ -422,7 +424,7 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
 
 
 def checked(asked: Asked, options: ShapeOptions) -> None:
-    """Refuses what cannot be asked for, in the planner's words.
+    """Refuse an invalid request with the planner's error.
 
     Raises:
         Unusable: When it is so.
@@ -442,7 +444,7 @@ def input_of(
     fold: str | None = None,
     smooth: str | None = None,
 ) -> tuple[BinaryIO, str | None]:
-    """What a form brings, open, and its name: a file, or what the service has already.
+    """Return the open input of a form and its name: a file, or one that the service has.
 
     Raises:
         NoSuchFoldError: When there is no such fold.
@@ -486,25 +488,25 @@ def input_of(
 def _previewed(
     context: Context, preview: str | None, options: ShapeOptions
 ) -> list[list[int]] | None:
-    """The cells that a preview has found, so that the fold's page can draw them at once."""
+    """Return the cells that a preview has found, so that the fold's page can draw them at once."""
     return None if preview is None else context.previews.cells(preview, options)
 
 
 def clean_filename(name: str | None) -> str | None:
     """Return the last part of an upload's file name, fit to be shown; None if nothing is left."""
     last = (name or "").replace("\\", "/").rpartition("/")[2]
-    return clean_name(last, max_length=LONGEST_NAME) or None
+    return clean_name(last, max_length=MAX_FOLD_NAME) or None
 
 
 def token_of(credentials: HTTPAuthorizationCredentials | None) -> str | None:
-    """The token, if there is one; a short one is none, for it could be guessed."""
+    """Return the token, or None; a short one could be guessed and counts as none."""
     if credentials is None or not 24 <= len(credentials.credentials) <= 200:
         return None
     return credentials.credentials
 
 
 def needed(credentials: HTTPAuthorizationCredentials | None) -> str:
-    """The token.
+    """Return the token.
 
     Raises:
         Unidentified: When there is none.

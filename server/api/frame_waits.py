@@ -20,12 +20,15 @@ from server.limits.quota import Holder, Quota
 if TYPE_CHECKING:
     from web.timeline.view import TimelineView
 
-LOOK_EVERY_S: Final = 0.1
-"""Time between two looks at the timelines. A larger value shows new frames later. Chosen."""
-RETRY_S: Final = 2
-"""`Retry-After` of a refused wait: no wait lasts longer, so places are free by then."""
+FRAME_POLL_S: Final = 0.1
+"""Time between two looks at the timelines that requests wait for, in s. A larger value shows new
+frames later. Chosen."""
+FRAME_RETRY_S: Final = 2
+"""``Retry-After`` of a refused wait, in s. No wait lasts longer, so places are free by then."""
 MAX_WAITS: Final = 512
+"""Maximum number of requests that wait for frames at the same time; more are refused. Chosen."""
 MAX_WAITS_OF_VISITOR: Final = 32
+"""Maximum number of one visitor's requests that wait for frames at the same time. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +44,7 @@ class _Wait:
 
 
 class FrameWaits:
-    """Places of waiting requests, and the look that ends their waits. Belongs to one event loop.
+    """Waiting requests for frames, and the poll that ends their waits. For one event loop.
 
     Args:
         total: Maximum number of requests that wait at once.
@@ -98,7 +101,7 @@ class FrameWaits:
             for wait in self._waits:
                 if wait.served or wait.timeline in unreadable:
                     wait.over.set()
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(FRAME_POLL_S)
 
 
 def _refresh(timelines: Collection[TimelineView]) -> set[TimelineView]:
@@ -116,6 +119,6 @@ def _too_many_waits(count: int, holder: Holder) -> TooMany:
     return TooMany(
         "too-many-waits",
         f"{count} requests {holder} wait for frames, which is the limit; ask without "
-        f"'wait', or try again in {RETRY_S} s.",
-        retry_after_s=RETRY_S,
+        f"'wait', or try again in {FRAME_RETRY_S} s.",
+        retry_after_s=FRAME_RETRY_S,
     )

@@ -25,17 +25,19 @@ from server.http.client_address import address_of
 from server.http.compression import Asset
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
-from server.store.shown import RUNNING, ShownFold
-from web.timeline.frame_batch import kept_batch
-from web.timeline.metrics import FIGURES, kept_figures
+from server.store.shown import RUNNING_STATUSES, ShownFold
+from web.timeline.frame_batch import cached_batch
+from web.timeline.metrics import FIGURES, cached_figures
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.scene_bundle import bundle_of
 
 router = APIRouter(include_in_schema=False)
 
-LONGEST_WAIT_S: Final = 2.0
-BINARY: Final = "application/octet-stream"
+MAX_FRAME_WAIT_S: Final = 2.0
+"""Maximum time that a request may wait for new frames, in s. A larger value needs fewer requests
+and occupies places for longer. Chosen."""
+BINARY_MEDIA_TYPE: Final = "application/octet-stream"
 
 
 @router.get("/view")
@@ -48,7 +50,7 @@ async def view(request: Request) -> Response:
 
 @cache
 def view_page() -> Asset:
-    """Viser's client, as browsers are sent it."""
+    """Return viser's client."""
     return Asset.of(client().html, "text/html")
 
 
@@ -70,7 +72,7 @@ async def batch(
     start: Annotated[int, Query(alias="from", ge=0)] = 0,
     stop: Annotated[int | None, Query(alias="to", ge=0)] = None,
     stride: Annotated[int, Query(ge=1, le=1_000_000)] = 1,
-    wait: Annotated[float, Query(ge=0, le=LONGEST_WAIT_S)] = 0.0,
+    wait: Annotated[float, Query(ge=0, le=MAX_FRAME_WAIT_S)] = 0.0,
 ) -> Response:
     """Return frames of a fold's timeline; ``wait`` is how many seconds to wait for the first one.
 
@@ -102,7 +104,7 @@ async def _frames(
         if shown is None:
             return _nothing()
         try:
-            return _binary(request, kept_batch(shown, start, stop, stride), shown)
+            return _binary(request, cached_batch(shown, start, stop, stride), shown)
         except DamagedError:
             raise
         except TimelineError:
@@ -123,12 +125,12 @@ async def figures(
         found = find_now(request, fold_id)
         if found is None:
             raise NoSuchFoldError(fold_id)
-        if found.row.status in RUNNING:
+        if found.row.status in RUNNING_STATUSES:
             return _nothing()
         check(found.directory, TIMELINE, FIGURES)
         mark(request, found.row)
         try:
-            return _kept(request, kept_figures(found.directory, part))
+            return _kept(request, cached_figures(found.directory, part))
         except DamagedError:
             raise
         except (TimelineError, OSError):
@@ -149,23 +151,23 @@ def _bundle(request: Request, row: ShownFold, timeline: TimelineView) -> Respons
 
 def _binary(request: Request, data: bytes, timeline: TimelineView) -> Response:
     if timeline.growing:
-        return Response(data, media_type=BINARY, headers={"Cache-Control": "no-store"})
+        return Response(data, media_type=BINARY_MEDIA_TYPE, headers={"Cache-Control": "no-store"})
     return _kept(request, data)
 
 
 def _kept(request: Request, data: bytes) -> Response:
-    """What browsers keep, and ask whether it is still the same."""
+    """Return an answer that browsers cache and revalidate."""
     headers = {
         "Cache-Control": "private, no-cache",
         "ETag": f'"{hashlib.sha256(data).hexdigest()[:20]}"',
     }
     if request.headers.get("if-none-match") == headers["ETag"]:
         return Response(status_code=304, headers=headers)
-    return Response(data, media_type=BINARY, headers=headers)
+    return Response(data, media_type=BINARY_MEDIA_TYPE, headers=headers)
 
 
 def _nothing() -> Response:
-    """There is nothing to see yet."""
+    """Return the answer while there are no frames yet."""
     return Response(status_code=204, headers={"Cache-Control": "no-store"})
 
 
@@ -173,7 +175,7 @@ def _view(request: Request, fold_id: str) -> tuple[ShownFold, TimelineView | Non
     found = find_now(request, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
-    if found.row.status not in RUNNING:
+    if found.row.status not in RUNNING_STATUSES:
         check(found.directory, TIMELINE)
     timeline = viewing_of(request).timelines.get(result(found.directory, TIMELINE))
     if timeline is not None and not timeline.growing:

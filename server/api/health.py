@@ -15,7 +15,7 @@ from server.api.context import Context
 from server.api.folds import Bearer, Here, problems
 from server.api.schemas import PreparingBody
 from server.errors import Forbidden
-from server.ops.metrics import MEDIA_TYPE
+from server.ops.metrics import METRICS_MEDIA_TYPE
 from server.ops.readiness import Readiness
 from server.store.stats import Stats
 
@@ -48,7 +48,7 @@ def get_ready(request: Request) -> JSONResponse:
 
 
 class PreparingState(BaseModel):
-    """Whether the solvers are still being compiled."""
+    """Compilation of the solvers."""
 
     preparing: PreparingBody | None = Field(description="Null once a worker is ready to compute.")
 
@@ -81,7 +81,7 @@ async def get_metrics(request: Request, context: Here, credentials: Bearer) -> R
     except SQLAlchemyError:
         figures = None
     text = context.metrics.text(figures, streams=streams, robots=robots)
-    return Response(text, media_type=MEDIA_TYPE)
+    return Response(text, media_type=METRICS_MEDIA_TYPE)
 
 
 def _may_read(context: Context, credentials: HTTPAuthorizationCredentials | None) -> bool:

@@ -1,4 +1,4 @@
-"""Routes of what the holder of a token has made: his folds, the shapes he looked at, his movies."""
+"""Routes of an owner's folds, previews and movies."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ from server.store.owned import folds_made, forget_preview, previews_made, replac
 from server.store.shown import ShownFold, shown_name
 
 router = APIRouter(prefix="/api/mine", tags=["mine"])
-MOST_FOLDS: Final = 100
-"""Folds in one answer."""
-BEFORE: Final = r"^[0-9]{1,12}(\.[0-9]{1,12})?,[A-Za-z0-9_-]{1,32}$"
+MAX_FOLDS_PER_PAGE: Final = 100
+"""Maximum number of folds in one answer of the list of an owner's folds; the next page has more.
+Chosen."""
+CURSOR_PATTERN: Final = r"^[0-9]{1,12}(\.[0-9]{1,12})?,[A-Za-z0-9_-]{1,32}$"
 
 
 class MovieMade(BaseModel):
@@ -42,13 +43,13 @@ class MovieMade(BaseModel):
 
 
 class MoviesMade(BaseModel):
-    """Them, newest first."""
+    """Movies of one owner, newest first."""
 
     movies: list[MovieMade]
 
 
 async def holder(request: Request, response: Response, context: Here, credentials: Bearer) -> str:
-    """The token of who asks, which is all that says who that is; nobody keeps the answer."""
+    """Return the owner token of the request; the answer must not be cached."""
     response.headers["Cache-Control"] = "no-store"
     token = needed(credentials)
     context.take_list(request)
@@ -64,10 +65,13 @@ def get_my_folds(
     token: Holder,
     before: Annotated[
         str | None,
-        Query(pattern=BEFORE, description="Value from the link `next`; lists the following folds."),
+        Query(
+            pattern=CURSOR_PATTERN,
+            description="Value from the link `next`; lists the following folds.",
+        ),
     ] = None,
     limit: Annotated[
-        int, Query(ge=1, le=MOST_FOLDS, description=("Maximum number of results."))
+        int, Query(ge=1, le=MAX_FOLDS_PER_PAGE, description=("Maximum number of results."))
     ] = 24,
 ) -> FoldsMade:
     """List the folds first requested with this token, gallery shapes included."""

@@ -1,4 +1,4 @@
-"""Routes of movies: ask for one, see how far it is, download it, stop it."""
+"""Routes of movies: request, progress, download, cancel."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from server.jobs.movies import MovieState
 from web.movies.movie import Movie
 
 router = APIRouter(prefix="/api/folds/{fold_id}/movies", tags=["movies"])
-MEDIA_TYPES: Final = {"mp4": "video/mp4", "gif": "image/gif"}
+MOVIE_MEDIA_TYPES: Final = {"mp4": "video/mp4", "gif": "image/gif"}
 
 
 class MovieOptions(BaseModel):
-    """What a movie is to be; what is not said is as plain for its format."""
+    """Options of a movie; each format has defaults."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -58,7 +58,7 @@ class MovieOptions(BaseModel):
 
 
 class MovieLinks(BaseModel):
-    """Where the parts of a movie are."""
+    """Links of a movie."""
 
     self: str
     file: str
@@ -87,7 +87,7 @@ class MovieBody(BaseModel):
 
     @classmethod
     def of(cls, fold_id: str, state: MovieState, token: str | None = None) -> MovieBody:
-        """What the API shows of it."""
+        """Return the API's representation of a movie."""
         here = f"/api/folds/{fold_id}/movies/{state.id}"
         movie = state.movie
         return cls(
@@ -152,7 +152,10 @@ def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) ->
     summary="Download a movie",
     response_class=FileResponse,
     responses={
-        200: {"description": "The file", "content": {kind: {} for kind in MEDIA_TYPES.values()}},
+        200: {
+            "description": "The file",
+            "content": {kind: {} for kind in MOVIE_MEDIA_TYPES.values()},
+        },
         **problems(404, 409),
     },
 )
@@ -165,7 +168,7 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
         raise Conflict("not-ready", "The movie is not ready yet.", retry_after_s=1)
     return FileResponse(
         path,
-        media_type=MEDIA_TYPES[path.suffix[1:]],
+        media_type=MOVIE_MEDIA_TYPES[path.suffix[1:]],
         filename=f"{download_stem(row.name)}{path.suffix}",
     )
 

@@ -15,13 +15,13 @@ from planner.errors import DamagedError, InputError
 from planner.verification.integrity import check
 from server.api.artifacts import not_there
 from server.api.context import Context
-from server.api.finding import FOLD_ID
+from server.api.finding import ADDRESS_ID
 from server.api.folds import Here, problems
-from server.api.robot_clock import LONGEST_STEP_S, Reason, RobotClock
+from server.api.robot_clock import MAX_CLOCK_STEP_S, Reason, RobotClock
 from server.api.robot_messages import (
     DECODER,
     ENCODER,
-    FORMAT,
+    PLAY_FORMAT,
     Ask,
     Begin,
     End,
@@ -57,26 +57,36 @@ if TYPE_CHECKING:
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
 schemas = APIRouter(prefix="/api", tags=["robots"])
-LARGEST_ANSWER: Final = 5_000_000
-"""Numbers in a trajectory, at most."""
-LONGEST_ANSWER_S: Final = 300.0
-"""Seconds in which a robot must have taken a trajectory."""
-MOST_MODULES: Final = 1000
-"""Modules of a chain up to which its torques are computed here."""
-MEDIA_TYPES: Final = {"csv": "text/csv; charset=utf-8", "json": "application/json"}
+MAX_TRAJECTORY_NUMBERS: Final = 5_000_000
+"""Maximum count of numbers in a trajectory that is sent; a larger one is refused. A larger value
+occupies the service longer. Chosen."""
+TRAJECTORY_DOWNLOAD_S: Final = 300.0
+"""Maximum time that a client may take to receive a trajectory, in s; then the connection is closed.
+Chosen."""
+MAX_MOTOR_MODULES: Final = 1000
+"""Maximum number of modules of a chain whose motor torques the service computes; longer ones are
+left to the command line. Chosen."""
+TRAJECTORY_MEDIA_TYPES: Final = {"csv": "text/csv; charset=utf-8", "json": "application/json"}
 REFUSED, TRY_LATER, DONE = 1008, 1013, 1000
-MOST_MESSAGES_A_SECOND: Final = 400
-BYTES_A_JOINT: Final = 32
-GONE_S: Final = 60.0
-"""Seconds without a message from a robot, or in which it takes none, after which it is gone."""
-ALIVE_S: Final = 1.0
-"""Seconds after which a silent robot is sent its target again."""
-LEAVE_S: Final = 5.0
-"""Seconds that a robot may take to hang up after the end."""
-AHEAD_S: Final = 0.25
-"""Seconds by which targets may be ahead of the reports on them."""
-REMEMBERED: Final = 64
-"""Targets that a report may refer to; there are never more of them ahead."""
+MAX_MESSAGES_PER_SECOND: Final = 400
+"""Maximum number of messages that a robot may send per second; more end the connection. Chosen."""
+MAX_MESSAGE_BYTES_PER_JOINT: Final = 32
+"""Maximum size of a robot's message, in bytes per joint of the chain, besides 4096 bytes.
+Chosen."""
+ROBOT_TIMEOUT_S: Final = 60.0
+"""Time without a message from a robot, or in which it reads none, in s, after which it counts as
+gone and the connection ends. Chosen."""
+REMINDER_S: Final = 1.0
+"""Time after which a silent robot is sent its target again, in s. A smaller value sends more; a
+larger one continues later after a loss. Chosen."""
+CLOSE_TIMEOUT_S: Final = 5.0
+"""Time that a robot may take to close the connection after the end, in s; then the service closes
+it. Chosen."""
+MAX_LEAD_S: Final = 0.25
+"""Time by which sent targets may be ahead of the robot's reports, in s. A larger value tolerates
+slower connections, and lets a blocked robot receive more targets. Chosen."""
+REMEMBERED_TARGETS: Final = 64
+"""Number of last targets that a report may refer to; more are never ahead. Chosen."""
 
 Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Maximum joint speed, rad/s.")]
 Acceleration = Annotated[
@@ -121,11 +131,11 @@ async def get_trajectory(
     trajectory = found.trajectory
     moments = len(trajectory.time_s) if rate is None else rate * trajectory.duration_s + 2
     numbers = 2.0 * moments * len(trajectory.joint_names)
-    if numbers > LARGEST_ANSWER:
+    if numbers > MAX_TRAJECTORY_NUMBERS:
         raise TooLarge(
             "too-large",
-            f"got {numbers:.3g} numbers, expected at most {LARGEST_ANSWER:.3g}; lower the rate, or "
-            "use `foldback retime`.",
+            f"got {numbers:.3g} numbers, expected at most {MAX_TRAJECTORY_NUMBERS:.3g}; lower the "
+            "rate, or use `foldback retime`.",
             where="query.rate",
         )
     try:
@@ -145,9 +155,9 @@ async def get_trajectory(
     return Stream(
         parts,
         context.trajectories.stream(visitor),
-        media_type=MEDIA_TYPES[form],
+        media_type=TRAJECTORY_MEDIA_TYPES[form],
         headers={"Content-Disposition": f'attachment; filename="trajectory.{form}"'},
-        longest_s=LONGEST_ANSWER_S,
+        longest_s=TRAJECTORY_DOWNLOAD_S,
     )
 
 
@@ -164,6 +174,7 @@ async def get_trajectory(
     },
 )
 async def get_motors(
+    *,
     request: Request,
     fold_id: str,
     context: Here,
@@ -192,10 +203,11 @@ async def get_motors(
 ) -> Response:
     """Compute the torques by inverse dynamics for the motion that `trajectory` returns."""
     row, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
-    if row.modules > MOST_MODULES:
+    if row.modules > MAX_MOTOR_MODULES:
         raise TooLarge(
             "too-large",
-            f"got {row.modules} modules, expected at most {MOST_MODULES}; use `foldback retime`.",
+            f"got {row.modules} modules, expected at most {MAX_MOTOR_MODULES}; use "
+            "`foldback retime`.",
         )
     motors = MotorsWanted(
         module_mass_kg=module_mass,
@@ -210,7 +222,7 @@ async def get_motors(
     except InputError as error:
         raise Unusable.of(error) from error
     headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if form == "csv" else {}
-    return Response(data, media_type=MEDIA_TYPES[form], headers=headers)
+    return Response(data, media_type=TRAJECTORY_MEDIA_TYPES[form], headers=headers)
 
 
 @router.get("/play", include_in_schema=False)
@@ -249,7 +261,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
             found = await _retimed(context, wanted, visitor)
             if not found.verified:
                 raise _not_verified()
-            await _Hand(websocket, found, ask, fold_id).play()
+            await _RobotSession(websocket, found, ask, fold_id).play()
             await _close(websocket, DONE)
         except (ServiceError, DamagedError) as error:
             refused = Damaged.of(error) if isinstance(error, DamagedError) else error
@@ -260,7 +272,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
 def _wanted(
     context: Context, fold_id: str, max_speed: float, max_acceleration: float
 ) -> tuple[FoldRow, Wanted]:
-    """The row of a finished fold, and which trajectory of its plan is wanted."""
+    """Return the row of a finished fold, and which trajectory of its plan is wanted."""
     row = context.store.fold(fold_id)
     path = context.store.directory(fold_id) / "plan.npz"
     try:
@@ -282,7 +294,7 @@ async def _retimed(context: Context, wanted: Wanted, visitor: str) -> Retimed:
 
 def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:
     """Return the trajectory that a robot wants of a verified fold."""
-    if not FOLD_ID.fullmatch(fold_id):
+    if not ADDRESS_ID.fullmatch(fold_id):
         raise NoSuchFoldError(fold_id)
     row, wanted = _wanted(context, fold_id, ask.max_speed, ask.max_acceleration)
     if row.status != "verified":
@@ -294,7 +306,7 @@ def _not_verified() -> Conflict:
     return Conflict("not-verified", "This plan is not verified, so it cannot be played to a robot.")
 
 
-class _Hand:
+class _RobotSession:
     """One robot being driven."""
 
     def __init__(self, websocket: WebSocket, found: Retimed, ask: Ask, fold_id: str) -> None:
@@ -305,11 +317,11 @@ class _Hand:
         self._clock = asyncio.get_running_loop().time
         # Before there is a target, the robot is to be where the motion begins.
         first = found.trajectory.path.frames[0]
-        self._sent: deque[tuple[int, NDArray[Any]]] = deque([(0, first)], maxlen=REMEMBERED)
+        self._sent: deque[tuple[int, NDArray[Any]]] = deque([(0, first)], maxlen=REMEMBERED_TARGETS)
         self._there = False
         self._number = 0
         self._answered: int | None = None
-        self._ahead = max(2, round(AHEAD_S * ask.rate_hz))
+        self._ahead = max(2, round(MAX_LEAD_S * ask.rate_hz))
         self._heard = self._clock()
         self._pace = RobotClock(
             self._trajectory.duration_s,
@@ -322,22 +334,22 @@ class _Hand:
         )
 
     async def play(self) -> None:
-        """Until the end, a stop, or the robot's leaving."""
+        """Play until the end, a stop, or the robot's disconnection."""
         from planner.exports.trajectory import largest_chord_error
 
         ask, trajectory = self._ask, self._trajectory
         # A robot joins targets by straight lines; the clock goes no farther between two of them.
-        between_s = ask.speed * max(1.0 / ask.rate_hz, LONGEST_STEP_S)
+        between_s = ask.speed * max(1.0 / ask.rate_hz, MAX_CLOCK_STEP_S)
         await self._send(
             Begin(
-                schema=FORMAT,
+                schema=PLAY_FORMAT,
                 fold=self._fold_id,
                 joint_names=trajectory.joint_names,
                 frames=len(trajectory.time_s),
                 duration_s=trajectory.duration_s,
                 deviation_rad=trajectory.deviation_rad + largest_chord_error(trajectory, between_s),
                 joint_angles_rad=trajectory.path.frames[0].round(6).tolist(),
-                **{name: getattr(ask, name) for name in _TOLD},
+                **{name: getattr(ask, name) for name in _ECHOED_SETTINGS},
             )
         )
         works = [asyncio.ensure_future(work) for work in (self._listen(), self._speak())]
@@ -351,18 +363,18 @@ class _Hand:
             for work in done:
                 work.result()
             # What is on its way may still come, and the end is read before this side hangs up.
-            async with asyncio.timeout(LEAVE_S):
+            async with asyncio.timeout(CLOSE_TIMEOUT_S):
                 while True:
                     await self._receive()
         except (WebSocketDisconnect, RuntimeError, TimeoutError):
             return
 
     async def _speak(self) -> None:
-        """Sends a target at every tick, once the robot is where the motion begins.
+        """Send a target at every tick, once the robot is where the motion begins.
 
         One that is late is left out, not sent afterwards.
         """
-        pace, told = self._pace, -ALIVE_S
+        pace, told = self._pace, -REMINDER_S
         said: Reason | Literal["nothing"] | None = "nothing"
         period = 1.0 / self._ask.rate_hz
         due = self._clock()
@@ -371,8 +383,8 @@ class _Hand:
             if self._answered is not None:
                 pace.behind = self._number - self._answered >= self._ahead
             pace.advance(now)
-            if now - self._heard > GONE_S:
-                raise TooSlow("gone", f"No message arrived for {GONE_S:g} s.")
+            if now - self._heard > ROBOT_TIMEOUT_S:
+                raise TooSlow("gone", f"No message arrived for {ROBOT_TIMEOUT_S:g} s.")
             reason = pace.waiting(now)
             if reason != said:
                 said = reason
@@ -383,7 +395,7 @@ class _Hand:
                         Waiting(because=reason, time_s=pace.time_s, error_rad=pace.error_rad)
                     )
             # Whoever does not answer is not sent more than it takes to remind it.
-            if self._there and (reason not in ("silence", "behind") or now - told >= ALIVE_S):
+            if self._there and (reason not in ("silence", "behind") or now - told >= REMINDER_S):
                 told = now
                 await self._send_target()
             if pace.over(now):
@@ -413,18 +425,18 @@ class _Hand:
         )
 
     async def _listen(self) -> None:
-        """Does what the robot says."""
+        """Process the robot's messages."""
         joints = len(self._trajectory.joint_names)
         window, count = 0, 0
         while True:
             data = await self._receive()
             second = int(self._clock())
             window, count = second, (count + 1 if second == window else 1)
-            if count > MOST_MESSAGES_A_SECOND:
+            if count > MAX_MESSAGES_PER_SECOND:
                 raise TooMany(
-                    "too-fast", f"More than {MOST_MESSAGES_A_SECOND} messages per second."
+                    "too-fast", f"More than {MAX_MESSAGES_PER_SECOND} messages per second."
                 )
-            if len(data) > 4096 + BYTES_A_JOINT * joints:
+            if len(data) > 4096 + MAX_MESSAGE_BYTES_PER_JOINT * joints:
                 raise TooLarge("too-large", f"A message of {len(data)} bytes is too large.")
             try:
                 message = DECODER.decode(data)
@@ -450,7 +462,7 @@ class _Hand:
         return message.get("text") or message.get("bytes") or b""
 
     def _error_of(self, report: Report) -> float:
-        """The largest joint error that a report tells of."""
+        """Return the largest joint error in a report."""
         import numpy as np
 
         measured = report.joint_angles_rad
@@ -476,13 +488,13 @@ class _Hand:
     async def _send(self, message: Outgoing) -> None:
         try:
             # Not wait_for, which may lose a cancellation before Python 3.12.
-            async with asyncio.timeout(GONE_S):
+            async with asyncio.timeout(ROBOT_TIMEOUT_S):
                 await self._websocket.send_text(ENCODER.encode(message).decode())
         except TimeoutError:
-            raise TooSlow("gone", f"The client read nothing for {GONE_S:g} s.") from None
+            raise TooSlow("gone", f"The client read nothing for {ROBOT_TIMEOUT_S:g} s.") from None
 
 
-_TOLD: Final = (
+_ECHOED_SETTINGS: Final = (
     "speed",
     "max_speed",
     "max_acceleration",
@@ -493,14 +505,14 @@ _TOLD: Final = (
 
 
 async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> None:
-    """Says what is wrong, and closes."""
+    """Send the error, and close."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.send_text(ENCODER.encode(Wrong(code=word, detail=detail)).decode())
     await _close(websocket, code, word)
 
 
 async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
-    """Closes a socket that may be closed already; what still comes in must not hold that up."""
+    """Close a socket that may be closed already, without waiting for incoming messages."""
 
     async def drain() -> None:
         while (await websocket.receive())["type"] != "websocket.disconnect":

@@ -10,26 +10,27 @@ from __future__ import annotations
 from typing import Final, Literal
 
 Reason = Literal["start", "pause", "silence", "behind", "error"]
-LONGEST_STEP_S: Final = 0.1
-"""Seconds that the clock advances at once, at most: after a delay it goes on where it was."""
+MAX_CLOCK_STEP_S: Final = 0.1
+"""Maximum time by which the clock of a played motion advances at once, in s. After a longer delay
+it goes on from the same point rather than jump. Chosen."""
 
 
 class RobotClock:
     """The clock of one motion. Times of the outer clock come in as ``now``.
 
     Attributes:
-        time_s: Where the motion is.
-        rate: How fast the clock runs.
-        paused: Whether somebody asked for a pause.
-        behind: Whether too many targets are on their way to the robot.
+        time_s: Current time of the motion, s.
+        rate: Current rate of the clock; 1 is real time.
+        paused: True if somebody asked for a pause.
+        behind: True if too many targets are on their way to the robot.
         error_rad: The robot's joint error, as it was last reported.
 
     Args:
-        duration_s: Where the motion ends.
-        speed: How fast the clock runs when nothing is in its way.
-        ramp_s: How long it takes from standing to that speed.
+        duration_s: Duration of the motion, s.
+        speed: Rate of the clock if the robot keeps up; 1 is real time.
+        ramp_s: Time from a stop to that rate, s.
         threshold_rad: Error above which it stands.
-        silence_s: How long after a report it stands when there is no other.
+        silence_s: Time without a report after which the clock stops, s.
     """
 
     def __init__(
@@ -56,12 +57,12 @@ class RobotClock:
         self._last = now
 
     def report(self, error_rad: float, now: float) -> None:
-        """Notes the robot's largest joint error."""
+        """Note the robot's largest joint error."""
         self.error_rad = error_rad
         self.heard = now
 
     def waiting(self, now: float) -> Reason | None:
-        """Why the clock stands or slows down; None when it runs."""
+        """Return the reason why the clock stands or slows down; None while it runs."""
         if self.paused:
             return "pause"
         if self.error_rad is None:
@@ -75,8 +76,8 @@ class RobotClock:
         return None
 
     def advance(self, now: float) -> None:
-        """Lets time pass up to ``now``."""
-        step = min(max(0.0, now - self._last), LONGEST_STEP_S)
+        """Let time pass up to ``now``."""
+        step = min(max(0.0, now - self._last), MAX_CLOCK_STEP_S)
         self._last = now
         wanted = self._speed if self.waiting(now) is None else 0.0
         most = self._speed * step / self._ramp_s
@@ -85,5 +86,5 @@ class RobotClock:
         self.time_s = min(self.duration_s, self.time_s + 0.5 * (before + self.rate) * step)
 
     def over(self, now: float) -> bool:
-        """Whether the robot has followed to the end."""
+        """Return True if the robot has followed the motion to its end."""
         return self.time_s >= self.duration_s and self.waiting(now) is None

@@ -13,21 +13,21 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 
 from server.api.robot_clock import Reason
 
-FORMAT: Final = "foldback-play/1"
+PLAY_FORMAT: Final = "foldback-play/1"
 Error = Annotated[float, Meta(ge=0.0)]
 
 
 class Ask(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How a fold is to be played: what stands after the question mark.
+    """Playing options, from the query of the websocket's address.
 
     Attributes:
-        speed: How fast the clock runs; 1 keeps within the bounds below.
+        speed: Rate of the clock; 1 keeps within the bounds below.
         max_speed: Bound of every joint's speed, in rad/s.
         max_acceleration: Bound of every joint's acceleration, in rad/s².
         threshold_rad: Joint error above which the clock stands.
         rate_hz: Targets in a second.
-        silence_s: How long the clock runs on without a report.
-        speeds: Whether targets also tell joint speeds.
+        silence_s: Time without a report after which the clock stops, s.
+        speeds: True if targets also have joint speeds.
     """
 
     speed: Annotated[float, Meta(ge=0.01, le=100.0)] = 1.0
@@ -40,11 +40,11 @@ class Ask(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Report(Struct, tag_field="do", tag="report", frozen=True, forbid_unknown_fields=True):
-    """How well the robot follows: its largest joint error, or where its joints are.
+    """Report of a robot: its largest joint error, or its joint angles.
 
-    ``number`` is that of the target which it speaks of. Whoever tells it is never sent more than a
-    few targets ahead; without it, angles are compared with the last target, and before there is one
-    with those of ``begin``.
+    ``number`` is that of the target that it refers to. A robot that states it is never sent more
+    than a few targets ahead; without it, angles are compared with the last target, and before the
+    first one with those of ``begin``.
     """
 
     error_rad: Error | UnsetType = UNSET
@@ -89,7 +89,7 @@ class Begin(Struct, tag_field="is", tag="begin", frozen=True, kw_only=True):
 
 
 class Target(Struct, tag_field="is", tag="target", frozen=True, kw_only=True):
-    """Where the joints should be now; ``frame`` is the place in the plan."""
+    """Joint angles to move to now; ``frame`` is the position in the plan."""
 
     number: int
     time_s: float
@@ -133,14 +133,14 @@ ENCODER: Final = msgspec.json.Encoder()
 
 
 def schema() -> dict[str, Any]:
-    """JSON Schema of the question and of the messages of both directions."""
+    """Return JSON Schema of the question and of the messages of both directions."""
     kinds = (Ask, Incoming, Outgoing)
     (ask, incoming, outgoing), found = msgspec.json.schema_components(
         kinds, ref_template="#/$defs/{name}"
     )
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": FORMAT,
+        "title": PLAY_FORMAT,
         "type": "object",
         "properties": {"query": ask, "to_service": incoming, "to_robot": outgoing},
         "$defs": found,

@@ -13,22 +13,25 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.store.estimates import Expected, plain_fold
 from server.store.folds import FoldRow, Store
 from server.store.gallery import GalleryShape
 from server.store.leases import Preparing
 from server.store.shown import ShownFold
 
-SMOOTHING: Final = "smoothing"
-"""Message of the stage ``explode`` while a plan is smoothed; pages name the stage by it."""
-PAUSED: Final = "Paused because others are waiting. It continues automatically."
+SMOOTHING_MESSAGE: Final = "smoothing"
+"""Message of the stage ``explode`` while a plan is smoothed; pages derive the stage's name from
+it."""
+PAUSED_MESSAGE: Final = "Paused because others are waiting. It continues automatically."
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
-LONGEST_NAME: Final = 200
+MAX_FOLD_NAME: Final = 200
+"""Maximum length of the name that an owner gives a fold, in characters. Chosen."""
 
-TOKEN: Final = r"^[!-~]{24,200}$"
-"""Tokens that somebody may choose for himself."""
+TOKEN_PATTERN: Final = r"^[!-~]{24,200}$"
+"""Pattern of an owner token that a client chooses itself: 24 to 200 printable ASCII characters
+without spaces."""
 
 
 class ProblemBody(BaseModel):
@@ -62,7 +65,7 @@ class Links(BaseModel):
 
     @classmethod
     def of(cls, fold_id: str) -> Links:
-        """The links of a fold."""
+        """Return the links of a fold."""
         here = f"/api/folds/{fold_id}"
         return cls(
             self=here,
@@ -91,7 +94,7 @@ class ExportBody(BaseModel):
 
     @classmethod
     def of(cls, fold_id: str, export: Export) -> ExportBody:
-        """What the API shows of an export."""
+        """Return the API's representation of an export."""
         return cls(
             name=export.name,
             label=export.label,
@@ -109,7 +112,7 @@ class ExportList(BaseModel):
 
 
 def export_href(fold_id: str, export: Export) -> str:
-    """The address of an export."""
+    """Return the address of an export."""
     return f"/api/folds/{fold_id}/exports/{export.name}"
 
 
@@ -135,7 +138,7 @@ class PreparingBody(BaseModel):
 
     @classmethod
     def of(cls, preparing: Preparing | None) -> PreparingBody | None:
-        """What the API shows of it."""
+        """Return the API's representation of the compilation."""
         if preparing is None:
             return None
         left_s = preparing.remaining_s
@@ -234,8 +237,8 @@ class Fold(BaseModel):
     links: Links
 
     @classmethod
-    def of(cls, row: FoldRow, store: Store, remaining: Remaining) -> Fold:
-        """What the API shows of a row."""
+    def of(cls, row: FoldRow, store: Store, remaining: EtaEstimator) -> Fold:
+        """Return the API's representation of a row."""
         return cls(
             id=row.id,
             name=row.name,
@@ -277,12 +280,12 @@ class FoldChanges(BaseModel):
 
     name: str | None = Field(
         default=None,
-        max_length=LONGEST_NAME,
+        max_length=MAX_FOLD_NAME,
         description="New name. Characters that cannot be printed are removed.",
     )
     owner_token: str | None = Field(
         default=None,
-        pattern=TOKEN,
+        pattern=TOKEN_PATTERN,
         description="New owner token.",
     )
 
@@ -294,7 +297,7 @@ class KeyWanted(BaseModel):
 
     owner_token: str | None = Field(
         default=None,
-        pattern=TOKEN,
+        pattern=TOKEN_PATTERN,
         description="New key, at least 24 characters. If you choose it yourself, you have it even "
         "if the answer is lost. Default: a random key.",
     )
@@ -345,7 +348,7 @@ class Shape(BaseModel):
 
     @classmethod
     def of(cls, shape: GalleryShape) -> Shape:
-        """What the API shows of one."""
+        """Return the API's representation of an example."""
         return cls(
             name=shape.name,
             title=shape.title,
@@ -419,7 +422,7 @@ class ExpectedTimes:
     Attributes:
         expected_s: With the options that were asked for.
         expected_as_published_s: With the preset ``paper``.
-        expected_preferred_s: Where a plan is chosen by time, torque or clearance.
+        expected_preferred_s: The same if a plan is chosen by time, torque or clearance.
     """
 
     expected_s: float
@@ -561,17 +564,17 @@ def moment(seconds: None) -> None: ...
 @overload
 def moment(seconds: float | None) -> datetime | None: ...
 def moment(seconds: float | None) -> datetime | None:
-    """A time of the clock with its time zone; None when there is none."""
+    """Return a time of the clock with its time zone; None when there is none."""
     return None if seconds is None else datetime.fromtimestamp(seconds, UTC)
 
 
 def _message(row: FoldRow, reported: str) -> str:
     """Return the message of a stage; one that only smooths never counts as an explosion."""
-    return SMOOTHING if row.stage == "explode" and row.smooths else reported
+    return SMOOTHING_MESSAGE if row.stage == "explode" and row.smooths else reported
 
 
-def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
-    """The progress of a fold, as its events tell it."""
+def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
+    """Return the progress of a fold, as its events tell it."""
     # What the stage before has said is not of the one that begins.
     told = row.progress if row.progress.get("stage") in (None, row.stage) else {}
     outlook = remaining.of(row)
@@ -584,7 +587,7 @@ def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
         "steps": int(told.get("steps", 0)),
         "steps_per_second": float(told.get("steps_per_second", 0.0)),
         "simulated_s": float(told.get("simulated_s", 0.0)),
-        "message": PAUSED if paused else _message(row, str(told.get("message", ""))),
+        "message": PAUSED_MESSAGE if paused else _message(row, str(told.get("message", ""))),
         "plan": int(told.get("plan", 0)),
         "plans": int(told.get("plans", 0)),
         "modules": row.modules,

@@ -15,10 +15,10 @@ from fastapi import APIRouter, Form, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
-from planner.pipeline.request import LARGEST_SEED
+from planner.pipeline.request import MAX_SEED
 from planner.pipeline.request import Request as Asked
 from server.api.folds import (
-    ID,
+    OPTIONAL_ID,
     Bearer,
     GalleryShape,
     Here,
@@ -29,7 +29,7 @@ from server.api.folds import (
     problems,
     token_of,
 )
-from server.api.schemas import LONGEST_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
+from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
 from server.errors import NotFound, Unusable
 from server.files.previews import ShapeOptions
 from server.store.folds import hash_of
@@ -37,7 +37,9 @@ from server.store.owned import note_preview
 from server.store.tables import PreviewRow
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
-LOOK_EVERY_S: Final = 0.1
+DISCONNECT_POLL_S: Final = 0.1
+"""Time between two checks whether the client of a preview has disconnected, in s. A larger value
+computes longer for nobody. Chosen."""
 
 
 @router.get("", summary="List the gallery shapes")
@@ -52,6 +54,7 @@ def get_shapes(context: Here) -> Shapes:
     responses=problems(404, 413, 422, 429, 503, 504, 507),
 )
 async def post_preview(
+    *,
     request: Request,
     context: Here,
     credentials: Bearer,
@@ -62,11 +65,11 @@ async def post_preview(
         str | None,
         Form(
             max_length=64,
-            pattern=ID,
+            pattern=OPTIONAL_ID,
             description="Or: the id of an earlier preview, with other options.",
         ),
     ] = None,
-    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
+    seed: Annotated[int, Form(ge=0, le=MAX_SEED)] = 0,
     path: Annotated[
         bool,
         Form(
@@ -115,9 +118,9 @@ async def post_offers(
     context: Here,
     options: PathOptions,
     preview: Annotated[
-        str, Form(max_length=64, pattern=ID, description="The id of an earlier preview.")
+        str, Form(max_length=64, pattern=OPTIONAL_ID, description="The id of an earlier preview.")
     ],
-    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
+    seed: Annotated[int, Form(ge=0, le=MAX_SEED)] = 0,
 ) -> TableOffers:
     """Search for a repair, 2×2×2 modules and nearby counts, until the client disconnects.
 
@@ -156,7 +159,7 @@ def bounded(options: ShapeOptions, max_modules: int) -> ShapeOptions:
 def preview_row(
     preview_id: str, token: str, options: ShapeOptions, report: dict[str, Any]
 ) -> PreviewRow:
-    """A preview as its owner looks at it now."""
+    """Return a preview's row for its list, as its owner accesses it now."""
     now = time.time()
     asked = {**options.changed(), **({"seed": options.seed} if options.seed else {})}
     if options.start is not None:
@@ -165,7 +168,7 @@ def preview_row(
     return PreviewRow(
         id=preview_id,
         owner=hash_of(token),
-        name=str(report["name"])[:LONGEST_NAME],
+        name=str(report["name"])[:MAX_FOLD_NAME],
         modules=int(report["modules"]),
         module=str(report["module"]),
         key=options.key,
@@ -177,12 +180,12 @@ def preview_row(
 
 @asynccontextmanager
 async def leaving(request: Request) -> AsyncGenerator[Callable[[], bool]]:
-    """Tells whether the one who asked has gone away meanwhile."""
+    """Yield a function that returns True once the client has disconnected."""
     gone = threading.Event()
 
     async def watch() -> None:
         while not await request.is_disconnected():
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(DISCONNECT_POLL_S)
         gone.set()
 
     watching = asyncio.create_task(watch())

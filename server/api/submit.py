@@ -19,7 +19,7 @@ from planner.parameters.parameters import AUTO
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import Request
-from planner.plan.prepared import FILE as PREPARED
+from planner.plan.prepared import PREPARED
 from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
 from server.api.context import Context
@@ -28,7 +28,7 @@ from server.files.previews import ShapeOptions
 from server.files.uploads import Upload
 from server.limits.queue_room import Waiting, check_room
 from server.processes.children import ChildError
-from server.processes.read_task import LARGEST_DRAWING
+from server.processes.read_task import MAX_STORED_CELLS
 from server.settings import Settings
 from server.store.fold_files import size_of, sync
 from server.store.folds import cost_of, hash_of, new_id
@@ -37,7 +37,7 @@ from server.store.tables import FoldRow
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Submission:
-    """What somebody wants folded."""
+    """Validated request for a fold."""
 
     upload: Upload
     shape: str | None
@@ -62,7 +62,7 @@ class Submission:
 
     @property
     def public(self) -> bool:
-        """Whether anybody may find it: a gallery shape, folded as everybody else would."""
+        """True if everyone may find it: a gallery shape, folded with the default options."""
         plain = Request()
         return (
             self.shape is not None
@@ -74,12 +74,12 @@ class Submission:
 
     @property
     def refolds(self) -> BaseFold | None:
-        """What it begins folded as."""
+        """Fold that a refold starts from, or None."""
         return self.beginning if self.beginning and self.beginning.use == "refold" else None
 
     @property
     def smooths(self) -> BaseFold | None:
-        """Whose plan is to be smoothed."""
+        """Fold whose plan is to be smoothed, or None."""
         return self.beginning if self.beginning and self.beginning.use == "smooth" else None
 
     @property
@@ -91,7 +91,7 @@ class Submission:
         return self.key_of(hash_of(self.token))
 
     def key_of(self, owner: str | None) -> str:
-        """The content key that it has, or would have if it was another's."""
+        """Return its content key, also if it belongs to a visitor."""
         parameters = {
             "format": "foldback-fold/1",
             "version": version("foldback"),
@@ -111,7 +111,7 @@ class Submission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """What the visitor gets for it; a token only for a fold that he has asked for himself."""
+    """Answer to a submission; it holds a token only for a fold of the visitor's own."""
 
     row: FoldRow
     token: str | None
@@ -216,7 +216,7 @@ def _no_input() -> NotFound:
 
 
 def noted(directory: Path) -> tuple[ShapeOptions, list[list[int]] | None]:
-    """How a fold's input was to become a chain, and cells for a drawing if there are some.
+    """Return a preview's options for its path, and its cells for a drawing if there are any.
 
     Raises:
         NotFound: When they are not there any more.
@@ -241,13 +241,13 @@ class _Found:
 
 
 def _title(context: Context, shape: str | None) -> str | None:
-    """What people call a gallery shape."""
+    """Return the title of a gallery shape."""
     found = None if shape is None else context.gallery.shape(shape)
     return None if found is None else found.title
 
 
 def _known(context: Context, submission: Submission) -> Receipt | None:
-    """The fold that is there already: one's own, one of the gallery, or the very one of a link."""
+    """Return the existing fold: the visitor's own, one of the gallery, or that of a link."""
     key, again = submission.content_key, submission.again
     if again is not None and again.content_key == (theirs := submission.key_of(again.owner)):
         key = theirs
@@ -326,7 +326,7 @@ def _write(directory: Path, submission: Submission) -> None:
 
 def _note(directory: Path, submission: Submission) -> None:
     """Store what a preview has found: cells for the page's first drawing, and chains."""
-    if submission.cells and len(submission.cells) <= LARGEST_DRAWING:
+    if submission.cells and len(submission.cells) <= MAX_STORED_CELLS:
         (directory / "cells.json").write_text(json.dumps(submission.cells))
     if submission.prepared is not None:
         with contextlib.suppress(FileNotFoundError):  # the preview was just deleted

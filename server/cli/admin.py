@@ -1,4 +1,4 @@
-"""``foldback admin``: see, forget, repeat and keep the folds of a service."""
+"""``foldback admin``: list, delete, repeat and pin the folds of a service."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ Ids = Annotated[list[str], typer.Argument(help="Ids of the folds.")]
 Force = Annotated[
     bool, typer.Option("--force", help="Also act in cases that are normally refused.")
 ]
-COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
-VISITOR: Final = 8
-"""Letters that are shown of who asked: enough to tell visitors apart."""
+FOLD_LIST_COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
+VISITOR_LETTERS: Final = 8
+"""Letters of a visitor's pseudonym that lists show: enough to distinguish visitors. Chosen."""
 
 admin = typer.Typer(
     add_completion=False,
@@ -78,7 +78,7 @@ def list_folds(
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
         return
-    _table(COLUMNS, [_words(row) for row in rows])
+    _table(FOLD_LIST_COLUMNS, [_words(row) for row in rows])
 
 
 @admin.command()
@@ -93,7 +93,7 @@ def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> Non
             raise _ended(f"There is no fold {fold_id!r}.") from None
         known = {column.key: getattr(row, column.key) for column in row.__table__.columns}
         known |= {
-            "visitor": row.visitor[:VISITOR],
+            "visitor": row.visitor[:VISITOR_LETTERS],
             "owner": row.owner is not None,
             "job": tasks.job(fold_id),
         }
@@ -194,7 +194,7 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
 
 
 def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
-    """Does it to each; what is refused does not keep the others from it."""
+    """Apply a task to each fold; a refusal does not stop the others."""
     from server.cli.admin_tasks import AdminError
     from server.store.folds import NoSuchFoldError
 
@@ -215,7 +215,7 @@ def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
 
 
 def _shown(row: FoldRow) -> dict[str, Any]:
-    """What a list tells of a fold: nothing that lets its reader in, nor what a visitor wrote."""
+    """Return the listed facts of a fold: none that grants access or that a visitor wrote."""
     return {
         "id": row.id,
         "status": row.status,
@@ -223,7 +223,7 @@ def _shown(row: FoldRow) -> dict[str, Any]:
         "modules": row.modules,
         "age_s": round(time.time() - row.created_at, 1),
         "bytes": row.bytes,
-        "visitor": row.visitor[:VISITOR],
+        "visitor": row.visitor[:VISITOR_LETTERS],
         "pinned": row.pinned,
         "gallery": row.public,
     }
@@ -232,7 +232,7 @@ def _shown(row: FoldRow) -> dict[str, Any]:
 def _words(row: dict[str, Any]) -> list[str]:
     kept = [word for word in ("pinned", "gallery") if row[word]]
     shown = {**row, "age": _age(row["age_s"]), "kept": ", ".join(kept)}
-    return ["" if shown[name] is None else str(shown[name]) for name in COLUMNS]
+    return ["" if shown[name] is None else str(shown[name]) for name in FOLD_LIST_COLUMNS]
 
 
 def _age(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""What operators do to folds and see of them, apart from what visitors and workers do."""
+"""Tasks of operators on folds, and their view of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from planner.pipeline.fold_layout import DESCRIBED
 from planner.verification.integrity import damaged_among
-from server.api.base_folds import BROUGHT
+from server.api.base_folds import COPIED_NAMES
 from server.jobs.queue import APPLICATION, Jobs
 from server.processes.scratch import Scratch
 from server.settings import Settings
@@ -26,8 +26,8 @@ from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, engine_of
 DAY_S: Final = 86400.0
 MOVING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
 """States of a job that a worker has, or will have."""
-INPUTS: Final = ("input", "request.json", "cells.json", *BROUGHT)
-"""Files of a fold that were there before anything was computed."""
+INPUT_FILES: Final = ("input", "request.json", "cells.json", *COPIED_NAMES)
+"""Files of a fold that exist before anything is computed."""
 
 
 class AdminError(Exception):
@@ -67,7 +67,7 @@ class AdminTasks:
         self._store = Store(settings)
 
     def close(self) -> None:
-        """Lets go of the database."""
+        """Close the database."""
         self._store.close()
 
     # Looking
@@ -98,7 +98,7 @@ class AdminTasks:
                 yield row, names
 
     def fold(self, fold_id: str) -> FoldRow:
-        """The row of a fold.
+        """Return the row of a fold.
 
         Raises:
             NoSuchFoldError: When there is none.
@@ -111,7 +111,7 @@ class AdminTasks:
             return session.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)).all()
 
     def job(self, fold_id: str) -> str | None:
-        """The state of a fold's job as the job system calls it, or None when there is no job."""
+        """Return the state of a fold's job in the job system; None without a job."""
         with self._client() as client:
             found = client.list_workflows(workflow_ids=[fold_id], load_input=False)
         return found[0].status if found else None
@@ -119,7 +119,7 @@ class AdminTasks:
     # Changing
 
     def pin(self, fold_id: str, *, pinned: bool) -> None:
-        """Has a fold stay whatever its age, or not any more.
+        """Pin a fold, so that it does not expire, or unpin it.
 
         Raises:
             NoSuchFoldError: When there is none.
@@ -127,7 +127,7 @@ class AdminTasks:
         self._change(fold_id, pinned=pinned)
 
     def expire(self, fold_id: str, *, force: bool = False) -> None:
-        """Forgets a fold: its row, its job and its files. One that is computed is stopped.
+        """Forget a fold: its row, its job and its files. One that is computed is stopped.
 
         Raises:
             NoSuchFoldError: When there is none.
@@ -147,7 +147,7 @@ class AdminTasks:
         self._store.folders.remove(fold_id)
 
     def requeue(self, fold_id: str, *, force: bool = False) -> None:
-        """Has a fold that failed, was cancelled or is stuck computed again from the beginning.
+        """Queue a fold that failed, was cancelled or hangs again, from the beginning.
 
         It keeps its id, links and owner. Its job does too: the old one is deleted with all the
         results of its steps, for else a new one would only repeat what came out before. The epoch
@@ -218,17 +218,17 @@ class AdminTasks:
             raise _no_input(row.id)
 
     def _strip(self, row: FoldRow) -> int:
-        """Leaves of a fold's files what was there before anything was computed; its bytes."""
+        """Remove a fold's computed files; return the size of the others."""
         shown = self._store.folders.shown(row)
         if self._store.folders.storage is None:
             for path in shown.iterdir():
                 if path.is_dir():
                     shutil.rmtree(path, ignore_errors=True)
-                elif path.name not in INPUTS:
+                elif path.name not in INPUT_FILES:
                     path.unlink(missing_ok=True)
             return size_of(shown)
         with Scratch(self._settings.scratch_dir).directory() as aside:
-            for name in INPUTS:
+            for name in INPUT_FILES:
                 if (shown / name).exists():
                     shutil.copy2(shown / name, aside / name)
             size = size_of(aside)

@@ -36,13 +36,15 @@ COMMANDS: Final = {
     "doctor": "Check the requirements of the service.",
     "admin": "List, delete, repeat and pin folds of a service.",
 }
-"""What each command is for, as its own help begins: told of all without importing any."""
+"""Commands and the first line of their help, so that the list of all needs no import."""
 
-DRAWING: Final = frozenset(("serve", "worker", "movie", "doctor"))
-"""Commands that need OpenGL; to the others MuJoCo need not bring what opens windows."""
+OPENGL_COMMANDS: Final = frozenset(("serve", "worker", "movie", "doctor"))
+"""Commands that need OpenGL; for the others MuJoCo's OpenGL is not loaded."""
 
-YOUNG: Final = 100_000
-"""Objects that have come up before Python looks for those that hold on to each other only."""
+GC_THRESHOLD_OBJECTS: Final = 100_000
+"""Newly allocated objects after which Python's garbage collector runs (threshold 0 of
+``gc.set_threshold``). With Python's default, imports take 0.2 s longer; a larger value takes more
+memory. Measured."""
 
 
 class LazyCommands(TyperGroup):
@@ -51,13 +53,13 @@ class LazyCommands(TyperGroup):
     def resolve_command(
         self, ctx: Context, args: list[str]
     ) -> tuple[str | None, Command | None, list[str]]:
-        """The command that is called, imported, with what its arguments are."""
+        """Return the command that is called, imported, with what its arguments are."""
         name, command, rest = super().resolve_command(ctx, args)
         return name, command if name is None else _imported(name), rest
 
 
 def application() -> typer.Typer:
-    """The command line."""
+    """Return the command line."""
     app = typer.Typer(cls=LazyCommands, no_args_is_help=True, pretty_exceptions_show_locals=False)
 
     @app.callback()
@@ -80,7 +82,7 @@ def _not_imported() -> None:
 
 
 def _imported(name: str) -> Command:
-    """The command of this name, from the module of this name."""
+    """Return the command of this name, from the module of this name."""
     found: typer.Typer | Callable[..., None] = getattr(import_module(f"server.cli.{name}"), name)
     if isinstance(found, typer.Typer):
         return get_command(found)
@@ -102,12 +104,12 @@ def main() -> None:
     # Read when NumPy is imported. Threads of linear algebra bring nothing at these sizes.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    brief = not set(sys.argv[1:2]) & DRAWING
+    brief = not set(sys.argv[1:2]) & OPENGL_COMMANDS
     if brief:
         os.environ.setdefault("MUJOCO_GL", "off")
         os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # it looks for some
     # Most of what is imported stays for good: looked through for what may go, it takes 0.2 s.
-    gc.set_threshold(YOUNG, *gc.get_threshold()[1:])
+    gc.set_threshold(GC_THRESHOLD_OBJECTS, *gc.get_threshold()[1:])
     try:
         application()(prog_name="foldback")
     except SystemExit as end:
@@ -117,7 +119,7 @@ def main() -> None:
 
 
 def _leave(code: int) -> None:
-    """Ends the process, if nothing else runs in it.
+    """Exit the process, unless something else runs in it.
 
     Python would first take apart all that was imported, module by module, which takes 0.2 s.
     """

@@ -56,7 +56,7 @@ def _chosen(formats: str) -> tuple[Export, ...]:
 
 
 def _written(one: Export, plan: Plan, out: Path) -> int:
-    """The size of the file that was written.
+    """Return the size of the file that was written.
 
     Raises:
         InputError: When it cannot be made or written.

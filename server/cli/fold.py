@@ -18,7 +18,7 @@ from planner.chain.module import module_named
 from planner.cores import cores
 from planner.errors import InputError
 from planner.pathfinding.options import table_warning
-from planner.pipeline.parallel import Tries
+from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, next_stage, run_stage
 from planner.pipeline.workspace import Workspace
@@ -40,15 +40,16 @@ from server.cli.options import (
     Seed,
     Settings,
     Start,
+    Strategy,
     Workers,
     World,
     settings_text_of,
 )
 from server.pages import certificate_words
-from server.pages.choice_words import COLUMNS, Choice, choice_of
+from server.pages.choice_words import PLAN_COLUMNS, Choice, choice_of
 from server.pages.quantities import sentence
 
-WORDS = {
+STAGE_VERBS = {
     "explode": "Exploding",
     "play_back": "Folding",
     "certify": "Checking",
@@ -57,6 +58,7 @@ WORDS = {
 
 
 def fold(
+    *,
     out: PlanDirectory,
     shape: Annotated[
         str | None,
@@ -73,10 +75,7 @@ def fold(
     robot: Robot = "typical",
     seed: Seed = "0",
     module_size: ModuleSize = None,
-    strategy: Annotated[
-        str,
-        typer.Option(help=("Explosion strategy: auto, simultaneous, blocks, peel or one-by-one.")),
-    ] = "auto",
+    strategy: Strategy = "auto",
     prefer: Prefer = "computing",
     module: Module = "cube",
     modules: Modules = None,
@@ -127,7 +126,7 @@ def finish(
     as_json: bool,
     more: Callable[[dict[str, Any]], None] | None = None,
 ) -> NoReturn:
-    """Prints a plan's figures, for people with ``more`` of them, and exits 0 verified, 3 not."""
+    """Print a plan's figures, with ``more`` for people; exit with 0 if verified, else 3."""
     if as_json:
         print(json.dumps(summary), flush=True)
     else:
@@ -138,18 +137,18 @@ def finish(
 
 
 def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
-    """Runs the stages after reading, with a bar for each; the plan's figures.
+    """Run the stages after reading, with a bar for each; the plan's figures.
 
     Args:
         out: The fold's directory.
         workers: Explosions at once at most; as many as there are cores when None.
-        words: What stages are called that do something else than usual.
+        words: Labels of stages that differ from the default ones.
     """
     from planner.pipeline.compiling import Compiling
 
     summary: dict[str, Any] = {}
     with (
-        Tries(out, workers or cores()) as tries,
+        AttemptPool(out, workers or cores()) as pool,
         Progress(
             TextColumn("{task.description:<10}"),
             BarColumn(),
@@ -161,7 +160,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
     ):
         stage: str | None = STAGES[1]
         while stage is not None:
-            bar = bars.add_task({**WORDS, **words}[stage], total=1.0, note="")
+            bar = bars.add_task({**STAGE_VERBS, **words}[stage], total=1.0, note="")
 
             def report(progress: StageProgress, bar: Any = bar) -> None:
                 bars.update(bar, completed=progress.fraction)
@@ -172,17 +171,17 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
                 bars.update(bar, note=f"{progress.message}(once on each machine)")
 
             with Compiling(compiles):
-                summary = run_stage(stage, out, progress=report, tries=tries)
+                summary = run_stage(stage, out, progress=report, pool=pool)
             stage = next_stage(stage, summary)
     return summary
 
 
 def show_choice(choice: Choice | None) -> None:
-    """Prints what was tried when a plan was chosen among several, for people."""
+    """Print the plans that were tried for a preference."""
     if choice is None:
         return
     console = Console(highlight=False)
-    table = Table(*COLUMNS, box=None, pad_edge=False)
+    table = Table(*PLAN_COLUMNS, box=None, pad_edge=False)
     table.columns[0].no_wrap = True
     for column in table.columns[1:]:
         column.justify = "right"
@@ -195,13 +194,13 @@ def show_choice(choice: Choice | None) -> None:
 
 
 def _steps(progress: StageProgress) -> str:
-    """How far a simulation is: ``48200 steps · 482 s simulated``."""
+    """Return the progress of a simulation: ``48200 steps · 482 s simulated``."""
     simulated = f" · {progress.simulated_s:.0f} s simulated" if progress.simulated_s else ""
     return f"{progress.steps} steps{simulated}"
 
 
 def show(summary: dict[str, Any], out: Path) -> None:
-    """Prints a plan's figures for people."""
+    """Print a plan's figures for people."""
     certificate, playback = summary["certificate"], summary["playback"]
     strategy = summary["explosion"].get("strategy")
     console = Console(highlight=False)

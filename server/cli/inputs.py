@@ -19,11 +19,12 @@ if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
 TYPED_REMEDY = "for voxels in any order, use --as-voxels"
-LARGEST_FILE = 64 * 2**20
+MAX_INPUT_BYTES = 64 * 2**20
+"""Maximum size of an input file, in bytes; a larger one is refused before it is read. Chosen."""
 
 
 def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:
-    """The bytes and name of a file, of the example of that name, or of typed angles.
+    """Return the bytes and name of a file, of the example of that name, or of typed angles.
 
     Raises:
         InputError: When there is neither or both, or the file is too large.
@@ -37,11 +38,11 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
     if not path.exists() and (example := Gallery().shape(shape)) is not None:
         return example.data, example.filename
     try:
-        if path.stat().st_size > LARGEST_FILE:
+        if path.stat().st_size > MAX_INPUT_BYTES:
             raise InputError(
                 "too-large",
                 f"got {megabytes(path.stat().st_size)}, expected at most "
-                f"{megabytes(LARGEST_FILE)}.",
+                f"{megabytes(MAX_INPUT_BYTES)}.",
                 where=path.name,
             )
         return path.read_bytes(), path.name
@@ -55,10 +56,10 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
 
 
 def read_plan(directory: Path) -> Plan:
-    """The plan in a fold's directory.
+    """Return the plan in a fold's directory.
 
     Raises:
-        InputError: Where there is none, or it cannot be read.
+        InputError: There is none, or it cannot be read.
     """
     from planner.plan.plan import Plan  # brings the whole planner
 
@@ -73,7 +74,7 @@ def read_plan(directory: Path) -> Plan:
 
 
 def make_directory(out: Path) -> None:
-    """Makes a directory for results.
+    """Make a directory for results.
 
     Raises:
         InputError: When that cannot be done.
@@ -87,7 +88,7 @@ def make_directory(out: Path) -> None:
 
 
 def refuse(error: InputError, as_json: bool) -> NoReturn:
-    """Says what is wrong with the input and exits with 2."""
+    """Print the error of the input and exit with 2."""
     error = InputError(
         error.code, error.detail.replace(READ_AS_VOXELS, TYPED_REMEDY), where=error.where
     )

@@ -25,6 +25,7 @@ from web.movies.movie import FORMATS, Movie
 
 
 def movie(
+    *,
     directory: FoldDirectory,
     out: Annotated[Path, typer.Option(help="The file to write: .mp4 or .gif.")] = Path("fold.mp4"),
     width: Annotated[int | None, typer.Option(help="Width in pixels, even.")] = None,

@@ -10,8 +10,8 @@ import typer
 from planner.errors import InputError
 from planner.parameters.settings import IDEAL
 
-ROBOTS: Final = {"typical": (), "ideal": (IDEAL,)}
-"""What each kind of robot is in settings."""
+ROBOT_KINDS: Final = {"typical": (), "ideal": (IDEAL,)}
+"""Settings of each kind of robot that ``--robot`` names."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
 FoldDirectory = Annotated[
     Path, typer.Argument(metavar="DIR", help=("Folder written by `foldback fold`."))
@@ -22,7 +22,7 @@ PlanDirectory = Annotated[
 Preset = Annotated[
     str,
     typer.Option(
-        help="default, paper (as published), or direct (all joints at once; fails for most shapes)."
+        help="default, paper (as published), or direct (direct servoing; fails for most shapes)."
     ),
 ]
 Settings = Annotated[
@@ -59,6 +59,10 @@ Prefer = Annotated[
         "torque (the least torque at equal time) or clearance (the most clearance)."
     ),
 ]
+Strategy = Annotated[
+    str,
+    typer.Option(help="Explosion strategy: auto, simultaneous, blocks, peel or one-by-one."),
+]
 Module = Annotated[str, typer.Option(help="cube or tetrahedron.")]
 Modules = Annotated[
     str | None, typer.Option(metavar="INTEGER", help="Approximate number of modules, for a mesh.")
@@ -82,11 +86,11 @@ AsVoxels = Annotated[
 
 
 def settings_text_of(settings: list[str] | None, robot: str) -> str:
-    """What ``--set`` and ``--robot`` ask for, as one text.
+    """Return the settings of ``--set`` and ``--robot`` as one text.
 
     Raises:
         InputError: ``bad-robot``.
     """
-    if robot not in ROBOTS:
+    if robot not in ROBOT_KINDS:
         raise InputError("bad-robot", f"got the robot {robot!r}, expected typical or ideal.")
-    return ",".join([*(settings or ()), *ROBOTS[robot]])
+    return ",".join([*(settings or ()), *ROBOT_KINDS[robot]])

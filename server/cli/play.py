@@ -1,4 +1,4 @@
-"""``foldback play``: looks at a finished fold's directory, without a service."""
+"""``foldback play``: view a finished fold's directory, without a service."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from server.pages import fold, share, static
 from server.store.shown import Found, ShownFold
 from web.timeline.views import TimelineViews
 
-ONLY: Final = "fold"
+PLAYED_FOLD_ID: Final = "fold"
 
 
 class FolderStore:
@@ -45,23 +45,23 @@ class FolderStore:
         self._directory = directory
 
     def find(self, fold_id: str) -> Found | None:
-        """The one fold, under its one id."""
-        return Found(self.fold(fold_id), self._directory) if fold_id == ONLY else None
+        """Return the only fold, by its id."""
+        return Found(self.fold(fold_id), self._directory) if fold_id == PLAYED_FOLD_ID else None
 
     def fold(self, fold_id: str) -> ShownFold:
-        """What is known of it."""
+        """Return the facts of the fold."""
         del fold_id
         return row_of(self._directory)
 
     def directory(self, fold_id: str) -> Path:
-        """Where its files are."""
+        """Return the directory with its files."""
         del fold_id
         return self._directory
 
 
 @dataclass(frozen=True, slots=True)
 class FolderContext:
-    """What the routes of the viewer share."""
+    """State that the viewer's routes share."""
 
     store: FolderStore
     timelines: TimelineViews
@@ -73,7 +73,7 @@ class FolderContext:
 
 
 def row_of(directory: Path) -> ShownFold:
-    """The row of a fold's directory.
+    """Return the row of a fold's directory.
 
     Raises:
         TimelineError: When there is no timeline in it.
@@ -103,7 +103,7 @@ def row_of(directory: Path) -> ShownFold:
     if plan.get("start"):
         told["refold"] = {"start": plan["start"]["name"]}
     return ShownFold(
-        id=ONLY,
+        id=PLAYED_FOLD_ID,
         name=chain.name,
         status=status,
         modules=len(chain),
@@ -117,7 +117,7 @@ def row_of(directory: Path) -> ShownFold:
 
 
 def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
-    """An application with the viewer of one directory."""
+    """Return an application with the viewer of one directory."""
     store = FolderStore(directory)
 
     @contextlib.asynccontextmanager
@@ -135,7 +135,7 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
 
     @app.get("/")
     async def to_the_fold() -> RedirectResponse:
-        return RedirectResponse(f"/folds/{ONLY}")
+        return RedirectResponse(f"/folds/{PLAYED_FOLD_ID}")
 
     app.include_router(fold.router)
     app.include_router(static.router)
@@ -177,14 +177,14 @@ def play(
             Workspace(directory).write_figures()
 
     class Server(uvicorn.Server):
-        """Says where it is once it listens."""
+        """HTTP server that prints its address once it listens."""
 
         async def startup(self, sockets: list[Any] | None = None) -> None:
             await super().startup(sockets)
             if not self.started:
                 return
             at = self.servers[0].sockets[0].getsockname()[1]
-            address = f"http://{host}:{at}/folds/{ONLY}"
+            address = f"http://{host}:{at}/folds/{PLAYED_FOLD_ID}"
             typer.echo(f"{name} is at {address} (Ctrl-C ends)")
             if browser:
                 threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
@@ -219,7 +219,7 @@ def _play_in_viser(directory: Path, name: str, host: str, port: int, browser: bo
 
 
 def _settings(preset: Any, settings: Any) -> str:
-    """What a fold was asked for with; none where a file says what cannot have been."""
+    """Return the settings of a fold; none if its file states impossible ones."""
     try:
         return Request(preset=str(preset), settings=str(settings or "")).canonical().settings
     except InputError:

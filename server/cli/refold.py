@@ -32,11 +32,13 @@ from server.cli.options import (
 )
 from server.store.gallery import Gallery
 
-FIRST = "start"
-"""Where the first shape is folded, if it has not been: a folder in the one for the plan."""
+FIRST_FOLD_DIR = "start"
+"""Directory, within that of the plan, in which the first shape is folded if it has not been folded
+yet."""
 
 
 def refold(
+    *,
     start: Annotated[
         str,
         typer.Argument(
@@ -61,6 +63,7 @@ def refold(
 ) -> None:
     """Unfold a folded chain and fold it into another shape; exits like `fold`."""
     begins: Chain | None = None
+    first = out / FIRST_FOLD_DIR
     try:
         request = Request.of(
             preset=preset,
@@ -72,10 +75,10 @@ def refold(
         folded = _plan(start)
         if folded is None:
             data, filename = read_input(start)
-            make_directory(out / FIRST)
-            Workspace(out / FIRST).write_request(replace(request, filename=filename), data)
-            run_stage(STAGES[0], out / FIRST)
-            begins = chain_from_attributes(json.loads((out / FIRST / "chain.json").read_bytes()))
+            make_directory(first)
+            Workspace(first).write_request(replace(request, filename=filename), data)
+            run_stage(STAGES[0], first)
+            begins = chain_from_attributes(json.loads((first / "chain.json").read_bytes()))
         else:
             begins = folded.unfolding().chain
         make_directory(out)
@@ -87,23 +90,23 @@ def refold(
             error = Gallery().advised(error, begins.module.name, len(begins))
         refuse(error, as_json)
     if folded is None:
-        summary = compute(out / FIRST, workers)
-        folded = Plan.load(out / FIRST / "plan.npz")
+        summary = compute(first, workers)
+        folded = Plan.load(first / "plan.npz")
         try:
             folded.unfolding()
         except InputError:
-            finish(summary, out / FIRST, as_json)
+            finish(summary, first, as_json)
     Workspace(out).write_start(folded)
     finish(compute(out, workers), out, as_json)
 
 
 def _plan(name: str) -> Plan | None:
-    """The plan in a directory; None when this is none."""
+    """Return the plan in a directory; None when this is none."""
     return Plan.load(Path(name) / "plan.npz") if Path(name).is_dir() else None
 
 
 def _second(name: str, request: Request, begins: Chain) -> tuple[Request, bytes]:
-    """What is asked of the second shape, and its bytes."""
+    """Return the options and the bytes of the second shape."""
     request = replace(request, refold=True)
     plan = _plan(name)
     if plan is not None:

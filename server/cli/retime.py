@@ -17,7 +17,7 @@ from planner.chain.statics import GRAVITY_M_S2
 from planner.clearance.sweep import Sweep
 from planner.errors import InputError
 from planner.exports.trajectory import (
-    TOUCHING,
+    MAX_TOUCH_DEPTH_PITCH,
     clearance,
     deviation,
     export,
@@ -30,10 +30,12 @@ from server.cli.inputs import read_plan, refuse
 from server.cli.options import AsJson, FoldDirectory
 from server.pages import certificate_words
 
-SHOWN = 10
+MAX_LISTED_JOINTS = 10
+"""Maximum number of joints in the printed table, those with the largest torques. Chosen."""
 
 
 def retime(
+    *,
     directory: FoldDirectory,
     max_speed: Annotated[float, typer.Option(help="Maximum joint speed, rad/s.")],
     max_acceleration: Annotated[float, typer.Option(help="Maximum joint acceleration, rad/s².")],
@@ -149,7 +151,7 @@ def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
         return certificate_words.clearance(figures) or ""
     words = (
         f"modules overlap by {-clear.clearance:.2g} pitch"
-        if clear.clearance < -TOUCHING
+        if clear.clearance < -MAX_TOUCH_DEPTH_PITCH
         else f"clearance not proved; smallest measured {max(0.0, clear.clearance):.2g} pitch"
     )
     return words if sufficient_hz is None else f"{words}; --rate {sufficient_hz:g} is enough"
@@ -169,7 +171,7 @@ def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) ->
     columns = Table(box=None, pad_edge=False)
     for heading in ("Joint", "Peak, N·m", "at frame", "RMS, N·m"):
         columns.add_column(heading, justify="left" if heading == "Joint" else "right")
-    for k in np.argsort(-motors.peak_torque_nm)[:SHOWN]:
+    for k in np.argsort(-motors.peak_torque_nm)[:MAX_LISTED_JOINTS]:
         columns.add_row(
             motors.joint_names[k],
             f"{motors.peak_torque_nm[k]:.3g}",

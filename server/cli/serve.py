@@ -17,8 +17,9 @@ from server.ops.logs import set_up_logs
 from server.ops.starting import settings_of, starting, warn_of_unknown_names
 from server.processes.limits import keep_secrets
 
-LARGEST_HEAD_BYTES: Final = 32 * 1024
-"""Bytes of a request's first line and headers, at most."""
+MAX_HEAD_BYTES: Final = 32 * 1024
+"""Maximum size of a request's first line and headers, in bytes; a larger request is refused.
+Chosen."""
 log = logging.getLogger("foldback.serve")
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def server_of(
     *,
     fork_server: ForkServer | None = None,
 ) -> uvicorn.Server:
-    """What listens and answers, over a database of the newest schema; it has yet to be run.
+    """Return an HTTP server over a database of the newest schema; it has yet to be run.
 
     Args:
         settings: The settings.
@@ -109,7 +110,7 @@ def server_of(
     app = create_app(settings, fork_server=fork_server)
 
     class Server(uvicorn.Server):
-        """Says where it is once it listens, and lets its followers go before it ends."""
+        """HTTP server that prints its address, and ends event streams before it stops."""
 
         async def startup(self, sockets: list[Any] | None = None) -> None:
             await super().startup(sockets)
@@ -141,7 +142,7 @@ def server_of(
             log_config=None,
             access_log=False,
             http=protocol_of(settings),
-            h11_max_incomplete_event_size=LARGEST_HEAD_BYTES,
+            h11_max_incomplete_event_size=MAX_HEAD_BYTES,
             forwarded_allow_ips=list(settings.trusted_proxies),
             ws_max_size=2**20,
             # The views carry arrays that hardly shrink, many times a second.
@@ -156,7 +157,7 @@ def server_of(
 
 
 def _allow_files(count: int) -> None:
-    """Lets the process have as many files and connections open, as far as it may."""
+    """Raise the limit of open files and connections as far as permitted."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     most = count if hard == resource.RLIM_INFINITY else min(count, hard)
     if soft != resource.RLIM_INFINITY and soft < most:

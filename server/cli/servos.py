@@ -30,6 +30,7 @@ from server.cli.options import AsJson
 
 
 def servos(
+    *,
     torque: Annotated[
         float, typer.Option(help="Torque of a hinge in w·p (module weight × pitch).")
     ],
@@ -191,7 +192,7 @@ def _show(
 
 
 def _pitches(bounds: list[float | None] | None) -> str:
-    """A range of pitches in mm."""
+    """Return a range of pitches in mm."""
     if bounds is None:
         return "none"
     least, most = bounds

@@ -11,19 +11,19 @@ from rich.table import Table
 
 from planner.parameters.settings import NO_LIMIT
 from server.cli.options import AsJson
-from server.pages.setting_words import ROBOT_ROWS, ROWS, SOURCES, TABLE_ROWS
+from server.pages.setting_words import PAPER_ROWS, ROBOT_ROWS, SOURCE_LABELS, TABLE_ROWS
 
 
 def settings(as_json: AsJson = False) -> None:
     """List the settings for `fold --set NAME=VALUE`."""
     if as_json:
-        typer.echo(json.dumps([asdict(row) for row in (*ROWS, *ROBOT_ROWS, *TABLE_ROWS)]))
+        typer.echo(json.dumps([asdict(row) for row in (*PAPER_ROWS, *ROBOT_ROWS, *TABLE_ROWS)]))
         return
     console = Console(highlight=False)
     for title, rows in (
         ("Simulated robots", ROBOT_ROWS),
         ("Folding on a table, with --world table", TABLE_ROWS),
-        ("The published method, with --preset paper", ROWS),
+        ("The published method, with --preset paper", PAPER_ROWS),
     ):
         table = Table(title=title, title_justify="left", box=None, pad_edge=False)
         for heading in ("Setting", "Default", "Values", "Meaning"):
@@ -33,5 +33,5 @@ def settings(as_json: AsJson = False) -> None:
             table.add_row(row.name, value, row.source, row.meaning)
         console.print(table)
         console.print()
-    for source, meaning in SOURCES.items():
+    for source, meaning in SOURCE_LABELS.items():
         console.print(f"{source}: {meaning}", markup=False)

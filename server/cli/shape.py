@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +17,7 @@ from planner.errors import InputError
 from planner.files import write_whole
 from planner.pathfinding.options import table_warning
 from planner.pipeline.prepare import Preparation, prepare_in_any_order
-from planner.pipeline.request import SHORT_SEED, Request
+from planner.pipeline.request import PATH_SEED_MODULUS, Request
 from planner.plan.formats import write_chain, write_path
 from server.cli.inputs import read_input, refuse
 from server.cli.options import (
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 
 def shape(
+    *,
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
     ],
@@ -68,7 +70,7 @@ def shape(
         request.check()
         data, filename = read_input(source)
         prepared = prepare_in_any_order(
-            data, filename, request.path_options(), seed=request.seed % SHORT_SEED
+            data, filename, request.path_options(), seed=request.seed % PATH_SEED_MODULUS
         )
         if prepared.not_started:
             prepared.chain  # noqa: B018
@@ -78,9 +80,8 @@ def shape(
     except InputError as error:
         refuse(error, as_json)
     except OSError as error:
-        refuse(
-            InputError("no-file", f"cannot be written ({error.strerror}).", where=str(out)), as_json
-        )
+        problem = f"cannot be written ({error.strerror})."
+        refuse(InputError("no-file", problem, where=str(out)), as_json)
     report = {
         **prepared.report(full=False),
         "mesh": None,
@@ -95,10 +96,14 @@ def shape(
         print(warning, file=sys.stderr)
     if not prepared.chains:
         if not as_json:
-            refusal = no_path(prepared)
-            told = "\n".join([refusal, *map(offer_words, offers)])
-            Console(stderr=True, soft_wrap=True, highlight=False).print(told, markup=False)
+            print_no_path(prepared, offers)
         raise typer.Exit(3)
+
+
+def print_no_path(prepared: Preparation, offers: Sequence[Offer]) -> None:
+    """Print the reason why there is no path, and the variants that have one, as an error."""
+    text = "\n".join([no_path(prepared), *map(offer_words, offers)])
+    Console(stderr=True, soft_wrap=True, highlight=False).print(text, markup=False)
 
 
 def offers_for(data: bytes, filename: str, request: Request) -> list[Offer]:
@@ -113,7 +118,7 @@ def offers_for(data: bytes, filename: str, request: Request) -> list[Offer]:
     found = read(data, filename=filename, as_voxels=options.as_voxels)
     if isinstance(found, Chain | CellPath):
         return []
-    return list(table_offers(found, options, seed=request.seed % SHORT_SEED))
+    return list(table_offers(found, options, seed=request.seed % PATH_SEED_MODULUS))
 
 
 def offer_words(offer: Offer) -> str:
@@ -127,7 +132,7 @@ def offer_words(offer: Offer) -> str:
 
 
 def path_file(prepared: Preparation) -> bytes:
-    """The best path as foldback-path/1, or the chain of other modules as foldback-chain/1."""
+    """Return the best path as foldback-path/1; of other modules the chain as foldback-chain/1."""
     if not prepared.chain.module.fills_cell:
         return write_chain(prepared.chain)
     return write_path(
@@ -136,7 +141,7 @@ def path_file(prepared: Preparation) -> bytes:
 
 
 def no_path(prepared: Preparation) -> str:
-    """Why there is no path, in words."""
+    """Return the reason why there is no path, in words."""
     try:
         prepared.chain  # noqa: B018
     except InputError as error:
@@ -145,7 +150,7 @@ def no_path(prepared: Preparation) -> str:
 
 
 def show(report: dict[str, Any], out: Path) -> None:
-    """Prints what became of the input."""
+    """Print the result of reading the input."""
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_row("Input", report["kind"])
     table.add_row("Modules", str(report["modules"]))

@@ -53,7 +53,7 @@ def smooth(
 
 
 def compare(summary: dict[str, Any]) -> None:
-    """Prints what smoothing has changed."""
+    """Print the changes by smoothing."""
     smoothing = summary["smoothing"]
     table = Table("", box=None, pad_edge=False)
     for heading in ("Before", "After", "Ratio"):

@@ -19,11 +19,13 @@ from planner.plan.plan import Plan
 from server.cli.inputs import refuse
 from server.cli.options import AsJson
 
-NAME = "table.json"
-MILLIMETRES = 1000.0
+TABLE_FILE = "table.json"
+MM_PER_M = 1000.0
+"""Millimetres in a metre."""
 
 
 def table(
+    *,
     plan: Annotated[
         Path,
         typer.Argument(metavar="PLAN", help=("Folder written by `foldback fold`, or a plan file.")),
@@ -49,7 +51,7 @@ def table(
         float, typer.Option(help="Module size as a fraction of the pitch.")
     ] = 1.0,
     out: Annotated[
-        Path | None, typer.Option(help=f"Output file. Default: {NAME} beside the plan.")
+        Path | None, typer.Option(help=f"Output file. Default: {TABLE_FILE} beside the plan.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -67,7 +69,7 @@ def table(
             friction=friction,
             base=_base(base),
             module_kg=module_kg,
-            pitch_m=None if pitch_mm is None else pitch_mm / MILLIMETRES,
+            pitch_m=None if pitch_mm is None else pitch_mm / MM_PER_M,
             density_kg_m3=float(loaded.parameters["density_kg_m3"]),
             module_size=module_size,
             bound=bound,
@@ -104,7 +106,7 @@ def _base(base: str) -> Base:
 
 
 def _beside(path: Path) -> Path:
-    return path.with_name(NAME if path.stem == "plan" else f"{path.stem}.{NAME}")
+    return path.with_name(TABLE_FILE if path.stem == "plan" else f"{path.stem}.{TABLE_FILE}")
 
 
 def _write(path: Path, found: TableCertificate) -> None:
@@ -127,7 +129,7 @@ def _show(found: TableCertificate, written: Path) -> None:
     facts.add_row(
         "1 w·p",
         f"{found.unit_nm:.3g} N·m: modules of {found.module_kg:.3g} kg, "
-        f"{found.pitch_m * MILLIMETRES:g} mm apart",
+        f"{found.pitch_m * MM_PER_M:g} mm apart",
     )
     facts.add_row(
         "Base",

@@ -1,4 +1,4 @@
-"""``foldback verify``: a second look at a plan, from its files alone."""
+"""``foldback verify``: check a plan independently, from its files alone."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from rich.console import Console
 from planner.certificate.certificate import followed
 from planner.clearance.largest_size import largest_size as find_largest
 from planner.errors import InputError, TimelineError
-from planner.motion.windows import Windows
 from planner.pipeline.request import Request
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
@@ -83,9 +82,9 @@ def verify(
 
 
 def _largest(directory: Path, found: Verification) -> tuple[float, str]:
-    """The largest size at which motions are clear, and which those are."""
+    """Return the largest module size at which motions are free of collisions, and those motions."""
     plan = Plan.load(directory / "plan.npz")
-    motions = (plan.motion if isinstance(plan.motion, Windows) else plan.joint_angles_rad,)
+    motions = (plan.motion,)
     if (path := directory / "playback.npz").exists():
         motions = followed(Playback.load(path))
     size = find_largest(plan.chain, motions, clear_at=found.certificate.module_size)

@@ -1,4 +1,4 @@
-"""Check of computing processes: what the kernel keeps them from."""
+"""Check of the confinement of computing processes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ with tempfile.NamedTemporaryFile() as foreign, tempfile.TemporaryDirectory() as 
 
 
 def confinement(settings: Settings) -> Finding:
-    """Whether what reads strangers' files is kept from the database and from the network."""
+    """Check that processes reading strangers' files reach neither database nor network."""
     name = "computing processes"
     code, words = run_python(_CONFINE, str(settings.root / "foldback.db"))
     free = words.split()[1:]

@@ -23,14 +23,18 @@ from server.store.object_store import open_storage
 from server.store.schema_version import Schema
 from server.store.tables import read_only_engine
 
-NETWORK: Final = frozenset({"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs"})
-PASSING: Final = frozenset({"tmpfs", "ramfs"})
-APART_S: Final = 5.0
+NETWORK_FILESYSTEMS: Final = frozenset(
+    {"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs"}
+)
+VOLATILE_FILESYSTEMS: Final = frozenset({"tmpfs", "ramfs"})
+MAX_CLOCK_DIFFERENCE_S: Final = 5.0
+"""Largest difference between the database's clock and this machine's, in s, that is not reported.
+Leases and queue times suffer from more. Chosen."""
 JOBS_TABLE: Final = "workflow_status"
 
 
 def directory(settings: Settings) -> Finding:
-    """Whether the data directory can be written, on which disk, with how much room."""
+    """Check that the data directory is writable; state its disk and its free space."""
     name, root = "data directory", settings.root
     there = _nearest(root)
     try:
@@ -61,14 +65,14 @@ def directory(settings: Settings) -> Finding:
             found=f"{found}, of which {settings.min_free_disk_bytes // 2**20} MiB must stay free",
             remedy="Free some space (`foldback admin expire --older DAYS`), or use a larger disk.",
         )
-    if kind in NETWORK and settings.database_url is None:
+    if kind in NETWORK_FILESYSTEMS and settings.database_url is None:
         return Finding(
             name=name,
             verdict="warning",
             found=f"{found}; SQLite is not safe on a network disk",
             remedy="Use a local disk, or PostgreSQL with FOLDBACK_DATABASE_URL.",
         )
-    if kind in PASSING:
+    if kind in VOLATILE_FILESYSTEMS:
         return Finding(
             name=name,
             verdict="warning",
@@ -79,7 +83,7 @@ def directory(settings: Settings) -> Finding:
 
 
 def _nearest(path: Path) -> Path:
-    """The directory itself, or the nearest above it that is there."""
+    """Return the directory, or its nearest existing parent."""
     while not path.exists() and path != path.parent:
         path = path.parent
     return path
@@ -96,7 +100,7 @@ def _kind_of_disk(path: Path) -> str:
 
 
 def database(settings: Settings) -> Finding:
-    """Whether the database answers, with which version of the tables."""
+    """Check that the database answers, and the version of its tables."""
     return _asked("database", settings.store_url, "FOLDBACK_DATABASE_URL", _tables)
 
 
@@ -122,7 +126,7 @@ def _tables(name: str, url: str, connection: sa.Connection) -> Finding:
             found=f"{found}, {schema.behind} behind {schema.head}",
             remedy="Back it up; `foldback serve` updates it at start.",
         )
-    if ahead_s > APART_S:
+    if ahead_s > MAX_CLOCK_DIFFERENCE_S:
         return Finding(
             name=name,
             verdict="warning",
@@ -133,7 +137,7 @@ def _tables(name: str, url: str, connection: sa.Connection) -> Finding:
 
 
 def jobs(settings: Settings) -> Finding:
-    """Whether the job system's database answers."""
+    """Check that the job system's database answers."""
     return _asked("job system", settings.queue_url, "FOLDBACK_JOBS_URL", _queue)
 
 
@@ -147,7 +151,7 @@ def _queue(name: str, url: str, connection: sa.Connection) -> Finding:
 def _asked(
     name: str, url: str, setting: str, look: Callable[[str, str, sa.Connection], Finding]
 ) -> Finding:
-    """What a look into a database finds, or that there is none yet, or that it cannot be used."""
+    """Return the finding of a look into a database, or that it is missing or unusable."""
     if (missing := _not_there(url)) is not None:
         return Finding(name=name, verdict="ok", found=f"{missing} will be created")
     try:
@@ -164,7 +168,7 @@ def _asked(
 
 
 def storage(settings: Settings) -> Finding:
-    """Whether the files of folds can be written, read, listed and deleted."""
+    """Check that files of folds can be written, read, listed and deleted."""
     place = settings.storage_url or str(settings.folds_dir)
     if settings.storage_url is None and not settings.folds_dir.exists():
         return Finding(name="storage", verdict="ok", found=f"{place} will be created")
@@ -199,13 +203,13 @@ def _check_storage(settings: Settings) -> None:
 
 
 def _not_there(url: str) -> str | None:
-    """The file of a SQLite database that is not there yet, or None."""
+    """Return the path of a SQLite database that does not exist yet, or None."""
     path = sa.make_url(url).database if url.startswith("sqlite") else None
     return path if path and not Path(path).exists() else None
 
 
 def _readonly(url: str) -> sa.Engine:
-    """An engine that changes nothing: a check must not make a database, nor repair one."""
+    """Return a read-only engine: a check must neither create nor repair a database."""
     made = sa.make_url(url)
     if made.get_backend_name() == "sqlite":
         return read_only_engine(url)
@@ -214,7 +218,7 @@ def _readonly(url: str) -> sa.Engine:
 
 
 def _ahead_s(connection: sa.Connection, schema: Schema) -> float:
-    """How far the database's clock and this one are apart, or how far rows lie in the future."""
+    """Return the seconds between the database's clock and this one, or to rows in the future."""
     if connection.dialect.name == "postgresql":
         theirs = connection.scalar(sa.text("SELECT extract(epoch FROM clock_timestamp())"))
         return abs(float(theirs) - time.time())
@@ -225,7 +229,7 @@ def _ahead_s(connection: sa.Connection, schema: Schema) -> float:
 
 
 def _shown(url: str) -> str:
-    """The address without its password."""
+    """Return the address without its password."""
     return sa.make_url(url).render_as_string(hide_password=True)
 
 

@@ -1,4 +1,4 @@
-"""Doctor: looks at all that the service needs."""
+"""Doctor: checks of all that the service needs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CHECKS: Final[tuple[tuple[str, Check], ...]] = (
 
 
 def examined(given: Mapping[str, Any]) -> list[Finding]:
-    """What all checks find, or what is wrong with the settings.
+    """Return the findings of all checks, or the errors of the settings.
 
     Args:
         given: Settings from the command line, by name; None is none.

@@ -15,6 +15,7 @@ from server.processes.movie_task import GL_SETTING, NO_FFMPEG, NO_GL, backends
 from server.settings import Settings
 
 DRAWING_TIMEOUT_S: Final = 60.0
+"""Maximum time of a check of OpenGL, in s; then it counts as failed. Chosen."""
 _DRAW: Final = """
 import sys, mujoco, importlib
 context = importlib.import_module(f"mujoco.{sys.argv[1]}").GLContext(64, 64)
@@ -39,7 +40,7 @@ print(one_circuit.stats.cache_path)
 
 
 def gl(settings: Settings) -> Finding:
-    """Whether movies can be drawn: which backend of OpenGL makes a picture without a screen."""
+    """Check that movies can be drawn: which OpenGL backend works without a screen."""
     del settings
     tried = backends()
     said: list[str] = []
@@ -71,7 +72,7 @@ def encoder(settings: Settings) -> Finding:
 
 
 def kernels(settings: Settings) -> Finding:
-    """Whether compiled kernels can be kept, and where."""
+    """Check that compiled kernels can be cached, and where."""
     del settings
     code, words = run_python(_COMPILE)
     if code == 0:
@@ -89,7 +90,7 @@ def kernels(settings: Settings) -> Finding:
 def run_python(
     code: str, *arguments: str, environment: dict[str, str] | None = None
 ) -> tuple[int, str]:
-    """Runs Python; its exit code and the last thing it said."""
+    """Run Python; return its exit code and its last line."""
     try:
         done = subprocess.run(
             [sys.executable, "-P", "-c", code, *arguments],

@@ -17,10 +17,10 @@ class Finding:
     """One line of the doctor.
 
     Attributes:
-        name: What was looked at.
+        name: Name of the check.
         verdict: ``problem`` keeps the service from working, ``warning`` does not.
-        found: What was found, in a few words.
-        remedy: What to do, or None when all is well.
+        found: Short description of the finding.
+        remedy: What to do about it; None if all is well.
     """
 
     name: str
@@ -30,13 +30,13 @@ class Finding:
 
     @property
     def line(self) -> str:
-        """It as one line."""
+        """The finding as one line."""
         words = f"{self.verdict:<8} {self.name}: {self.found}"
         return words if self.remedy is None else f"{words}. {self.remedy}"
 
 
 def examine(checks: Sequence[tuple[str, Check]], settings: Settings) -> list[Finding]:
-    """Runs checks; one that goes wrong itself is a problem and keeps no other from running."""
+    """Run checks; one that raises is a problem and does not stop the others."""
     found: list[Finding] = []
     for name, check in checks:
         try:

@@ -1,4 +1,4 @@
-"""Checks of the machine: what is installed, ports, memory, files, names, the clock."""
+"""Checks of the machine: packages, ports, memory, files, names, the clock."""
 
 from __future__ import annotations
 
@@ -21,20 +21,25 @@ from packaging.requirements import Requirement
 
 from server.doctor.finding import Finding
 from server.http.security import LOOPBACK
-from server.processes.limits import AWAITED_CHILDREN
+from server.processes.limits import INTERACTIVE_CHILDREN
 from server.settings import Settings, unknown_names, unknown_words
 
-OLDEST: Final = (3, 11)
-WEB_BYTES: Final = 384 * 2**20
-"""Memory of the web process."""
-AWAITED_BYTES: Final = 272 * 2**20
-"""Memory of each of its computing processes at rest; for limits see docs/operations.md."""
-BESIDES_FILES: Final = 256
-SPOKEN_S: Final = 5.0
+MIN_PYTHON: Final = (3, 11)
+WEB_PROCESS_BYTES: Final = 384 * 2**20
+"""Memory of the web process, in bytes, for the estimate whether the service fits into the machine.
+Measured."""
+WEB_CHILD_BYTES: Final = 272 * 2**20
+"""Memory of each of its computing processes at rest, in bytes; for their limits see
+docs/operations.md. Measured."""
+OTHER_OPEN_FILES: Final = 256
+"""Number of open files that the web process needs besides one for each stream and each robot.
+Chosen."""
+PROBE_TIMEOUT_S: Final = 5.0
+"""Maximum time to wait for the answer of a service that occupies the port, in s. Chosen."""
 
 
 def python(settings: Settings) -> Finding:
-    """The interpreter, and the packages that foldback needs."""
+    """Check the interpreter and the packages that foldback needs."""
     del settings
     name = "python"
     wrong: list[str] = []
@@ -52,7 +57,7 @@ def python(settings: Settings) -> Finding:
         if not needed.specifier.contains(found, prereleases=True):
             wrong.append(f"{needed.name} is {found}, expected {needed.specifier}")
     here = f"Python {platform.python_version()}, foldback {version('foldback')}"
-    if sys.version_info < OLDEST:
+    if sys.version_info < MIN_PYTHON:
         remedy = "Install Python 3.11 or newer."
         return Finding(name=name, verdict="problem", found=here, remedy=remedy)
     if wrong:
@@ -71,7 +76,7 @@ def python(settings: Settings) -> Finding:
 
 
 def variables(settings: Settings) -> Finding:
-    """Whether each variable that looks like a setting is one."""
+    """Check that each variable that looks like a setting is one."""
     unknown = unknown_names(os.environ)
     if not unknown:
         words = f"{len(settings.model_fields_set)} set, all others at their defaults"
@@ -85,7 +90,7 @@ def variables(settings: Settings) -> Finding:
 
 
 def port(settings: Settings) -> Finding:
-    """Whether ``serve`` can listen where it is told to."""
+    """Check that ``serve`` can listen on its address."""
     name, place = "port", f"{settings.host}:{settings.port}"
     if settings.port == 0:
         return Finding(name=name, verdict="ok", found="a free port is picked (port 0)")
@@ -122,7 +127,9 @@ def _foldback_answers(settings: Settings) -> bool:
     # Straight there, whatever proxy the environment names.
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
-        with opener.open(f"http://{shown}:{settings.port}/ready", timeout=SPOKEN_S) as answer:
+        with opener.open(
+            f"http://{shown}:{settings.port}/ready", timeout=PROBE_TIMEOUT_S
+        ) as answer:
             return _is_ours(answer.read(65536))
     except urllib.error.HTTPError as error:  # not ready, and yet foldback
         with error:
@@ -140,14 +147,14 @@ def _is_ours(body: bytes) -> bool:
 
 
 def files(settings: Settings) -> Finding:
-    """Whether as many files may be open as visitors may need."""
+    """Check that enough files may be open for all visitors."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    needed = settings.max_streams + settings.max_robots + BESIDES_FILES
+    needed = settings.max_streams + settings.max_robots + OTHER_OPEN_FILES
     if soft == resource.RLIM_INFINITY or soft >= needed:
         return Finding(name="open files", verdict="ok", found=f"{_count(soft)} can be open")
     return Finding(
         name="open files",
-        verdict="problem" if soft < BESIDES_FILES else "warning",
+        verdict="problem" if soft < OTHER_OPEN_FILES else "warning",
         found=f"{soft} can be open (limit {_count(hard)}), but up to {needed} are needed",
         remedy=f"Raise it: `ulimit -n {max(needed, 4096)}`, or LimitNOFILE= in a systemd unit.",
     )
@@ -158,10 +165,10 @@ def _count(limit: int) -> str:
 
 
 def memory(settings: Settings) -> Finding:
-    """Whether all folds together fit into the memory, with the web process and its children."""
+    """Check that all folds, the web process and its children fit into memory together."""
     there = min(psutil.virtual_memory().total, *_allowed_bytes())
     folds = settings.workers * settings.folds_per_worker
-    besides = WEB_BYTES + AWAITED_CHILDREN * AWAITED_BYTES
+    besides = WEB_PROCESS_BYTES + INTERACTIVE_CHILDREN * WEB_CHILD_BYTES
     needed = folds * settings.child_memory_bytes + besides
     found = (
         f"{_mib(there)} for {folds} folds at once of up to {_mib(settings.child_memory_bytes)} each"
@@ -171,14 +178,14 @@ def memory(settings: Settings) -> Finding:
     return Finding(
         name="memory",
         verdict="warning",
-        found=f"{found}, plus {_mib(besides)} for pages and for {AWAITED_CHILDREN} processes that "
-        "read uploads, prepare previews, retime plans and draw pictures",
+        found=f"{found}, plus {_mib(besides)} for pages and for {INTERACTIVE_CHILDREN} processes "
+        "that read uploads, prepare previews, retime plans and draw pictures",
         remedy="Lower FOLDBACK_CHILD_MEMORY_BYTES, FOLDBACK_WORKERS or FOLDBACK_FOLDS_PER_WORKER.",
     )
 
 
 def _allowed_bytes() -> list[int]:
-    """What a container may use at most, where this runs in one."""
+    """Return the memory limit of the container, if there is one."""
     allowed: list[int] = [sys.maxsize]
     for place in ("memory.max", "memory/memory.limit_in_bytes"):
         try:
@@ -193,7 +200,7 @@ def _mib(size: int) -> str:
 
 
 def names(settings: Settings) -> Finding:
-    """Whether foreign names could be pointed at the service."""
+    """Check that foreign host names cannot be pointed at the service."""
     name, host = "allowed hosts", settings.host
     if settings.allowed_hosts:
         words = ", ".join(settings.allowed_hosts)
@@ -217,7 +224,7 @@ def names(settings: Settings) -> Finding:
 
 
 def clock(settings: Settings) -> Finding:
-    """Whether the clock is later than what is known to be past."""
+    """Check that the clock is later than times that are known to be past."""
     past = Path(__file__).stat().st_mtime
     newest = settings.root / "foldback.db"
     if newest.exists():

@@ -14,21 +14,24 @@ from server.limits.single_flight import SingleFlight
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError
 
-AT_ONCE: Final = 2
-MOST_WAITING: Final = 8
-"""Files that are being made or wait for it, at most; more are refused."""
+FILES_AT_ONCE: Final = 2
+"""Number of derived files that are computed at the same time; others wait. A larger value takes
+more memory. Chosen."""
+MAX_PENDING_FILES: Final = 8
+"""Maximum number of derived files that are computed or wait for it; more requests are refused.
+Chosen."""
 Thing = TypeVar("Thing")
 
 
 class Folds(Protocol):
-    """What making files asks of a store."""
+    """Store that derived files are computed from."""
 
     def fold(self, fold_id: str, /) -> object:
-        """The row of a fold."""
+        """Return the row of a fold."""
         ...
 
     def directory(self, fold_id: str, /) -> Path:
-        """Where the files of a fold are."""
+        """Return the directory with a fold's files."""
         ...
 
 
@@ -36,12 +39,12 @@ class Artifacts:
     """See the module's description. Belongs to one event loop.
 
     Args:
-        store: Where the folds are.
-        min_free_disk_bytes: What must be left of the disk.
+        store: Store of the folds.
+        min_free_disk_bytes: Minimum of free disk space, bytes.
         on_stored: Told how many bytes a file adds to those made of its fold.
-        total: How many things may be made or wait for it.
-        per_visitor: How many of these one visitor may have.
-        folder: Where files are kept; in a folder beside those of their fold when None.
+        total: Maximum number of files that are computed or wait for it.
+        per_visitor: Maximum number of one visitor's among them.
+        folder: Directory for the files; one beside those of their fold if None.
     """
 
     def __init__(
@@ -51,23 +54,25 @@ class Artifacts:
         min_free_disk_bytes: int = 0,
         folder: Path | None = None,
         on_stored: Callable[[str, int], None] | None = None,
-        total: int = MOST_WAITING,
-        per_visitor: int = MOST_WAITING,
+        total: int = MAX_PENDING_FILES,
+        per_visitor: int = MAX_PENDING_FILES,
     ) -> None:
         self._store = store
         self._min_free_disk_bytes = min_free_disk_bytes
         self._folder = folder
         self._on_stored = on_stored
-        self._flight = SingleFlight("files", at_once=AT_ONCE, total=total, per_visitor=per_visitor)
+        self._flight = SingleFlight(
+            "files", at_once=FILES_AT_ONCE, total=total, per_visitor=per_visitor
+        )
 
     def close(self) -> None:
-        """Begins nothing any more."""
+        """Start no further computation."""
         self._flight.close()
 
     async def get_or_make(
         self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
     ) -> Thing:
-        """As ``SingleFlight.get_or_make``, among the files."""
+        """Run ``SingleFlight.get_or_make`` with the limits of files."""
         return await self._flight.get_or_make(key, make, visitor=visitor)
 
     async def file(
@@ -80,15 +85,15 @@ class Artifacts:
         edition: str = "",
         visitor: str | None = None,
     ) -> Path:
-        """Where a file of a fold is; made unless it is there.
+        """Return the path of a derived file; compute it unless it is up to date.
 
         Args:
             fold_id: The fold.
-            name: What the file is called.
+            name: Name of the file.
             make: Makes its bytes, in a thread.
             of: The fold's file that it is made of; it is made anew when that is newer.
             edition: Letters and digits for all else that it is made of; the last one is kept.
-            visitor: Who asks.
+            visitor: Visitor that requests it.
 
         Raises:
             NoSuchFoldError: When there is no such fold.
@@ -141,7 +146,7 @@ def _size(path: Path) -> int:
 
 
 def newer(path: Path, than: Path) -> bool:
-    """Whether a file is there and was made after the other."""
+    """Return True if a file exists and was written after the other one."""
     try:
         return path.stat().st_mtime_ns >= than.stat().st_mtime_ns
     except OSError:

@@ -16,17 +16,20 @@ from server.store.folds import Store, rows_of
 from server.store.object_store import StorageError
 from server.store.tables import FoldRow, MovieRow
 
-KEPT_S: Final = 3600.0
-"""Seconds from the last look at a cancelled fold until it is removed."""
-KEPT_BYTES: Final = 16 * 2**20
-"""Bytes of one visitor's cancelled folds that are kept meanwhile, besides the last one's."""
-MAX_KEPT: Final = 32
-"""Cancelled folds of one visitor that stay meanwhile. A larger value makes each cancellation cost
-more. Chosen."""
-BATCH_ROWS: Final = 500
+CANCELLED_FOLD_S: Final = 3600.0
+"""Time from the last access to a cancelled fold until it is removed, in s. A larger value occupies
+the disk longer. Chosen."""
+MAX_CANCELLED_BYTES: Final = 16 * 2**20
+"""Maximum size of one visitor's cancelled folds, in bytes, besides the last one; beyond it the
+oldest is removed earlier. Chosen."""
+MAX_CANCELLED_FOLDS: Final = 32
+"""Maximum number of one visitor's cancelled folds. A larger value makes each cancellation slower.
+Chosen."""
+CANCELLED_BATCH_ROWS: Final = 500
 """Rows that one statement of a sweep reads. Chosen."""
-MAX_BATCHES: Final = 20
-"""Batches of one sweep. A larger value keeps the worker's other care waiting longer. Chosen."""
+MAX_CANCELLED_BATCHES: Final = 20
+"""Maximum number of batches of one sweep. A larger value delays the worker's other duties.
+Chosen."""
 log = logging.getLogger("foldback.janitor")
 _Row = sa.Row[str, int, float | None]
 _CANCELLED: Final = (FoldRow.status == "cancelled", FoldRow.pinned.is_(False))
@@ -41,16 +44,16 @@ def sweep_cancelled(store: Store, now: float) -> None:
     """
     old = (
         sa.select(FoldRow.id, FoldRow.bytes, FoldRow.seen_at)
-        .where(*_CANCELLED, FoldRow.seen_at < now - KEPT_S)
+        .where(*_CANCELLED, FoldRow.seen_at < now - CANCELLED_FOLD_S)
         .order_by(FoldRow.seen_at)
-        .limit(BATCH_ROWS)
+        .limit(CANCELLED_BATCH_ROWS)
     )
-    for _ in range(MAX_BATCHES):
+    for _ in range(MAX_CANCELLED_BATCHES):
         with store.reading() as session:
             rows = session.execute(old).all()
         for row in rows:
             _remove(store, row)
-        if len(rows) < BATCH_ROWS:
+        if len(rows) < CANCELLED_BATCH_ROWS:
             return
 
 
@@ -65,15 +68,15 @@ def sweep_cancelled_of(store: Store, visitor: str) -> None:
         sa.select(FoldRow.id, FoldRow.bytes, FoldRow.seen_at)
         .where(*_CANCELLED, FoldRow.visitor == visitor)
         .order_by(FoldRow.seen_at.desc())
-        .limit(MAX_KEPT + BATCH_ROWS)
+        .limit(MAX_CANCELLED_FOLDS + CANCELLED_BATCH_ROWS)
     )
     with store.reading() as session:
         rows = session.execute(newest_first).all()
     total = 0
     for k, row in enumerate(rows):
-        if k >= MAX_KEPT:
+        if k >= MAX_CANCELLED_FOLDS:
             _remove(store, row)
-        elif k > 0 and total + row.bytes > KEPT_BYTES:
+        elif k > 0 and total + row.bytes > MAX_CANCELLED_BYTES:
             _drop_files(store, row)
         else:
             total += row.bytes if k > 0 else 0

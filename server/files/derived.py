@@ -1,4 +1,4 @@
-"""Derived files: exports, pictures and movies of folds, which can be made again.
+"""Derived files: exports, pictures and movies of folds, which can be computed again.
 
 They count apart from the folds' own files, since anybody with a link may ask for them: none of them
 makes a fold expire, and when room is short they go before any fold does, those that the owner of a
@@ -15,19 +15,27 @@ from typing import Final
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 
-from server.store.fold_files import DERIVED, EXPORTS_DIR, size_of
+from server.store.fold_files import DERIVED_DIRS, EXPORTS_DIR, size_of
 from server.store.folds import Store
-from server.store.tables import ENDED, MAKING, CounterRow, FoldRow, MovieRow, movie_file
+from server.store.tables import (
+    ENDED,
+    UNFINISHED_MOVIE_STATUSES,
+    CounterRow,
+    FoldRow,
+    MovieRow,
+    movie_file,
+)
 
-FRESH_S: Final = 600.0
-"""Seconds for which a file that was made stays for who has asked for it."""
-COUNTED_APART: Final = "counted_apart"
-"""Name of the counter that says that ``count_apart`` is done."""
+MIN_DERIVED_AGE_S: Final = 600.0
+"""Time for which a computed file stays for the client that requested it, in s, however little room
+there is. Chosen."""
+COUNTED_FLAG: Final = "counted_apart"
+"""Name of the database counter which records that ``count_apart`` has run."""
 log = logging.getLogger("foldback.janitor")
 
 
 def derived_bytes(store: Store) -> int:
-    """What all of them take."""
+    """Return the size of all derived files."""
     with store.reading() as session:
         files = session.scalar(sa.select(sa.func.sum(FoldRow.derived_bytes))) or 0
         movies = session.scalar(sa.select(sa.func.sum(MovieRow.bytes))) or 0
@@ -40,7 +48,7 @@ def count_apart(store: Store) -> None:
     Once for all: a note among the counters says that it is done.
     """
     with store.reading() as session:
-        done = session.get(CounterRow, COUNTED_APART) is not None
+        done = session.get(CounterRow, COUNTED_FLAG) is not None
     if done or store.folders.storage is not None:
         return
     uncounted = (FoldRow.derived_bytes == 0, FoldRow.status.in_(sorted(ENDED)))
@@ -50,7 +58,7 @@ def count_apart(store: Store) -> None:
         place = store.folders.place(fold_id)
         if not (made := size_of(place / EXPORTS_DIR)):
             continue
-        own = size_of(place, but=DERIVED)
+        own = size_of(place, but=DERIVED_DIRS)
         with store.changing() as session:
             session.execute(
                 sa.update(FoldRow)
@@ -58,15 +66,15 @@ def count_apart(store: Store) -> None:
                 .values(bytes=own, derived_bytes=made)
             )
     with suppress(IntegrityError), store.changing() as session:  # another worker was quicker
-        session.add(CounterRow(name=COUNTED_APART, value=1))
+        session.add(CounterRow(name=COUNTED_FLAG, value=1))
 
 
 def drop_derived(store: Store, lacking: int) -> int:
-    """Makes room, beginning with folds that nobody has looked at for longest.
+    """Remove derived files of the least recently used folds until there is room.
 
     Args:
         store: Rows and files.
-        lacking: How many bytes are to become free.
+        lacking: Bytes to free.
 
     Returns:
         How many did.
@@ -74,7 +82,7 @@ def drop_derived(store: Store, lacking: int) -> int:
     Raises:
         StorageError: When the storage does not answer.
     """
-    before = time.time() - FRESH_S
+    before = time.time() - MIN_DERIVED_AGE_S
     with store.reading() as session:
         filled = session.scalars(
             sa.select(FoldRow.id).where(FoldRow.derived_bytes > 0).order_by(FoldRow.seen_at)
@@ -82,7 +90,7 @@ def drop_derived(store: Store, lacking: int) -> int:
         movies = session.execute(
             sa.select(MovieRow.job)
             .join(FoldRow, FoldRow.id == MovieRow.fold_id)
-            .where(MovieRow.status.not_in(MAKING), MovieRow.created_at < before)
+            .where(MovieRow.status.not_in(UNFINISHED_MOVIE_STATUSES), MovieRow.created_at < before)
             .order_by(MovieRow.of_owner, FoldRow.seen_at, MovieRow.created_at)
         ).scalars()
         jobs = list(movies)
@@ -104,7 +112,9 @@ def drop_derived(store: Store, lacking: int) -> int:
 
 
 def _drop_movie(store: Store, job: str) -> int:
-    gone = sa.delete(MovieRow).where(MovieRow.job == job, MovieRow.status.not_in(MAKING))
+    gone = sa.delete(MovieRow).where(
+        MovieRow.job == job, MovieRow.status.not_in(UNFINISHED_MOVIE_STATUSES)
+    )
     with store.changing() as session:
         row = session.execute(gone.returning(MovieRow.fold_id, MovieRow.bytes)).first()
     if row is None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import unicodedata
 from typing import Final
 
-MAX_STEM: Final = 60
-"""Characters of a fold's name in the name of a file. File systems take 255 bytes."""
+MAX_STEM_CHARACTERS: Final = 60
+"""Maximum length of a fold's name within the name of a downloaded file, in characters; file systems
+permit 255 bytes. Chosen."""
 
 
 def download_stem(name: str) -> str:
@@ -18,4 +19,4 @@ def download_stem(name: str) -> str:
     """
     composed = unicodedata.normalize("NFC", name)
     stem = "".join(c if c.isalnum() or unicodedata.combining(c) else "-" for c in composed)
-    return stem[:MAX_STEM].strip("-") or "fold"
+    return stem[:MAX_STEM_CHARACTERS].strip("-") or "fold"

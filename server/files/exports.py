@@ -1,4 +1,4 @@
-"""Exports: files made of a finished fold when they are first asked for, and kept beside it."""
+"""Exports: files computed from a finished fold on request, and stored beside it."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from server.store.folds import Store
 if TYPE_CHECKING:
     from planner.exports import Export
 
-LARGEST_PLAN: Final = 64 * 2**20
-"""Unpacked bytes of a plan that is exported here; a format may need ten times as much memory."""
+MAX_EXPORTED_PLAN_BYTES: Final = 64 * 2**20
+"""Maximum unpacked size of a plan that the service exports, in bytes; larger ones are left to the
+command line. Some formats need ten times as much memory. Chosen."""
 PLAN: Final = "plan.npz"
 
 
 class Exports:
-    """Makes exports.
+    """Exports of finished folds.
 
     Args:
-        store: Where the folds are.
+        store: Store of the folds.
         artifacts: Makes them.
     """
 
@@ -36,7 +37,7 @@ class Exports:
         self._artifacts = artifacts
 
     async def file(self, fold_id: str, export: Export, *, visitor: str | None = None) -> Path:
-        """Where the export of a fold that is over is; made unless it is there.
+        """Return the path of a finished fold's export; compute it unless it is up to date.
 
         Raises:
             NoSuchFoldError: When this is not an id.
@@ -62,11 +63,13 @@ def _written(path: Path, export: Export) -> bytes:
     from planner.plan.plan import Plan
 
     # A robot's model holds no frames; all the others do.
-    if (export.moving or export.name == "json") and (size := _unpacked(path)) > LARGEST_PLAN:
+    if (export.moving or export.name == "json") and (
+        size := _unpacked(path)
+    ) > MAX_EXPORTED_PLAN_BYTES:
         raise TooLarge(
             "too-large",
-            f"got a plan of {megabytes(size)}, expected at most {megabytes(LARGEST_PLAN)}; "
-            f"download {PLAN} and use `foldback export`.",
+            f"got a plan of {megabytes(size)}, expected at most "
+            f"{megabytes(MAX_EXPORTED_PLAN_BYTES)}; download {PLAN} and use `foldback export`.",
         )
     try:
         return export.write(Plan.load(path))
@@ -75,7 +78,7 @@ def _written(path: Path, export: Export) -> bytes:
 
 
 def _unpacked(path: Path) -> int:
-    """Bytes of a plan's arrays; 0 when it cannot be read, which ``Plan.load`` says better."""
+    """Return the size of a plan's arrays; 0 if unreadable, which ``Plan.load`` reports better."""
     try:
         return unpacked_bytes(path)
     except (OSError, BadZipFile):

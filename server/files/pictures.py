@@ -16,13 +16,14 @@ from typing import Any, Final
 import numpy as np
 
 from server.processes.children import Pool
-from server.processes.scratch import CHAIN, MOMENT, PICTURE, Scratch
+from server.processes.scratch import CHAIN, MOMENT_FILE, PICTURE, Scratch
 from web.timeline.view import TimelineView
 
 MAX_PICTURE_BYTES: Final = 8 * 2**20
-"""Larger files of a child are cut off; a picture of 1200×630 pixels takes 0.1 MB. Chosen."""
-MAX_RECENT: Final = 64
-"""Pictures of views in memory, of some 0.1 MB each; those beyond are drawn again. Chosen."""
+"""Maximum size of a picture that a child process draws, in bytes; a larger file is cut off.
+1200×630 pixels take 0.1 MB. Chosen."""
+MAX_CACHED_PICTURES: Final = 64
+"""Maximum number of pictures in memory, about 0.1 MB each; others are drawn again. Chosen."""
 
 
 def moment_of(
@@ -71,12 +72,12 @@ class RecentPictures:
         """Store a picture in place of the one that was used longest ago."""
         with self._lock:
             self._pictures[key] = picture
-            while len(self._pictures) > MAX_RECENT:
+            while len(self._pictures) > MAX_CACHED_PICTURES:
                 self._pictures.popitem(last=False)
 
 
 class Pictures:
-    """Has pictures drawn. Safe to use from many threads.
+    """Pictures that child processes draw. Thread-safe.
 
     Args:
         pool: Children that draw.
@@ -97,7 +98,7 @@ class Pictures:
 
         Args:
             chain: The file.
-            moment: As of ``moment_of``.
+            moment: Result of ``moment_of``.
 
         Raises:
             OSError: When the file cannot be read, or the disk is full.
@@ -106,7 +107,7 @@ class Pictures:
         """
         with self._scratch.directory() as place:
             shutil.copyfile(chain, place / CHAIN)
-            (place / MOMENT).write_text(json.dumps(moment), encoding="utf-8")
+            (place / MOMENT_FILE).write_text(json.dumps(moment), encoding="utf-8")
             self._pool.call("picture", place)
             with open(place / PICTURE, "rb") as picture:
                 return picture.read(MAX_PICTURE_BYTES)

@@ -1,4 +1,4 @@
-"""Preview scenes: what a browser shows of a preview, made when asked for, a few at once."""
+"""Preview scenes: the 3D scene of a preview, computed on request, a few at once."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from server.files.previews import (
-    KEY,
-    OFFERS,
+    OFFERS_FILE,
+    OPTIONS_KEY,
     NoSuchPreviewError,
     Previews,
     cells_of_repair,
@@ -18,25 +18,33 @@ from server.limits.single_flight import SingleFlight
 from web.timeline.cache import Cache
 from web.viser.preview_scene import preview_scene_of
 
-AT_ONCE: Final = 2
-MOST_WAITING: Final = 8
-MOST_OF_VISITOR: Final = 3
-MOST_BYTES: Final = 32 * 2**20
-"""Bytes of scenes in the cache."""
+SCENES_AT_ONCE: Final = 2
+"""Number of preview scenes that are built at the same time; others wait. A larger value takes more
+memory. Chosen."""
+MAX_PENDING_SCENES: Final = 8
+"""Maximum number of preview scenes that are built or wait for it; more requests are refused.
+Chosen."""
+MAX_PENDING_SCENES_OF_VISITOR: Final = 3
+"""Maximum number of one visitor's scenes among them. Chosen."""
+MAX_SCENE_CACHE_BYTES: Final = 32 * 2**20
+"""Maximum size of the cached preview scenes, in bytes. Chosen."""
 
 
 class PreviewScenes:
-    """Makes the scene of each report once, while it is kept. Belongs to one event loop."""
+    """Cache of the scenes of reports. For one event loop."""
 
     def __init__(self, previews: Previews) -> None:
         self._previews = previews
-        self._cache: Cache[bytes] = Cache(MOST_BYTES, len)
+        self._cache: Cache[bytes] = Cache(MAX_SCENE_CACHE_BYTES, len)
         self._flight = SingleFlight(
-            "previews", at_once=AT_ONCE, total=MOST_WAITING, per_visitor=MOST_OF_VISITOR
+            "previews",
+            at_once=SCENES_AT_ONCE,
+            total=MAX_PENDING_SCENES,
+            per_visitor=MAX_PENDING_SCENES_OF_VISITOR,
         )
 
     def close(self) -> None:
-        """Begins nothing any more."""
+        """Start no further computation."""
         self._flight.close()
 
     async def scene(
@@ -46,7 +54,7 @@ class PreviewScenes:
 
         Args:
             preview_id: The upload's.
-            key: Of the options.
+            key: Key of the options.
             visitor: Client that asks.
             repair: Also show the cells that an offered repair for a table adds.
 
@@ -54,10 +62,10 @@ class PreviewScenes:
             NoSuchPreviewError: When there is no such upload or report.
             ServiceError: When too many scenes of the visitor are being made, or of all.
         """
-        if not KEY.fullmatch(key):
+        if not OPTIONS_KEY.fullmatch(key):
             raise NoSuchPreviewError(preview_id)
         place = await asyncio.to_thread(self._previews.place, preview_id, key)
-        name = place / OFFERS if repair else place
+        name = place / OFFERS_FILE if repair else place
         if (known := self._cache.get(name)) is not None:
             return known
         made = await self._flight.get_or_make(

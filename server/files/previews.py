@@ -1,4 +1,4 @@
-"""Previews: shapes that somebody looks at before folding, kept for a day or while there is room.
+"""Previews: shapes before they are folded, stored for a day or while there is room.
 
 A directory holds one upload; under it lies a directory for each set of options, with what they were
 (``request.json``) and what came of them (``report.json``).
@@ -22,7 +22,7 @@ from typing import Any, BinaryIO, Final
 
 from planner.chain.module import CUBE
 from planner.errors import InputError
-from planner.plan.prepared import FILE as PREPARED
+from planner.plan.prepared import PREPARED
 from server.errors import (
     NoSuch,
     ServiceError,
@@ -34,7 +34,7 @@ from server.errors import (
     not_stored,
 )
 from server.files.stored_previews import (
-    UPLOAD,
+    UPLOAD_FILE,
     HeldPreview,
     StoredPreviews,
     noted,
@@ -47,33 +47,39 @@ from server.settings import Settings
 from server.store.folds import new_id
 from server.store.object_store import Storage
 
-KEY: Final = re.compile(r"[0-9a-f]{24}")
-MOST_OPTION_SETS: Final = 400
-"""Sets of options that are stored for one upload: of its owner, and as many of all others."""
-OFFERS: Final = "offers.json"
-"""File beside a report: the versions of the shape that can fold on a table."""
-GOING: Final = ".going-"
+OPTIONS_KEY: Final = re.compile(r"[0-9a-f]{24}")
+MAX_OPTION_SETS: Final = 400
+"""Maximum number of sets of options whose previews are stored for one upload: so many of its owner,
+and so many of all others together. More are refused. Chosen."""
+OFFERS_FILE: Final = "offers.json"
+"""File beside a report with the variants of the shape that can fold on a table."""
+REMOVED_PREFIX: Final = ".going-"
 """Prefix of directories that are being removed."""
-SETTLED_S: Final = 300.0
-"""Seconds after its last use when no report is written to a preview any more. Chosen."""
-STRANGER: Final = "stranger"
-"""File beside a report that its upload's owner has not asked for."""
-BLOCK_BYTES: Final = 512
+PREVIEW_SETTLED_S: Final = 300.0
+"""Time since the last use of a preview, in s, after which its measured size is final, as no report
+is written any more. Chosen."""
+STRANGER_FILE: Final = "stranger"
+"""File that marks a report which the upload's owner has not requested."""
+STAT_BLOCK_BYTES: Final = 512
 """Bytes of a block of ``st_blocks`` (POSIX)."""
-SWEEP_EVERY_S: Final = 60.0
-SWEEP_BYTES: Final = 16 * 2**20
-"""Bytes of uploads since the last sweep after which the next one is due, or an eighth of the bound
-of all previews if that is less. Chosen."""
-UNREAD_S: Final = 60.0
-"""Seconds for which an upload without a report is not swept: it is being read. Chosen."""
-MAX_UNREAD: Final = 4
-"""Newest uploads of one visitor to which this applies: with more, a flood would stay. Chosen."""
+PREVIEW_SWEEP_S: Final = 60.0
+"""Maximum time between two sweeps of expired previews, in s. A larger value lets them occupy the
+disk longer. Chosen."""
+PREVIEW_SWEEP_BYTES: Final = 16 * 2**20
+"""Uploaded bytes after which the next sweep is due, or an eighth of the limit for all previews if
+that is less. Chosen."""
+UNREAD_UPLOAD_S: Final = 60.0
+"""Time for which a sweep spares an upload without a report, in s, because it is being read.
+Chosen."""
+MAX_PROTECTED_UPLOADS: Final = 4
+"""Maximum number of one visitor's newest uploads that a sweep spares for that reason; with more, a
+flood of uploads would stay. Chosen."""
 log = logging.getLogger("foldback.web")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShapeOptions:
-    """How a shape is to become a path, in the words of ``planner.pathfinding.options``."""
+    """Options that turn a shape into a path, as in ``planner.pathfinding.options``."""
 
     module: str = "cube"
     modules: int | None = None
@@ -94,7 +100,7 @@ class ShapeOptions:
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
     def changed(self) -> dict[str, Any]:
-        """Those that are not as they would be anyway, without the seed."""
+        """Return the options that differ from their defaults, without the seed."""
         plain = asdict(ShapeOptions())
         return {k: v for k, v in asdict(self).items() if k != "seed" and v != plain[k]}
 
@@ -113,7 +119,7 @@ class Previews:
 
     Args:
         settings: The settings.
-        storage: Where other web processes find them; None when that is on this machine.
+        storage: Object store shared with other web processes; None if files stay on this machine.
     """
 
     def __init__(self, settings: Settings, storage: Storage | None = None) -> None:
@@ -123,7 +129,7 @@ class Previews:
         if not settings.read_only:
             self._root.mkdir(parents=True, exist_ok=True)
         self._lock = threading.Lock()
-        self._swept = -SWEEP_EVERY_S
+        self._swept = -PREVIEW_SWEEP_S
         self._sweeping = False
         self._coming = 0
         self._measured: dict[str, tuple[float, HeldPreview]] = {}
@@ -132,17 +138,17 @@ class Previews:
         visitors."""
 
     def add(self, upload: Upload, visitor: str) -> str:
-        """Moves an upload of a visitor here; its id, which nobody can guess.
+        """Move a visitor's upload here; return its id, which cannot be guessed.
 
         Raises:
             NoRoom: When the disk has no room for it.
         """
         preview_id = new_id()
         with self._lock:
-            self._unread[preview_id] = time.monotonic() + UNREAD_S, visitor
+            self._unread[preview_id] = time.monotonic() + UNREAD_UPLOAD_S, visitor
         try:
             about = json.dumps({"filename": upload.filename, "visitor": visitor})
-            (upload.directory / UPLOAD).write_text(about)
+            (upload.directory / UPLOAD_FILE).write_text(about)
             os.rename(upload.directory, self._root / preview_id)
         except OSError as error:
             raise not_stored("upload", error) from error
@@ -151,7 +157,7 @@ class Previews:
         return preview_id
 
     def directory(self, preview_id: str) -> Path:
-        """Where an upload is; ids are checked before they become a path.
+        """Return the directory of an upload; ids are checked before they become a path.
 
         Raises:
             NoSuchPreviewError: When there is none.
@@ -161,12 +167,12 @@ class Previews:
             raise NoSuchPreviewError(preview_id)
         directory = self._root / preview_id
         fetch = self._elsewhere.fetch
-        if not ((directory / UPLOAD).is_file() or fetch(preview_id, directory)):
+        if not ((directory / UPLOAD_FILE).is_file() or fetch(preview_id, directory)):
             raise NoSuchPreviewError(preview_id)
         return directory
 
     def place(self, preview_id: str, key: str) -> Path:
-        """Where what came of an upload with the options of a key is, if anything did.
+        """Return the directory of an upload's preview with some options, if it exists.
 
         Raises:
             NoSuchPreviewError: When there is no such upload.
@@ -178,7 +184,7 @@ class Previews:
         return place
 
     def upload(self, preview_id: str) -> tuple[BinaryIO, str | None]:
-        """What was uploaded, open, and what it was called.
+        """Return the open upload and its name.
 
         Raises:
             NoSuchPreviewError: When there is none.
@@ -190,13 +196,13 @@ class Previews:
             raise NoSuchPreviewError(preview_id) from error
 
     def filename(self, preview_id: str) -> str | None:
-        """What an upload was called.
+        """Return the name of an upload.
 
         Raises:
             NoSuchPreviewError: When there is none, or what was noted of it is damaged.
         """
         try:
-            about = noted((self.directory(preview_id) / UPLOAD).read_bytes())
+            about = noted((self.directory(preview_id) / UPLOAD_FILE).read_bytes())
         except OSError as error:
             raise NoSuchPreviewError(preview_id) from error
         if "filename" not in about or not isinstance(about["filename"], str | None):
@@ -212,13 +218,13 @@ class Previews:
         visitor: str,
         gone: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
-        """What comes of an upload with these options; computed once.
+        """Return the report of an upload with these options; it is computed once.
 
         Args:
             preview_id: The upload's.
-            options: How it is to become a path.
-            reader: Who computes it.
-            visitor: Who asks.
+            options: Options that turn it into a path.
+            reader: Processes that compute it.
+            visitor: Visitor that requests it.
             gone: Asked often whether the one who asked has gone away.
 
         Raises:
@@ -232,8 +238,8 @@ class Previews:
         self._elsewhere.touch(directory)
         if (known := read_report(place)) is not None:
             return known
-        stranger = visitor != visitor_noted((directory / UPLOAD).read_bytes())
-        if _option_sets(directory, of_strangers=stranger) >= MOST_OPTION_SETS:
+        stranger = visitor != visitor_noted((directory / UPLOAD_FILE).read_bytes())
+        if _option_sets(directory, of_strangers=stranger) >= MAX_OPTION_SETS:
             raise TooMany(
                 "too-many-previews",
                 "Too many previews of this file; send the file again.",
@@ -244,7 +250,7 @@ class Previews:
             raise nearly_full()
         place.mkdir(exist_ok=True)
         if stranger:
-            (place / STRANGER).touch()
+            (place / STRANGER_FILE).touch()
         request = {"filename": self.filename(preview_id), **asdict(options)}
         request["time_limit_s"] = self._settings.preview_search_seconds
         (place / "request.json").write_text(json.dumps(request))
@@ -282,7 +288,7 @@ class Previews:
             preview_id: The upload's.
             options: The options of the preview that found no path.
             reader: The children that search.
-            visitor: Who asks.
+            visitor: Visitor that requests it.
             gone: True once the client has left; the search ends then.
 
         Raises:
@@ -293,28 +299,30 @@ class Previews:
         if options.world != "table" or report["has_path"]:
             return {"offers": []}
         place = self.place(preview_id, options.key)
-        if (known := _json_at(place / OFFERS)) is not None:
+        if (known := _json_at(place / OFFERS_FILE)) is not None:
             return known
         try:
             reader.call("offers", place, visitor=visitor, cancelled=gone)
         except InputError as error:
             raise Unusable.of(error) from None
         except ChildError as error:
-            if error.code != "time-limit" or not (place / OFFERS).is_file():
+            if error.code != "time-limit" or not (place / OFFERS_FILE).is_file():
                 raise _problem(error, self._settings.preview_seconds) from None
-        found = _json_at(place / OFFERS)
+        found = _json_at(place / OFFERS_FILE)
         if found is None:
             raise Unavailable("gone", "The search was cancelled, because its client disconnected.")
         self._elsewhere.keep_report(place)
         return found
 
     def there(self, preview_id: str) -> bool:
-        """Whether an upload is there still, here or where others find it.
+        """Return True if an upload still exists, here or in the object store.
 
         Raises:
             StorageError: When the storage does not answer.
         """
-        return (self._root / preview_id / UPLOAD).is_file() or self._elsewhere.there(preview_id)
+        return (self._root / preview_id / UPLOAD_FILE).is_file() or self._elsewhere.there(
+            preview_id
+        )
 
     def remove(self, preview_id: str) -> None:
         """Forget an upload and all that came of it; the next sweep removes its files.
@@ -325,11 +333,11 @@ class Previews:
         _set_aside(self._root / preview_id)
         self._elsewhere.remove(preview_id)
         with self._lock:
-            self._swept = -SWEEP_EVERY_S
+            self._swept = -PREVIEW_SWEEP_S
         self._sweep_soon()
 
     def cells(self, preview_id: str, options: ShapeOptions) -> list[list[int]] | None:
-        """The cells of cubes that came of an upload with these options, if that has been computed.
+        """Return the cube cells of an upload with these options, if they have been computed.
 
         Raises:
             NoSuchPreviewError: When there is no such upload.
@@ -355,8 +363,8 @@ class Previews:
         self._elsewhere.sweep_soon()
         with self._lock:
             self._coming += coming
-            enough = min(SWEEP_BYTES, self._settings.previews_bytes // 8)
-            due = time.monotonic() - self._swept >= SWEEP_EVERY_S or self._coming >= enough
+            enough = min(PREVIEW_SWEEP_BYTES, self._settings.previews_bytes // 8)
+            due = time.monotonic() - self._swept >= PREVIEW_SWEEP_S or self._coming >= enough
             if not due or self._sweeping:
                 return
             self._sweeping, self._coming = True, 0
@@ -378,7 +386,7 @@ class Previews:
         """
         measured: dict[str, tuple[float, HeldPreview]] = {}
         for entry in os.scandir(self._root):
-            if entry.name.startswith(GOING):  # a removal that was cut off
+            if entry.name.startswith(REMOVED_PREFIX):  # a removal that was cut off
                 shutil.rmtree(entry.path, ignore_errors=True)
             if entry.name.startswith("."):
                 continue
@@ -403,23 +411,23 @@ class Previews:
             self._unread = {name: each for name, each in self._unread.items() if each[0] > now}
             for name, (_, visitor) in self._unread.items():  # in the order of their arrival
                 newest.setdefault(visitor, []).append(name)
-        return {name for names in newest.values() for name in names[-MAX_UNREAD:]}
+        return {name for names in newest.values() for name in names[-MAX_PROTECTED_UPLOADS:]}
 
 
 def _option_sets(directory: Path, *, of_strangers: bool) -> int:
     """Return the number of sets of options of an upload's owner, or of all others."""
-    places = [entry for entry in os.scandir(directory) if KEY.fullmatch(entry.name)]
-    return sum(os.path.exists(f"{each.path}/{STRANGER}") == of_strangers for each in places)
+    places = [entry for entry in os.scandir(directory) if OPTIONS_KEY.fullmatch(entry.name)]
+    return sum(os.path.exists(f"{each.path}/{STRANGER_FILE}") == of_strangers for each in places)
 
 
 def read_report(place: Path) -> dict[str, Any] | None:
-    """The report in a directory of options, if it is there."""
+    """Return the report in a directory of options, if it exists."""
     return _json_at(place / "report.json")
 
 
 def cells_of_repair(place: Path) -> list[list[int]]:
     """Return the cells that the repair among the offers in a directory of options adds."""
-    offers = (_json_at(place / OFFERS) or {"offers": []})["offers"]
+    offers = (_json_at(place / OFFERS_FILE) or {"offers": []})["offers"]
     return next((offer["added"] for offer in offers if offer["added"]), [])
 
 
@@ -437,14 +445,18 @@ def _measure(
     """Return the time and what a directory holds; None if it is gone.
 
     Args:
-        directory: Of a preview.
+        directory: Directory of a preview.
         known: The result of an earlier look.
     """
     try:
         touched, now = directory.stat().st_mtime, time.time()
-        if known is not None and known[1].touched == touched and known[0] > touched + SETTLED_S:
+        if (
+            known is not None
+            and known[1].touched == touched
+            and known[0] > touched + PREVIEW_SETTLED_S
+        ):
             return known
-        about = directory / UPLOAD
+        about = directory / UPLOAD_FILE
         own, foreign = _sizes(directory)
         return now, HeldPreview(
             name=directory.name,
@@ -459,10 +471,10 @@ def _measure(
 
 def _sizes(directory: Path) -> tuple[int, int]:
     """Return the bytes of an upload with its owner's options, and those of strangers' options."""
-    strangers = {path.parent for path in directory.glob(f"*/{STRANGER}")}
+    strangers = {path.parent for path in directory.glob(f"*/{STRANGER_FILE}")}
     own = foreign = 0
     for path in directory.rglob("*"):
-        size = path.lstat().st_blocks * BLOCK_BYTES
+        size = path.lstat().st_blocks * STAT_BLOCK_BYTES
         if strangers & {path, path.parent}:
             foreign += size
         else:
@@ -477,7 +489,7 @@ def _remove(directory: Path) -> None:
 
 def _set_aside(directory: Path) -> Path:
     """Give a preview a name under which no reader sees it; return that path."""
-    going = directory.with_name(f"{GOING}{directory.name}-{new_id()}")
+    going = directory.with_name(f"{REMOVED_PREFIX}{directory.name}-{new_id()}")
     with suppress(OSError):  # another process has removed it
         directory.rename(going)
     return going

@@ -22,11 +22,14 @@ from server.settings import Settings
 from server.store.folds import new_id
 from server.store.object_store import Storage, StorageError
 
-ROOT: Final = "previews"
-UPLOAD: Final = "upload.json"
-SWEEP_EVERY_S: Final = 600.0
-TOUCHES: Final = 8
-"""Times, while a preview is stored, that a look at it is noted there."""
+PREVIEWS_KEY: Final = "previews"
+UPLOAD_FILE: Final = "upload.json"
+STORED_SWEEP_S: Final = 600.0
+"""Time between two sweeps of expired previews in the object store, in s. A larger value occupies
+storage longer; a smaller one lists it more often. Chosen."""
+TOUCHES_PER_LIFETIME: Final = 8
+"""Number of times in a preview's lifetime that an access to it is recorded. A larger value writes
+more often; with a smaller one a preview may expire earlier after its last use. Chosen."""
 log = logging.getLogger("foldback.web")
 
 
@@ -55,7 +58,7 @@ def superfluous(
     *,
     now: float,
 ) -> list[str]:
-    """Names of the previews that go: old ones, and the oldest of whoever holds too much.
+    """Return the previews to remove: expired ones, and the oldest of visitors with too many.
 
     Where all together are too many, the one who holds most loses his own first.
 
@@ -99,7 +102,7 @@ def superfluous(
 
 
 def noted(about: bytes | None) -> dict[str, Any]:
-    """What ``upload.json`` says of an upload; nothing when it is missing or damaged."""
+    """Return the values in ``upload.json``; none if it is missing or damaged."""
     try:
         found = json.loads(about or b"{}")
     except (ValueError, RecursionError):  # whatever computed there wrote it
@@ -108,7 +111,7 @@ def noted(about: bytes | None) -> dict[str, Any]:
 
 
 def visitor_noted(about: bytes | None) -> str:
-    """Whose upload it is, as ``upload.json`` has it; nobody's of one that is older."""
+    """Return the visitor of an upload in ``upload.json``; None of older uploads."""
     return str(noted(about).get("visitor", ""))
 
 
@@ -117,40 +120,40 @@ class StoredPreviews:
 
     Args:
         settings: The settings.
-        storage: Where files are kept; None when that is on this machine.
+        storage: Object store; None if files stay on this machine.
     """
 
     def __init__(self, settings: Settings, storage: Storage | None) -> None:
         self._settings = settings
         self._storage = storage
         self._lock = threading.Lock()
-        self._swept = -SWEEP_EVERY_S
+        self._swept = -STORED_SWEEP_S
         self._visitors: dict[str, str] = {}
         """Whose those in the storage are, as far as it was asked for."""
 
     def keep(self, preview_id: str, directory: Path) -> None:
-        """Keeps an upload; its directory is gone when that fails.
+        """Store an upload; remove its directory if that fails.
 
         Raises:
             StorageError: When the storage does not answer.
         """
         if self._storage is not None:
             try:
-                self._keep(f"{ROOT}/{preview_id}", directory)
+                self._keep(f"{PREVIEWS_KEY}/{preview_id}", directory)
             except StorageError:
                 shutil.rmtree(directory, ignore_errors=True)
                 raise
 
     def keep_report(self, place: Path) -> None:
-        """Keeps what came of an upload's options; others compute it anew if that fails."""
+        """Store the report of an upload's options; if that fails, others compute it again."""
         if self._storage is not None:
             try:
-                self._keep(f"{ROOT}/{place.parent.name}/{place.name}", place)
+                self._keep(f"{PREVIEWS_KEY}/{place.parent.name}/{place.name}", place)
             except StorageError as error:
                 log.warning("a preview's report could not be stored: %s", error)
 
     def fetch(self, preview_id: str, directory: Path) -> bool:
-        """Brings an upload and its reports here, whole or not at all; False when there is none.
+        """Fetch an upload and its reports, whole or not at all; False if there is none.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -159,9 +162,9 @@ class StoredPreviews:
             return False
         aside = directory.with_name(f".{preview_id}.{new_id()}")
         try:
-            if not self._storage.fetch(f"{ROOT}/{preview_id}", aside):
+            if not self._storage.fetch(f"{PREVIEWS_KEY}/{preview_id}", aside):
                 return False
-            if not (aside / UPLOAD).is_file():  # it is being removed just now
+            if not (aside / UPLOAD_FILE).is_file():  # it is being removed just now
                 return False
             with suppress(OSError):  # another request was quicker
                 aside.rename(directory)
@@ -170,67 +173,70 @@ class StoredPreviews:
         return True
 
     def there(self, preview_id: str) -> bool:
-        """Whether an upload is kept.
+        """Return True if an upload is stored.
 
         Raises:
             StorageError: When the storage does not answer.
         """
         if self._storage is None:
             return False
-        return self._storage.read(f"{ROOT}/{preview_id}/{UPLOAD}") is not None
+        return self._storage.read(f"{PREVIEWS_KEY}/{preview_id}/{UPLOAD_FILE}") is not None
 
     def remove(self, preview_id: str) -> None:
-        """Forgets an upload, as soon as other web processes have lost their copies.
+        """Remove an upload once other web processes have dropped their copies.
 
         Raises:
             StorageError: When the storage does not answer.
         """
         if self._storage is not None:
-            self._storage.remove(f"{ROOT}/{preview_id}")
+            self._storage.remove(f"{PREVIEWS_KEY}/{preview_id}")
 
     def fetch_report(self, place: Path) -> None:
-        """Brings what came of an upload's options here, if that is known elsewhere.
+        """Fetch the report of an upload's options, if it is stored elsewhere.
 
         Raises:
             StorageError: When the storage does not answer.
         """
         if self._storage is not None:
-            self._storage.fetch(f"{ROOT}/{place.parent.name}/{place.name}", place)
+            self._storage.fetch(f"{PREVIEWS_KEY}/{place.parent.name}/{place.name}", place)
 
     def touch(self, directory: Path) -> None:
-        """Notes now and then that somebody looks at a preview, so that it is kept."""
+        """Record from time to time that a preview is used, so that it does not expire."""
         if self._storage is None:
             return
-        upload = directory / UPLOAD
+        upload = directory / UPLOAD_FILE
         try:
-            if abs(time.time() - upload.stat().st_mtime) > self._settings.preview_keep_s / TOUCHES:
+            if (
+                abs(time.time() - upload.stat().st_mtime)
+                > self._settings.preview_keep_s / TOUCHES_PER_LIFETIME
+            ):
                 os.utime(upload)
-                self._storage.keep_file(f"{ROOT}/{directory.name}/{UPLOAD}", upload)
+                self._storage.keep_file(f"{PREVIEWS_KEY}/{directory.name}/{UPLOAD_FILE}", upload)
         except (StorageError, OSError) as error:
             log.warning("a preview's time of use could not be updated: %s", error)
 
     def sweep_soon(self) -> None:
-        """Sweeps in a thread of its own, unless that was done lately."""
+        """Sweep in a separate thread, unless that was done recently."""
         with self._lock:
             now = time.monotonic()
-            if self._storage is None or now - self._swept < SWEEP_EVERY_S:
+            if self._storage is None or now - self._swept < STORED_SWEEP_S:
                 return
             self._swept = now
         threading.Thread(target=self._sweep, name="previews", daemon=True).start()
 
     def sweep(self) -> None:
-        """Forgets what is old, and the oldest while there is too much.
+        """Remove expired previews, and the oldest while there are too many.
 
         Raises:
             StorageError: When the storage does not answer.
         """
         if self._storage is None:
             return
-        ages = self._storage.ages(ROOT)
+        ages = self._storage.ages(PREVIEWS_KEY)
         self._visitors = {
             name: visitor
             if (visitor := self._visitors.get(name)) is not None
-            else visitor_noted(self._storage.read(f"{ROOT}/{name}/{UPLOAD}"))
+            else visitor_noted(self._storage.read(f"{PREVIEWS_KEY}/{name}/{UPLOAD_FILE}"))
             for name in ages
         }
         held = [
@@ -238,7 +244,7 @@ class StoredPreviews:
             for name, (changed, size) in ages.items()
         ]
         for name in superfluous(held, self._settings, now=time.time()):
-            self._storage.remove(f"{ROOT}/{name}")
+            self._storage.remove(f"{PREVIEWS_KEY}/{name}")
 
     def _sweep(self) -> None:
         try:

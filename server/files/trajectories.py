@@ -1,4 +1,4 @@
-"""Trajectories: retimed plans, worked out in a child process, the last few kept by their bytes.
+"""Trajectories: retimed plans, computed in a child process, and cached.
 
 What the child has made is mapped from files that have no name any more by then: the parts of a long
 trajectory that nobody looks at take no memory, and its disk is free with its last user.
@@ -19,26 +19,30 @@ from server.errors import NoRoom, NotFound, ServiceError, TooLarge, Unavailable,
 from server.limits.quota import Permit, Quota
 from server.limits.single_flight import SingleFlight
 from server.processes.children import ChildError, Pool
-from server.processes.scratch import MOTORS, PLAN, Scratch
+from server.processes.scratch import MOTORS_FILE, PLAN, Scratch
 from web.timeline.cache import Cache
 
 if TYPE_CHECKING:
     from planner.robot.trajectory import Trajectory
 
-KEPT_BYTES: Final = 128 * 2**20
-"""Bytes of trajectories in the cache that nobody may be using."""
-USED_BYTES: Final = 2**30
-"""Bytes of all trajectories, with those of robots that are being driven."""
-CLEARANCES: Final = 1024
-"""Maximum number of clearances of rows in the cache. Chosen."""
+MAX_IDLE_TRAJECTORY_BYTES: Final = 128 * 2**20
+"""Maximum size of the cached trajectories that no request is using, in bytes. A smaller value
+computes them again more often. Chosen."""
+MAX_TRAJECTORY_BYTES: Final = 2**30
+"""Maximum size of all trajectories in memory, in bytes, with those of robots that are being driven;
+more are refused. Chosen."""
+MAX_CACHED_CLEARANCES: Final = 1024
+"""Maximum number of cached clearances of exported rows. Chosen."""
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
 """Trajectories that are being sent, which may take those who take them a while; in all and to one
 address."""
-LARGEST_TABLE: Final = 32 * 2**20
-"""Bytes of a table of motors; 12 000 modules take about 5 MB."""
-PIECE_BYTES: Final = 2**20
-LARGEST_PLAN: Final = 64 * 2**20
-"""Bytes of a plan that is retimed here; a larger one is for the command line."""
+MAX_MOTOR_TABLE_BYTES: Final = 32 * 2**20
+"""Maximum size of a table of motors, in bytes; 12 000 modules take about 5 MB. Chosen."""
+TRAJECTORY_CHUNK_BYTES: Final = 2**20
+"""Bytes of a trajectory that are sent at once. Chosen."""
+MAX_RETIMED_PLAN_BYTES: Final = 64 * 2**20
+"""Maximum size of a plan that the service retimes, in bytes; larger ones are left to the command
+line. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,18 +65,19 @@ class Wanted:
 
     @classmethod
     def of(cls, plan: Path, max_speed: float, max_acceleration: float) -> Wanted:
-        """Looks at the plan's file.
+        """Return the request for a plan's file, with its current size and time.
 
         Raises:
             OSError: When there is none.
             TooLarge: When it is too large.
         """
         found = plan.stat()
-        if found.st_size > LARGEST_PLAN:
+        if found.st_size > MAX_RETIMED_PLAN_BYTES:
             raise TooLarge(
                 "too-large",
                 f"got a plan of {megabytes(found.st_size)}, expected at most "
-                f"{megabytes(LARGEST_PLAN)}; download plan.npz and use `foldback retime`.",
+                f"{megabytes(MAX_RETIMED_PLAN_BYTES)}; download plan.npz and "
+                "use `foldback retime`.",
             )
         return cls(
             plan=plan,
@@ -83,7 +88,7 @@ class Wanted:
         )
 
     def request(self) -> dict[str, Any]:
-        """As the child is told, which finds the plan itself beside it."""
+        """Return the request for the computing process, which finds the plan in its directory."""
         return {
             "max_speed": self.max_speed,
             "max_acceleration": self.max_acceleration,
@@ -92,14 +97,14 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorsWanted:
-    """What robot a table of motors is for, and how it is written.
+    """Robot of a table of motors, and the table's format.
 
     Attributes:
         module_mass_kg: Mass of a module.
         pitch_m: Distance of neighbouring modules; the plan's when None.
         gravity_m_s2: Gravity.
-        held: Whether the root module is held still.
-        motor_torque_nm: What a motor can give; None when nobody said.
+        held: True if the root module is fixed.
+        motor_torque_nm: Torque limit of a motor, N·m; None if not given.
         form: ``csv`` or ``json``.
     """
 
@@ -121,16 +126,16 @@ class Retimed:
 
 
 class Trajectories:
-    """Has plans retimed. Belongs to one event loop; whoever waits holds no thread.
+    """Cache of retimed plans. For one event loop; waiting requests hold no thread.
 
     Args:
         pool: Children that retime.
-        motions: Where they write.
-        scratch: Where what they have written is kept, out of their reach.
-        total: How many trajectories and tables may be made or wait for it.
-        per_visitor: How many of these one visitor may have.
-        kept_bytes: Of trajectories that are kept for those who come next.
-        used_bytes: Of those and of all that are in use.
+        motions: Directory that the computing processes write to.
+        scratch: Directory for their results, which they cannot access.
+        total: Maximum number of trajectories and tables that are computed or wait for it.
+        per_visitor: Maximum number of one visitor's among them.
+        kept_bytes: Maximum size of cached trajectories that are not in use, bytes.
+        used_bytes: Maximum size of all trajectories, with those in use, bytes.
     """
 
     def __init__(
@@ -141,8 +146,8 @@ class Trajectories:
         *,
         total: int,
         per_visitor: int,
-        kept_bytes: int = KEPT_BYTES,
-        used_bytes: int = USED_BYTES,
+        kept_bytes: int = MAX_IDLE_TRAJECTORY_BYTES,
+        used_bytes: int = MAX_TRAJECTORY_BYTES,
     ) -> None:
         self._pool = pool
         self._motions = motions
@@ -150,7 +155,7 @@ class Trajectories:
         self._flight = SingleFlight("motions", at_once=1, total=total, per_visitor=per_visitor)
         self._streams = Quota("motions", total=STREAMS, per_visitor=STREAMS_OF_ADDRESS)
         self._cache: Cache[Retimed] = Cache(kept_bytes, lambda kept: kept.trajectory.nbytes)
-        self._clearances: Cache[dict[str, Any]] = Cache(CLEARANCES, lambda _: 1)
+        self._clearances: Cache[dict[str, Any]] = Cache(MAX_CACHED_CLEARANCES, lambda _: 1)
         self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()
         self._used_bytes = used_bytes
 
@@ -162,12 +167,12 @@ class Trajectories:
         return sum(shared.values()) + sum(t.nbytes - t.path.frames.nbytes for t in found)
 
     def close(self) -> None:
-        """Ends the children."""
+        """End the children."""
         self._flight.close()
         self._pool.close()
 
     async def of(self, wanted: Wanted, visitor: str) -> Retimed:
-        """The trajectory that is wanted; worked out once for all who want it.
+        """Return the requested trajectory; it is computed once for all concurrent requests.
 
         Raises:
             ServiceError: When it takes too much, too many wait or are in use, or
@@ -192,19 +197,19 @@ class Trajectories:
         return known
 
     async def motors(self, wanted: Wanted, motors: MotorsWanted, visitor: str) -> bytes:
-        """The torques that a trajectory needs, as ``planner.robot.motors.MotorTable`` writes them.
+        """Return the torques that a trajectory needs, as ``MotorTable`` writes them.
 
         Raises:
-            ServiceError: As ``of``.
+            ServiceError: See ``of``.
             InputError: When the plan cannot be retimed, or the motors cannot be built.
         """
 
         def made() -> bytes:
             with self._motions.directory() as place:
                 self._call("motors", place, wanted, {**wanted.request(), **asdict(motors)})
-                with open(place / MOTORS, "rb") as table:
-                    found = table.read(LARGEST_TABLE + 1)
-                if len(found) > LARGEST_TABLE:
+                with open(place / MOTORS_FILE, "rb") as table:
+                    found = table.read(MAX_MOTOR_TABLE_BYTES + 1)
+                if len(found) > MAX_MOTOR_TABLE_BYTES:
                     raise _too_large()
                 return found
 
@@ -216,7 +221,7 @@ class Trajectories:
         """Return least clearance and bound, in pitches, of rows joined by straight motions.
 
         Raises:
-            ServiceError: As ``of``; ``rows-overlap`` when modules overlap between the rows.
+            ServiceError: See ``of``; ``rows-overlap`` if modules overlap between the rows.
             InputError: When the plan cannot be retimed.
         """
 
@@ -242,7 +247,7 @@ class Trajectories:
         return told["min_clearance"], told["clearance_bound"]
 
     def stream(self, address: str) -> Permit:
-        """A permit to send a trajectory.
+        """Return a permit to send a trajectory.
 
         Raises:
             TooMany: When as many are being sent as there may be.
@@ -289,20 +294,20 @@ class Trajectories:
 
 
 def _copy(source: Path, target: Path, most: int) -> None:
-    """Copies a file that may still grow.
+    """Copy a file that may still grow.
 
     Raises:
         TooLarge: When it has more bytes than ``most``.
     """
     with open(source, "rb") as read, open(target, "wb") as written:
-        while piece := read.read(PIECE_BYTES):
+        while piece := read.read(TRAJECTORY_CHUNK_BYTES):
             if written.tell() + len(piece) > most:
                 raise _too_large()
             written.write(piece)
 
 
 def _loaded(directory: Path, most: int) -> Trajectory:
-    """The trajectory in a directory.
+    """Return the trajectory in a directory.
 
     Raises:
         ServiceError: When it unpacks to more bytes than ``most``, or is none.

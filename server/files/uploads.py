@@ -1,4 +1,4 @@
-"""Uploads: what comes in, on disk from its first bytes on, until it is accepted or forgotten.
+"""Uploads: on disk from the first bytes on, until they are accepted or removed.
 
 Each process has a directory of its own under ``uploads_dir``, held by a lock for as long as the
 process lives; what dead processes have left there was never acknowledged, and is swept away.
@@ -21,8 +21,9 @@ from server.errors import nearly_full, not_stored
 from server.settings import Settings
 from server.store.folds import new_id
 
-PIECE_BYTES: Final = 2**18
-LOCK: Final = "lock"
+UPLOAD_CHUNK_BYTES: Final = 2**18
+"""Bytes of an upload that are read and hashed at once. Chosen."""
+LOCK_FILE: Final = "lock"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +32,7 @@ class Upload:
 
     Attributes:
         directory: Holds the file ``input``, which is safe on disk.
-        filename: What it was called, if anything.
+        filename: Name of the uploaded file, if any.
         digest: SHA-256 of the file.
         size: Its bytes.
     """
@@ -68,7 +69,7 @@ class Uploads:
         return self._place
 
     def close(self) -> None:
-        """Forgets what is left and lets go of the directory."""
+        """Remove the remaining files and release the directory."""
         if tempfile.tempdir == str(self._place):
             tempfile.tempdir = self._spooled_before
         shutil.rmtree(self._place, ignore_errors=True)
@@ -77,7 +78,7 @@ class Uploads:
 
     @contextmanager
     def stored(self, source: BinaryIO, filename: str | None) -> Generator[Upload]:
-        """Copies a file to the disk, piece by piece; forgotten at the end unless it was moved.
+        """Copy a file to the disk in chunks; remove it at the end unless it was moved.
 
         Raises:
             NoRoom: When the disk has no room for it.
@@ -100,10 +101,10 @@ class Uploads:
 
 
 def _copied(source: BinaryIO, path: Path) -> tuple[str, int]:
-    """Copies a file and has the disk keep it; its digest and size."""
+    """Copy a file durably; return its digest and size."""
     digest, size = hashlib.sha256(), 0
     with open(path, "xb") as file:
-        while piece := source.read(PIECE_BYTES):
+        while piece := source.read(UPLOAD_CHUNK_BYTES):
             digest.update(piece)
             size += file.write(piece)
         file.flush()
@@ -112,20 +113,20 @@ def _copied(source: BinaryIO, path: Path) -> tuple[str, int]:
 
 
 def _made(place: Path) -> IO[str]:
-    """A directory that others leave alone while its lock, which comes back, is open.
+    """Create a directory that sweeps spare while its returned lock is open.
 
     It gets its name when it is locked: nobody may find it before.
     """
     aside = place.with_name(f".{place.name}")
     aside.mkdir(mode=0o700)
-    lock = open(aside / LOCK, "w")  # noqa: SIM115 (held for the life of the process)
+    lock = open(aside / LOCK_FILE, "w")  # noqa: SIM115 (held for the life of the process)
     flock(lock, LOCK_EX | LOCK_NB)
     aside.rename(place)
     return lock
 
 
 def _sweep(root: Path) -> None:
-    """Removes what nobody holds."""
+    """Remove directories without a lock holder."""
     for left in root.iterdir():
         if left.name.startswith("."):
             continue  # just being made
@@ -136,9 +137,9 @@ def _sweep(root: Path) -> None:
 
 
 def _held(place: Path) -> bool:
-    """Whether a living process has the lock of a directory."""
+    """Return True if a living process holds the lock of a directory."""
     try:
-        with open(place / LOCK) as lock:
+        with open(place / LOCK_FILE) as lock:
             flock(lock, LOCK_EX | LOCK_NB)
     except BlockingIOError:
         return True

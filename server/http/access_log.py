@@ -14,17 +14,18 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from server.ops.logs import from_now_on_about
 from server.ops.metrics import Metrics
 
-REQUEST_ID: Final = "X-Request-ID"
-SANE_ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
-FOLD_ID: Final = re.compile(r"[A-Za-z0-9]{1,32}")
-METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
-UNKNOWN: Final = "unknown"
-LONGEST_PATH: Final = 200
+REQUEST_ID_HEADER: Final = "X-Request-ID"
+REQUEST_ID_PATTERN: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
+LOGGED_FOLD_ID: Final = re.compile(r"[A-Za-z0-9]{1,32}")
+LOGGED_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+UNKNOWN_ROUTE: Final = "unknown"
+MAX_LOGGED_PATH: Final = 200
+"""Maximum length of a path in the access log, in characters; the rest is cut off. Chosen."""
 log = logging.getLogger("foldback.access")
 
 
 class Access:
-    """Gives every request an id, which its answer carries as ``X-Request-ID``; logs and counts it.
+    """Middleware that gives every request an id (``X-Request-ID``), logs and counts it.
 
     One that comes in is kept when it is sane, so that a proxy's log and this one can be joined. The
     query is never logged, nor who asked; of the path, which route it is. Only where there is no
@@ -36,7 +37,7 @@ class Access:
         self._metrics = metrics
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] == "websocket":
             with self._metrics.websocket():
                 await self._app(scope, receive, send)
@@ -44,8 +45,8 @@ class Access:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        came = Headers(scope=scope).get(REQUEST_ID, "")
-        request_id = came if SANE_ID.fullmatch(came) else uuid.uuid4().hex
+        came = Headers(scope=scope).get(REQUEST_ID_HEADER, "")
+        request_id = came if REQUEST_ID_PATTERN.fullmatch(came) else uuid.uuid4().hex
         scope.setdefault("state", {})["request_id"] = request_id
         # Not taken back at the end: what the server says of a failure is said outside of here.
         from_now_on_about(request=request_id)
@@ -56,7 +57,7 @@ class Access:
             nonlocal status, cut
             if message["type"] == "http.response.start":
                 status = message["status"]
-                MutableHeaders(scope=message)[REQUEST_ID] = request_id
+                MutableHeaders(scope=message)[REQUEST_ID_HEADER] = request_id
             elif message["type"] == "http.response.body" and not message.get("more_body", False):
                 cut = False
             await send(message)
@@ -69,32 +70,32 @@ class Access:
                 self._tell(scope, status, time.perf_counter() - began, cut=cut)
 
     def _tell(self, scope: Scope, status: int, seconds: float, *, cut: bool) -> None:
-        method = scope["method"] if scope["method"] in METHODS else "other"
+        method = scope["method"] if scope["method"] in LOGGED_METHODS else "other"
         route = route_of(scope)
         self._metrics.count(method=method, route=route, status=status, seconds=seconds)
         fold_id = str(scope.get("path_params", {}).get("fold_id", ""))
-        place = route if route != UNKNOWN else scope["path"][:LONGEST_PATH]
+        place = route if route != UNKNOWN_ROUTE else scope["path"][:MAX_LOGGED_PATH]
         log.info(
             "%s %s %d in %.1f ms%s",
             *(method, place, status, 1e3 * seconds, ", cut off" if cut else ""),
             extra={
                 "method": method,
                 "route": route,
-                "path": place if route == UNKNOWN else None,
+                "path": place if route == UNKNOWN_ROUTE else None,
                 "status": status,
                 "duration_ms": round(1e3 * seconds, 1),
-                "fold": fold_id if FOLD_ID.fullmatch(fold_id) else None,
+                "fold": fold_id if LOGGED_FOLD_ID.fullmatch(fold_id) else None,
             },
         )
 
 
 def route_of(scope: Scope) -> str:
-    """The template of the route that answered, as ``/folds/{fold_id}``, or ``UNKNOWN``."""
+    """Return the template of the answering route, as ``/folds/{fold_id}``, or unknown."""
     found = getattr(scope.get("route"), "path", None)
-    return found if isinstance(found, str) else UNKNOWN
+    return found if isinstance(found, str) else UNKNOWN_ROUTE
 
 
 def request_id_of(scope: Scope) -> dict[str, str]:
-    """The header that names a request, for an answer that is made outside of ``Access``."""
+    """Return the header that names a request, for an answer that is made outside of ``Access``."""
     found = scope.get("state", {}).get("request_id")
-    return {REQUEST_ID: found} if found else {}
+    return {REQUEST_ID_HEADER: found} if found else {}

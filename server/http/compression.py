@@ -1,4 +1,4 @@
-"""Compression: what is the same for everybody is packed once, for all browsers that take it so.
+"""Compression: files that are the same for all are compressed once.
 
 Answers that are made for one question are left to what stands in front of the service. Where a
 secret and a stranger's words share an answer, its packed length tells of the secret; what is packed
@@ -16,19 +16,19 @@ from typing import Final, Self
 from fastapi import Request
 from fastapi.responses import Response
 
-WORTH: Final = 0.9
-"""What is packed is sent so when it is smaller than this part of what it was."""
+MAX_COMPRESSED_FRACTION: Final = 0.9
+"""Gzip is sent only if it is below this fraction of the original size. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asset:
-    """What a browser is sent until the service is another one.
+    """File that does not change while the service runs.
 
     Attributes:
-        data: As it is.
-        packed: The same by gzip; None where that is hardly less.
+        data: The uncompressed bytes.
+        packed: The bytes compressed by gzip; None if they are hardly smaller.
         kind: Its media type.
-        etag: Changes with it.
+        etag: Changes with its content.
     """
 
     data: bytes
@@ -38,17 +38,17 @@ class Asset:
 
     @classmethod
     def of(cls, data: bytes, kind: str) -> Self:
-        """Packs something."""
+        """Return the asset with its compressed form."""
         packed = gzip.compress(data, mtime=0)
         return cls(
             data=data,
-            packed=packed if len(packed) < WORTH * len(data) else None,
+            packed=packed if len(packed) < MAX_COMPRESSED_FRACTION * len(data) else None,
             kind=kind,
             etag=hashlib.sha256(data).hexdigest()[:20],
         )
 
     def response(self, request: Request, headers: Mapping[str, str] | None = None) -> Response:
-        """The answer to somebody, who may have it already; ``headers`` besides its own."""
+        """Return the answer, or 304 if the client has it; with ``headers`` besides its own."""
         takes = "gzip" in request.headers.get("accept-encoding", "")
         packed = self.packed if takes else None
         told = {

@@ -21,7 +21,7 @@ from server.http.event_rate import (
     GatedTransport,
     Pace,
 )
-from server.http.request_rate import EXEMPT
+from server.http.request_rate import EXEMPT_PATH
 from server.http.websocket_protocol import BoundedWebSocket
 from server.limits.networks import visitor_at
 from server.limits.quota import Permit, Quota
@@ -29,19 +29,23 @@ from server.limits.quota import Permit, Quota
 if TYPE_CHECKING:
     from server.settings import Settings
 
-LOOK_EVERY_S: Final = 2.0
+CONNECTION_POLL_S: Final = 2.0
+"""Maximum time between two checks of the open connections for expired time limits, in s. Chosen."""
 MAX_HEADER_FIELDS: Final = 100
-"""Maximum number of header fields of a request, as in other servers; more get 400."""
+"""Maximum number of header fields of a request, as in other servers; a request with more is
+answered with 400."""
 SPARE_CONNECTIONS: Final = 64
-"""Connections beyond the total that may ask for ``/health`` alone. Chosen."""
+"""Number of connections beyond the limit that may request ``/health`` only, so that monitoring gets
+through. Chosen."""
 SPARE_CONNECTIONS_OF_VISITOR: Final = 4
-SPARE_S: Final = 2.0
-"""Seconds after which such a connection is ended. Chosen."""
+"""Maximum number of one visitor's connections among them. Chosen."""
+SPARE_CONNECTION_S: Final = 2.0
+"""Time after which such a connection is closed, in s. Chosen."""
 log = logging.getLogger("foldback.serve")
 
 
 class Connections:
-    """Counts connections by the visitors and networks that they come from."""
+    """Counts of connections by visitor and network."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -137,7 +141,7 @@ class _BoundedProtocol(H11Protocol):
             return
         if self._spare:
             self.app = _only_health(self.app)
-            self._looking = self.loop.call_later(SPARE_S, transport.abort)
+            self._looking = self.loop.call_later(SPARE_CONNECTION_S, transport.abort)
             return
         _bound_unacknowledged(transport, self.bounds.settings.unread_seconds)
         self._since = self.loop.time()
@@ -202,7 +206,7 @@ class _BoundedProtocol(H11Protocol):
             )
             self.transport.abort()
             return
-        every = min(LOOK_EVERY_S, settings.header_seconds / 4, settings.unread_seconds / 4)
+        every = min(CONNECTION_POLL_S, settings.header_seconds / 4, settings.unread_seconds / 4)
         self._looking = self.loop.call_later(every, self._look)
 
 
@@ -210,7 +214,7 @@ def _only_health(app: Any) -> Any:
     """Return an application that answers ``/health`` alone."""
 
     async def answer(scope: Any, receive: Any, send: Any) -> None:
-        await (app if scope["path"] == EXEMPT else service_unavailable)(scope, receive, send)
+        await (app if scope["path"] == EXEMPT_PATH else service_unavailable)(scope, receive, send)
 
     return answer
 

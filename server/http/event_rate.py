@@ -20,23 +20,28 @@ if TYPE_CHECKING:
     from server.settings import Settings
 
 SLICE_EVENTS: Final = 64
-"""Events that one connection may cause in one turn of the event loop, about 2 ms. Chosen."""
+"""Maximum number of events that one connection processes in one turn of the event loop, about 2 ms.
+A larger value delays other connections. Chosen."""
 REQUEST_EVENTS: Final = 20
-"""Events that one request counts as: answering costs about 0.5 ms, an event 0.025 ms. Measured."""
+"""Number of events that one request counts as: answering costs about 0.5 ms, an event 0.025 ms.
+Measured."""
 HEADER_FIELDS_PER_EVENT: Final = 4
-RESERVE: Final = 2.0
-"""Events per second of a visitor as a multiple of those that its rate of requests takes. Chosen."""
-BURST_S: Final = 5.0
-"""Seconds of its rate that a visitor or a connection may spend at once. A larger value holds others
-up for longer: all of it costs about 0.5 s. Chosen."""
-MIN_BURST: Final = 1000.0
-"""Events that are possible at once however low the rate is. Chosen."""
+"""Number of header fields that count as one event. Larger values let requests with many fields take
+more processor time. Chosen."""
+EVENT_RATE_RESERVE: Final = 2.0
+"""Events per second that a visitor may cause, as a multiple of those of its permitted requests per
+second. A larger value lets a flood take more processor time. Chosen."""
+EVENT_BURST_S: Final = 5.0
+"""Seconds of its rate that a visitor or a connection may use up at once. A larger value delays
+others longer: all of it takes about 0.5 s. Chosen."""
+MIN_BURST_EVENTS: Final = 1000.0
+"""Minimum number of events that are possible at once, however low the rate. Chosen."""
 CONNECTION_FRACTION: Final = 0.25
-"""Rate of one connection as a fraction of its visitor's: 1000 events per second by default, 2.5
-times the messages that a robot may send. Requests count for the visitor alone. Chosen."""
+"""Event rate of one connection as a fraction of its visitor's: 1000 events per second by default,
+2.5 times the messages that a robot may send. Requests count for the visitor only. Chosen."""
 VISITORS_AT_FULL_RATE: Final = 4
-"""Visitors that may use their whole rate at the same time; more of them share it. Chosen."""
-ALL: Final = "all"
+"""Number of visitors that may use their full event rate at the same time; more share it. Chosen."""
+ALL_VISITORS: Final = "all"
 
 
 class EventBudget:
@@ -47,17 +52,17 @@ class EventBudget:
     """
 
     def __init__(self, settings: Settings) -> None:
-        rate = RESERVE * REQUEST_EVENTS * settings.requests_per_second_of_visitor
-        burst = max(BURST_S * rate, MIN_BURST)
+        rate = EVENT_RATE_RESERVE * REQUEST_EVENTS * settings.requests_per_second_of_visitor
+        burst = max(EVENT_BURST_S * rate, MIN_BURST_EVENTS)
         self.connection_rate = CONNECTION_FRACTION * rate
-        self.connection_burst = max(BURST_S * self.connection_rate, MIN_BURST)
+        self.connection_burst = max(EVENT_BURST_S * self.connection_rate, MIN_BURST_EVENTS)
         self._visitors = TokenBuckets(rate, burst)
         self._all = TokenBuckets(VISITORS_AT_FULL_RATE * rate, VISITORS_AT_FULL_RATE * burst)
         self._light = burst / 2
 
     def charge(self, visitor: str | None, events: float) -> float:
         """Count events and return the seconds for which the visitor's connection must pause."""
-        shared_s = self._all.charge(ALL, events)
+        shared_s = self._all.charge(ALL_VISITORS, events)
         if visitor is None:
             return 0.0
         own_s = self._visitors.charge(visitor, events)
@@ -126,7 +131,7 @@ class GatedTransport:
 
 
 class Pace:
-    """Counts the events of one connection and holds its transport while there are too many.
+    """Event count of one connection; it pauses the transport above the permitted rate.
 
     Args:
         transport: The connection.

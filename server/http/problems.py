@@ -28,7 +28,7 @@ from planner.errors import DamagedError, InputError
 from planner.pipeline.request import Request as Asked
 from server import errors
 from server.errors import (
-    FULL_RETRY_S,
+    FULL_DISK_RETRY_S,
     NoRoom,
     NoSuch,
     ServiceError,
@@ -40,12 +40,14 @@ from server.http.access_log import request_id_of
 from server.messages import message_for_people
 from server.store.object_store import StorageError
 
-MEDIA_TYPE: Final = "application/problem+json"
-DISK_ERRORS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
+DISK_ERRNOS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 DATABASE_RETRY_S: Final = 5
+"""``Retry-After`` of an answer while the database cannot be reached, in s. Chosen."""
 STORAGE_RETRY_S: Final = 5
+"""``Retry-After`` of an answer while the object store cannot be reached, in s. Chosen."""
 log = logging.getLogger("foldback.web")
-STATUSES: Final[Mapping[type, int]] = {
+HTTP_STATUSES: Final[Mapping[type, int]] = {
     errors.Malformed: 400,
     errors.Unidentified: 401,
     errors.Forbidden: 403,
@@ -60,12 +62,12 @@ STATUSES: Final[Mapping[type, int]] = {
     errors.Damaged: 500,
     errors.NoRoom: 507,
 }
-HEADERS: Final[Mapping[int, Mapping[str, str]]] = {
+STATUS_HEADERS: Final[Mapping[int, Mapping[str, str]]] = {
     401: {"WWW-Authenticate": "Bearer"},
     426: {"Upgrade": "websocket"},
 }
-"""Headers that HTTP asks for with a status."""
-CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
+"""Headers that HTTP requires with a status."""
+PROBLEM_CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,8 +77,8 @@ class Problem:
     Attributes:
         status: The HTTP status.
         code: Short stable word for programs.
-        detail: What was found, what was expected, what to do.
-        where: Where in the input, or None.
+        detail: Value found, value expected, remedy.
+        where: Position in the input, or None.
         headers: Further headers of the answer.
     """
 
@@ -88,8 +90,8 @@ class Problem:
 
     @classmethod
     def of(cls, error: ServiceError) -> Problem:
-        """How HTTP says an error of the service."""
-        status = next(STATUSES[kind] for kind in type(error).__mro__ if kind in STATUSES)
+        """Return the HTTP representation of a service error."""
+        status = next(HTTP_STATUSES[kind] for kind in type(error).__mro__ if kind in HTTP_STATUSES)
         again = error.retry_after_s
         return cls(
             status=status,
@@ -97,13 +99,13 @@ class Problem:
             detail=error.detail,
             where=error.where,
             headers={
-                **HEADERS.get(status, {}),
+                **STATUS_HEADERS.get(status, {}),
                 **({} if again is None else {"Retry-After": str(again)}),
             },
         )
 
     def body(self) -> dict[str, Any]:
-        """The JSON object."""
+        """Return the JSON object."""
         return {
             "type": "about:blank",
             "title": HTTPStatus(self.status).phrase,
@@ -115,14 +117,17 @@ class Problem:
         }
 
     def response(self) -> JSONResponse:
-        """The HTTP answer."""
+        """Return the HTTP answer."""
         return JSONResponse(
-            self.body(), status_code=self.status, headers=self.headers, media_type=MEDIA_TYPE
+            self.body(),
+            status_code=self.status,
+            headers=self.headers,
+            media_type=PROBLEM_MEDIA_TYPE,
         )
 
 
 def response_of(error: ServiceError) -> JSONResponse:
-    """The answer of what stands before the application and its handlers."""
+    """Return the answer of middleware outside of the application's error handlers."""
     return Problem.of(error).response()
 
 
@@ -137,7 +142,7 @@ def answer_of(
 
 
 def of_trouble(error: BaseException | None) -> ServiceError | None:
-    """The error that the database does not answer or the disk is full, if it is one."""
+    """Return the error that the database does not answer or the disk is full, or None."""
     if isinstance(error, OperationalError) and "disk is full" in str(error.orig):
         return _disk()
     if isinstance(error, OperationalError) and "readonly database" in str(error.orig):
@@ -151,7 +156,7 @@ def of_trouble(error: BaseException | None) -> ServiceError | None:
         )
     if isinstance(error, OSError) and error.errno == errno.EROFS:
         return read_only()
-    if isinstance(error, OSError) and error.errno in DISK_ERRORS:
+    if isinstance(error, OSError) and error.errno in DISK_ERRNOS:
         return _disk()
     return None
 
@@ -160,12 +165,12 @@ def _disk() -> NoRoom:
     return NoRoom(
         "no-room",
         "The disk of the service is full; nothing was lost. Try again later.",
-        retry_after_s=FULL_RETRY_S,
+        retry_after_s=FULL_DISK_RETRY_S,
     )
 
 
 def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
-    """Makes the application answer every error as a problem.
+    """Make the application answer every error as a problem.
 
     Args:
         app: The application.
@@ -204,7 +209,7 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
             log.error("%s: %r", trouble.code, error.__cause__)
             return answer(request, Problem.of(trouble))
         phrase = HTTPStatus(error.status_code).phrase
-        code = CODES.get(error.status_code, phrase.lower().replace(" ", "-"))
+        code = PROBLEM_CODES.get(error.status_code, phrase.lower().replace(" ", "-"))
         headers = error.headers or {}
         problem = Problem(
             status=error.status_code, code=code, detail=str(error.detail), headers=headers
@@ -243,7 +248,7 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
 
 
 def _refusal(error: Any) -> InputError | None:
-    """What the planner says of a parameter, so that it reads the same as on the command line."""
+    """Return the planner's error about a parameter, worded as on the command line."""
     place, name = error["loc"][0], str(error["loc"][-1])
     if place != "body" or name not in Asked.__dataclass_fields__:
         return None

@@ -1,4 +1,4 @@
-"""Read-only disk: what is stored is shown, and every change is refused before its body is read."""
+"""Read-only disk: reading works; every change is refused before its body is read."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from server.errors import read_only
 from server.http.problems import Problem, answer_of
 
-READING: Final = frozenset({"GET", "HEAD", "OPTIONS"})
-"""Methods of HTTP that change nothing."""
+READING_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+"""HTTP methods that change nothing."""
 
 
 class ReadOnly:
@@ -30,7 +30,7 @@ class ReadOnly:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request."""
-        if scope["type"] != "http" or scope["method"] in READING:
+        if scope["type"] != "http" or scope["method"] in READING_METHODS:
             await self._app(scope, receive, send)
             return
         problem = Problem.of(read_only())

@@ -11,18 +11,18 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from server.errors import TooMany
 from server.http.client_address import address_of
 from server.http.problems import response_of
-from server.limits.fair_threads import VISITOR
+from server.limits.fair_threads import CURRENT_VISITOR
 from server.limits.token_buckets import TokenBuckets
 
-EXEMPT: Final = "/health"
-"""Address that monitoring asks; its rate has no bound."""
+EXEMPT_PATH: Final = "/health"
+"""Path without a rate limit, which monitoring requests."""
 
 
 class RequestRate:
     """Refuses the requests of a visitor that come faster than they may.
 
     Args:
-        app: What is behind it.
+        app: Inner ASGI application.
         rate: Requests a second.
         burst: Requests at once, after a while without any.
     """
@@ -33,12 +33,12 @@ class RequestRate:
         self._buckets = TokenBuckets(rate, burst)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
-        if scope["type"] not in ("http", "websocket") or scope["path"] == EXEMPT:
+        """Handle one request."""
+        if scope["type"] not in ("http", "websocket") or scope["path"] == EXEMPT_PATH:
             await self._app(scope, receive, send)
             return
         visitor = address_of(HTTPConnection(scope))
-        VISITOR.set(visitor)
+        CURRENT_VISITOR.set(visitor)
         wait_s = self._buckets.take(visitor)
         if not wait_s:
             await self._app(scope, receive, send)

@@ -22,9 +22,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from server.http.security import SAFE_METHODS
 from server.store.shown import id_of_fold
 
-KEPT_S: Final = 1.0
-MOST_BYTES: Final = 16 * 2**20
-MARK: Final = "lately"
+RESPONSE_CACHE_S: Final = 1.0
+"""Time for which an answer is cached for all visitors, in s. A larger value shows changes later; a
+smaller one computes more answers. Chosen."""
+MAX_RESPONSE_CACHE_BYTES: Final = 16 * 2**20
+"""Maximum size of the cached answers, in bytes. Chosen."""
+CACHEABLE_FOLD: Final = "lately"
 Key = tuple[str, str, str, bytes]
 
 
@@ -39,17 +42,17 @@ class _Answer:
 
 
 def mark(request: HTTPConnection, row: Any) -> None:
-    """Says that the answer to a request shows a fold and nothing else; of verified ones alone."""
+    """Mark an answer as cacheable: it depends on one verified fold only."""
     if row.status == "verified":
-        setattr(request.state, MARK, id_of_fold(row.id))
+        setattr(request.state, CACHEABLE_FOLD, id_of_fold(row.id))
 
 
 class ResponseCache:
     """See the module's description.
 
     Args:
-        app: What is behind it.
-        clock: What time it is, in seconds.
+        app: Inner ASGI application.
+        clock: Clock in seconds.
     """
 
     def __init__(self, app: ASGIApp, *, clock: Callable[[], float] = time.monotonic) -> None:
@@ -57,11 +60,11 @@ class ResponseCache:
         self._clock = clock
         # One that is a little too old is still there for all others while one of them asks anew.
         self._answers: TTLCache[Key, _Answer, float] = TTLCache(
-            MOST_BYTES, 2 * KEPT_S, clock, lambda answer: len(answer.body)
+            MAX_RESPONSE_CACHE_BYTES, 2 * RESPONSE_CACHE_S, clock, lambda answer: len(answer.body)
         )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
         elif scope["method"] == "GET":
@@ -87,7 +90,7 @@ class ResponseCache:
             await Response(body, status, headers)(scope, receive, send)
             return
         if found is not None:  # the first to come finds out whether it is still so, for all others
-            self._answers[key] = replace(found, until=self._clock() + KEPT_S)
+            self._answers[key] = replace(found, until=self._clock() + RESPONSE_CACHE_S)
         start: Message = {}
 
         async def send_watched(message: Message) -> None:
@@ -103,13 +106,18 @@ class ResponseCache:
             self._answers.pop(key, None)
 
     def _keep(self, key: Key, scope: Scope, start: Message, body: bytes) -> None:
-        fold_id = scope.get("state", {}).get(MARK)
+        fold_id = scope.get("state", {}).get(CACHEABLE_FOLD)
         headers = {k.decode("latin-1"): v.decode("latin-1") for k, v in start["headers"]}
         whole = headers.get("content-length") == str(len(body))  # and not the last of many pieces
-        if fold_id is None or start["status"] != 200 or not whole or len(body) > MOST_BYTES:
+        if (
+            fold_id is None
+            or start["status"] != 200
+            or not whole
+            or len(body) > MAX_RESPONSE_CACHE_BYTES
+        ):
             return
         self._answers[key] = _Answer(
-            until=self._clock() + KEPT_S,
+            until=self._clock() + RESPONSE_CACHE_S,
             fold_id=fold_id,
             headers=headers,
             body=body,

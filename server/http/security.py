@@ -1,4 +1,4 @@
-"""Security: what every answer tells browsers, and whose pages may talk to the service."""
+"""Security: headers of every answer, and the sites whose pages may call the service."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PAGE_POLICY: Final = "; ".join(
         "object-src 'none'",
     )
 )
-HEADERS: Final = {
+SECURITY_HEADERS: Final = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "SAMEORIGIN",
     # Nor does a site that a page leads to learn its link.
@@ -41,17 +41,21 @@ HEADERS: Final = {
     # Links are secrets: no search engine tells them.
     "X-Robots-Tag": "noindex, nofollow",
 }
-LISTED: Final = {"X-Robots-Tag": "all"}
-"""Headers of answers that search engines may show: what is in the gallery, and no secret."""
-UNPRINTED: Final = re.compile(r"[\x00-\x1f\x7f]")
+INDEXED_HEADERS: Final = {"X-Robots-Tag": "all"}
+"""Headers of answers that search engines may index: those of the gallery, which hold no secret."""
+CONTROL_CHARACTERS: Final = re.compile(r"[\x00-\x1f\x7f]")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 FORM_OVERHEAD_BYTES: Final = 64 * 1024
-SMALL_BODY_BYTES: Final = 64 * 1024
-"""Bytes of a body other than a form with a file, at most: it is held in memory."""
-LISTENED_BYTES: Final = 64 * 2**20
-"""Bytes of a refused upload that are still read, and thrown away."""
-LISTENED_S: Final = 10.0
+"""Bytes that a form may have besides its file, in addition to the limit for uploads. Chosen."""
+MAX_SMALL_BODY_BYTES: Final = 64 * 1024
+"""Maximum size of a request body other than a form with a file, in bytes, as it is held in memory.
+Chosen."""
+MAX_DRAINED_BYTES: Final = 64 * 2**20
+"""Maximum number of bytes of a refused upload that are read and discarded, so that the client gets
+the answer. Chosen."""
+MAX_DRAIN_S: Final = 10.0
+"""Maximum time that a refused upload is read for that, in s. Chosen."""
 
 
 class SecurityHeaders:
@@ -61,7 +65,7 @@ class SecurityHeaders:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -69,7 +73,7 @@ class SecurityHeaders:
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                for name, value in HEADERS.items():
+                for name, value in SECURITY_HEADERS.items():
                     headers.setdefault(name, value)
                 headers.setdefault("Content-Security-Policy", PAGE_POLICY)
                 # Links are secrets: what is behind them is nothing for caches that many share.
@@ -92,7 +96,7 @@ class AllowedHosts:
         self._any = "*" in self._hosts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] in ("http", "websocket"):
             host = host_name(Headers(scope=scope).get("host", ""))
             if not self._any and not self._allowed(host):
@@ -124,8 +128,8 @@ class PrintingAddresses:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
-        if scope["type"] == "http" and UNPRINTED.search(scope["path"] + _query(scope)):
+        """Handle one request."""
+        if scope["type"] == "http" and CONTROL_CHARACTERS.search(scope["path"] + _query(scope)):
             refusal = Malformed(
                 "bad-address", "got an address with characters that cannot be printed."
             )
@@ -139,7 +143,7 @@ def _query(scope: Scope) -> str:
 
 
 def host_name(host: str) -> str:
-    """The name in a Host header, without the port, in lower case."""
+    """Return the name in a Host header, without the port, in lower case."""
     host = host.strip().lower()
     if host.startswith("["):
         return host.partition("]")[0].removeprefix("[")
@@ -147,7 +151,7 @@ def host_name(host: str) -> str:
 
 
 def hosts_of(host: str, allowed: Iterable[str] = ()) -> tuple[str, ...]:
-    """The names that a service answers to.
+    """Return the names that a service answers to.
 
     Args:
         host: The address it listens on.
@@ -170,7 +174,7 @@ class SameOrigin:
         self._origins = frozenset(origins)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         acts = scope["type"] == "websocket" or (
             scope["type"] == "http" and scope["method"] not in SAFE_METHODS
         )
@@ -196,13 +200,13 @@ class SameOrigin:
 
 
 class BodyLimit:
-    """Counts what comes in, and refuses more than the limit before it fills memory or disk.
+    """Middleware that refuses bodies above a limit before they fill memory or disk.
 
     Args:
-        app: What is behind it.
-        most_bytes: Of an upload.
-        seconds: How long it may take to come in.
-        idle_s: How long nothing of it may come.
+        app: Inner ASGI application.
+        most_bytes: Maximum size of an upload.
+        seconds: Maximum duration of an upload, s.
+        idle_s: Maximum time without data, s.
     """
 
     def __init__(
@@ -214,13 +218,13 @@ class BodyLimit:
         self._idle_s = idle_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] != "http" or scope["method"] in SAFE_METHODS:
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
         upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
-        most = self._most_bytes if upload else min(self._most_bytes, SMALL_BODY_BYTES)
+        most = self._most_bytes if upload else min(self._most_bytes, MAX_SMALL_BODY_BYTES)
         words = (
             f"the upload is larger than {megabytes(most)}, the limit; use a coarser or shorter "
             "file."
@@ -259,20 +263,20 @@ class BodyLimit:
 
 
 def announced(headers: Headers) -> int:
-    """Bytes that a request says will come, 0 when it doesn't say."""
+    """Return the content length that a request states, or 0."""
     length = headers.get("content-length", "")
     return int(length) if length.isascii() and length.isdigit() and len(length) < 21 else 0
 
 
 async def forget(receive: Receive) -> None:
-    """Takes in the rest of a body that is refused, for a while.
+    """Read the rest of a refused body, within limits.
 
     Clients read the answer only when they could send.
     """
     got = 0
     try:
-        async with asyncio.timeout(LISTENED_S):
-            while got <= LISTENED_BYTES:
+        async with asyncio.timeout(MAX_DRAIN_S):
+            while got <= MAX_DRAINED_BYTES:
                 message = await receive()
                 got += len(message.get("body", b""))
                 if not message.get("more_body", False):

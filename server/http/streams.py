@@ -17,10 +17,10 @@ class Stream(StreamingResponse):
 
     Args:
         parts: The answer.
-        permit: What it has of a quota.
-        media_type: What it is.
+        permit: Its permit of a quota.
+        media_type: Its media type.
         headers: Further headers.
-        longest_s: How long it may take to send it.
+        longest_s: Maximum time to send it, s.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class Stream(StreamingResponse):
         self._longest_s = longest_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Sends it."""
+        """Send the response."""
         # Who takes it too slowly is hung up on; not to send the end does that.
         with self._permit, contextlib.suppress(TimeoutError):
             async with asyncio.timeout(self._longest_s):

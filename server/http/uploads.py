@@ -16,17 +16,20 @@ from server.http.security import SAFE_METHODS, forget
 from server.limits.quota import Quota
 from server.settings import Settings
 
-FORMS: Final = ("multipart/form-data", "application/x-www-form-urlencoded")
-MOST_FILES: Final = 2
-MOST_FIELDS: Final = 32
-LARGEST_FIELD_BYTES: Final = 16 * 1024
+FORM_MEDIA_TYPES: Final = ("multipart/form-data", "application/x-www-form-urlencoded")
+MAX_FORM_FILES: Final = 2
+"""Maximum number of files in a form; a form with more is refused. Chosen."""
+MAX_FORM_FIELDS: Final = 32
+"""Maximum number of fields in a form. Chosen."""
+MAX_FORM_FIELD_BYTES: Final = 16 * 1024
+"""Maximum size of a field of a form, in bytes. Chosen."""
 
 
 class UploadsAtOnce:
     """Bounds how many forms come in and are worked on at once, in all and of one visitor.
 
     Args:
-        app: What is behind it.
+        app: Inner ASGI application.
         settings: They say how many.
     """
 
@@ -38,7 +41,7 @@ class UploadsAtOnce:
         )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
+        """Handle one request."""
         if scope["type"] != "http" or not _is_form(scope):
             await self._app(scope, receive, send)
             return
@@ -52,7 +55,7 @@ class UploadsAtOnce:
             await response_of(refusal)(scope, receive, send)
 
     def _check_room(self, scope: Scope) -> None:
-        """Refuses what the disk would not hold before any of it has come."""
+        """Refuse an upload that would not fit on the disk before any of it is read."""
         length = Headers(scope=scope).get("content-length", "")
         coming = int(length) if length.isdecimal() and len(length) < 16 else 0
         settings = self._settings
@@ -66,4 +69,4 @@ class UploadsAtOnce:
 
 def _is_form(scope: Scope) -> bool:
     kind = Headers(scope=scope).get("content-type", "").partition(";")[0].strip().lower()
-    return scope["method"] not in SAFE_METHODS and kind in FORMS
+    return scope["method"] not in SAFE_METHODS and kind in FORM_MEDIA_TYPES

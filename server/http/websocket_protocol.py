@@ -14,18 +14,20 @@ from server.http.event_rate import GatedTransport, Pace
 from server.limits.networks import visitor_at
 from server.limits.quota import Permit
 
-CLOSE_S: Final = 1.0
-"""Seconds that a peer may take to answer the end of a websocket; then the connection is aborted. A
-larger value leaves more connections to peers that do not answer. Chosen."""
-PIECE_BYTES: Final = 512
-"""Bytes that are parsed before the events in them are counted: at most 85 frames. Chosen."""
+CLOSE_HANDSHAKE_S: Final = 1.0
+"""Time that a peer may take to answer the close frame of a websocket, in s; then the connection is
+aborted. A larger value leaves more connections open to peers that do not answer. Chosen."""
+PARSED_BYTES: Final = 512
+"""Bytes of a websocket that are parsed before their events are counted; they hold at most 85
+frames. Chosen."""
 MAX_FRAGMENTS: Final = 256
-"""Maximum number of frames of one message; a peer that sends more is hung up on. Chosen."""
+"""Maximum number of frames of one websocket message; with more the connection is closed. Chosen."""
 BYTES_PER_EVENT: Final = 8192
+"""Bytes of a websocket's messages that count as one event. Chosen."""
 
 
 class _CountingServer(ServerProtocol):
-    """Counts the frames that it parses."""
+    """Websocket server that counts the frames it parses."""
 
     frames = 0
 
@@ -36,7 +38,7 @@ class _CountingServer(ServerProtocol):
 
 
 class BoundedWebSocket(WebSocketsSansIOProtocol):
-    """Holds the permit of its connection until it is closed, and bounds the frames it parses.
+    """Websocket that holds its connection's permit, and bounds the frames it parses.
 
     Args:
         permit: Permit of the connection.
@@ -51,14 +53,14 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         self._pace = pace
         self._visitor = visitor
         self._unparsed = bytearray()
-        self.close_timeout = CLOSE_S
+        self.close_timeout = CLOSE_HANDSHAKE_S
         self.conn = _CountingServer(max_size=self.config.ws_max_size, logger=self.logger)
         pace.proceed = self._parse
 
     def connection_made(self, transport: Any) -> None:
         """Take over a connection from HTTP."""
         assert isinstance(transport, GatedTransport)
-        transport.close_s = CLOSE_S
+        transport.close_s = CLOSE_HANDSHAKE_S
         super().connection_made(transport)  # type: ignore[arg-type]
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -113,7 +115,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
             if self.transport.is_closing():
                 self._unparsed.clear()
                 return
-            piece = bytes(self._unparsed) if first else bytes(self._unparsed[:PIECE_BYTES])
+            piece = bytes(self._unparsed) if first else bytes(self._unparsed[:PARSED_BYTES])
             del self._unparsed[: len(piece)]
             before = self.conn.frames
             super().data_received(piece)

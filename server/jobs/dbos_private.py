@@ -13,8 +13,8 @@ from dbos._dbos import _get_dbos_instance
 from dbos._utils import INTERNAL_QUEUE_NAME
 
 
-def hand_back(job: str, worker: str) -> None:
-    """Puts one job of a worker back into its queue.
+def requeue_job(job: str, worker: str) -> None:
+    """Return one job of a worker to its queue.
 
     Raises:
         DBOSWorkflowConflictIDError: When the execution that asks has lost the job to another.
@@ -47,12 +47,12 @@ def set_back(job: str, worker: str, queue: str, priority: int) -> None:
         )
 
 
-def hand_back_all(worker: str) -> None:
-    """Puts all jobs of a worker back into their queues."""
+def requeue_all(worker: str) -> None:
+    """Return all jobs of a worker to their queues."""
     DBOS._recover_pending_workflows([worker])
 
 
-def take_nothing_new() -> None:
-    """Has this process take no more jobs; those that it has go on."""
+def stop_dequeuing() -> None:
+    """Stop this process from taking jobs; its current ones continue."""
     for polling in _get_dbos_instance().background_thread_stop_events:
         polling.set()

@@ -1,4 +1,4 @@
-"""Janitor: forgets folds that nobody looks at any more, and files that belong to nobody.
+"""Janitor: removes unused folds, and files without a fold.
 
 Folds of the gallery and pinned ones stay, and so do those that are not over. The others go when
 nobody has looked at them for ``keep_days``, or, the longest unseen first, when the folds of a
@@ -22,20 +22,23 @@ import sqlalchemy as sa
 from sqlalchemy.orm import aliased
 
 from planner.files import remove_temporary
-from server.files.cancelled import BATCH_ROWS, MAX_BATCHES, sweep_cancelled
+from server.files.cancelled import CANCELLED_BATCH_ROWS, MAX_CANCELLED_BATCHES, sweep_cancelled
 from server.files.derived import count_apart, derived_bytes, drop_derived
 from server.settings import Settings
 from server.store.folds import DAY_S, Store
 from server.store.object_store import StorageError
 from server.store.tables import ENDED, FoldRow
 
-FRESH_S: Final = 3600.0
-"""Seconds since somebody looked at it for which a fold stays, however little room there is."""
-ORPHANS_EVERY_S: Final = 3600.0
-NAMES_AT_ONCE: Final = 500
-"""Names of folds whose files are looked at in one sweep. Chosen."""
-ORPHAN_AGE_S: Final = 3600.0
-"""Seconds that files may be without a row: an upload has files first."""
+MIN_UNUSED_S: Final = 3600.0
+"""Time since the last access for which a fold stays, in s, however little room there is. A larger
+value may leave the disk full. Chosen."""
+ORPHAN_SWEEP_S: Final = 3600.0
+"""Time between two searches for files without a row in the database, in s. Chosen."""
+NAMES_PER_SWEEP: Final = 500
+"""Maximum number of folds whose files are checked in one sweep, to bound its time. Chosen."""
+MIN_ORPHAN_AGE_S: Final = 3600.0
+"""Minimum age of files without a row, in s, before they are removed: an upload has files first.
+Chosen."""
 log = logging.getLogger("foldback.janitor")
 
 
@@ -45,7 +48,7 @@ class Janitor:
     Args:
         settings: The settings.
         store: Rows and files.
-        clock: What time it is.
+        clock: Clock in seconds since 1970.
     """
 
     def __init__(
@@ -55,7 +58,7 @@ class Janitor:
         self._store = store
         self._clock = clock
         self._counted_apart = False
-        self._orphans_at = -ORPHANS_EVERY_S
+        self._orphans_at = -ORPHAN_SWEEP_S
         self._names: Iterator[str] | None = None
         """Rest of the round through all files; None if there is none under way."""
         self._suspects: set[str] = set()
@@ -63,7 +66,7 @@ class Janitor:
         """Files without a row in the last round, and in this one."""
 
     def sweep(self) -> int:
-        """Sweeps once; how many folds were forgotten."""
+        """Sweep once; return the number of removed folds."""
         if not self._counted_apart:
             count_apart(self._store)
             self._counted_apart = True
@@ -71,14 +74,14 @@ class Janitor:
         self._make_room()
         gone = self._forget_superseded() + self._expire()
         now = time.monotonic()
-        if self._names is not None or now - self._orphans_at >= ORPHANS_EVERY_S:
+        if self._names is not None or now - self._orphans_at >= ORPHAN_SWEEP_S:
             if self._names is None:
                 self._orphans_at = now
             self.sweep_orphans()
         return gone
 
     def _make_room(self) -> None:
-        """Drops what can be made again when it takes too much, or the disk is nearly full."""
+        """Remove derived files if they exceed their limit or the disk is nearly full."""
         settings = self._settings
         lacking = 0
         if settings.storage_bytes is not None:
@@ -95,7 +98,7 @@ class Janitor:
                 log.warning("no storage could be freed: %s", error)
 
     def _forget_superseded(self) -> int:
-        """Forgets folds of the gallery that failed by the service's fault and were done again."""
+        """Remove gallery folds that failed through the service's fault and were repeated."""
         later = aliased(FoldRow)
         failed = sa.select(FoldRow.id, FoldRow.seen_at).where(
             FoldRow.public,
@@ -145,10 +148,10 @@ class Janitor:
     def _forget_unseen(self, since: float) -> int:
         """Forget folds that nobody has looked at since then; the number of them."""
         gone = 0
-        for _ in range(MAX_BATCHES):
+        for _ in range(MAX_CANCELLED_BATCHES):
             batch = self._oldest(since)
             gone += sum(self._forget(fold_id, seen) for fold_id, seen, _ in batch)
-            if len(batch) < BATCH_ROWS:
+            if len(batch) < CANCELLED_BATCH_ROWS:
                 break
         return gone
 
@@ -163,7 +166,7 @@ class Janitor:
         gone = 0
         while total > limit:
             before = gone
-            for fold_id, seen, size in self._oldest(self._clock() - FRESH_S, *whose):
+            for fold_id, seen, size in self._oldest(self._clock() - MIN_UNUSED_S, *whose):
                 if total > limit and self._forget(fold_id, seen):
                     total -= size
                     gone += 1
@@ -186,7 +189,7 @@ class Janitor:
                     *whose,
                 )
                 .order_by(FoldRow.seen_at)
-                .limit(BATCH_ROWS)
+                .limit(CANCELLED_BATCH_ROWS)
             ).all()
 
     def sweep_orphans(self) -> None:
@@ -197,12 +200,12 @@ class Janitor:
         if self._names is None:
             self._names = self._files()
             self._suspects, self._found = self._found, set()
-        names = set(itertools.islice(self._names, NAMES_AT_ONCE))
-        if len(names) < NAMES_AT_ONCE:
+        names = set(itertools.islice(self._names, NAMES_PER_SWEEP))
+        if len(names) < NAMES_PER_SWEEP:
             self._names = None
         for name in names:
             for folder in (self._settings.folds_dir, self._settings.work_dir):
-                remove_temporary(folder / name, before=time.time() - ORPHAN_AGE_S)
+                remove_temporary(folder / name, before=time.time() - MIN_ORPHAN_AGE_S)
         orphans = names - self._known(names)
         for fold_id in orphans & self._suspects:
             if not (fold_id.isascii() and fold_id.isalnum()):
@@ -220,7 +223,7 @@ class Janitor:
             with os.scandir(directory) as entries:
                 for entry in entries:
                     with suppress(OSError):  # somebody else removes it just now
-                        if time.time() - entry.stat().st_mtime > ORPHAN_AGE_S:
+                        if time.time() - entry.stat().st_mtime > MIN_ORPHAN_AGE_S:
                             yield entry.name
         if folders.storage is not None:
             yield from folders.storage.below("folds")

@@ -20,22 +20,22 @@ from planner.pipeline.fold_layout import TIMELINE, result
 from planner.verification.integrity import check
 from server.errors import Damaged
 from server.jobs.progress import JobProgress
-from server.jobs.retry import patiently
+from server.jobs.retry import retry_until_available
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
 from server.processes.movie_task import ask_for_movie, is_on_table, run_movie
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store
-from server.store.tables import MAKING, MovieRow, movie_file
+from server.store.tables import UNFINISHED_MOVIE_STATUSES, MovieRow, movie_file
 from web.movies.movie import Movie
 
-PART: Final = "movie"
+MOVIE_FILE: Final = "movie"
 log = logging.getLogger("foldback.worker")
 
 
 class MovieJobs:
-    """Makes the movies of a queue."""
+    """Jobs of movies."""
 
     def __init__(self, settings: Settings, store: Store) -> None:
         self._settings = settings
@@ -44,7 +44,7 @@ class MovieJobs:
         self._scratch.sweep()
 
     def make(self, fold_id: str, movie_id: str, job: str) -> None:
-        """Makes one movie. What goes wrong is noted in its row; nothing is raised."""
+        """Make one movie. Errors are stored in its row; none is raised."""
         about = {"fold": fold_id, "movie": movie_id}
         try:
             self._make(fold_id, job, about)
@@ -63,19 +63,19 @@ class MovieJobs:
         self._clear_up(fold_id, job)
 
     def _make(self, fold_id: str, job: str, about: dict[str, str]) -> None:
-        row = patiently(lambda: self._row(job))
-        if row is None or row.status not in MAKING:
+        row = retry_until_available(lambda: self._row(job))
+        if row is None or row.status not in UNFINISHED_MOVIE_STATUSES:
             return  # nobody wants it any more, or it was made before
         movie = Movie.of(row.wishes)
         with self._scratch.directory() as place:
             done = _Progress(self._store, job)
             progress = JobProgress(done.report)
-            if not patiently(progress.last):
+            if not retry_until_available(progress.last):
                 return
-            files = patiently(lambda: self._store.directory(fold_id))
+            files = retry_until_available(lambda: self._store.directory(fold_id))
             check(files, TIMELINE)
             timeline = result(files, TIMELINE)
-            ask_for_movie(place, row.wishes, timeline, PART, on_table=is_on_table(files))
+            ask_for_movie(place, row.wishes, timeline, MOVIE_FILE, on_table=is_on_table(files))
 
             def take(event: dict[str, Any]) -> None:
                 done.take(event)
@@ -89,7 +89,7 @@ class MovieJobs:
                 on_progress=take,
                 cancelled=progress.cancelled,
             )
-            if whole and self._kept(fold_id, job, movie, place / PART):
+            if whole and self._kept(fold_id, job, movie, place / MOVIE_FILE):
                 log.info("created a movie of %d pictures", movie.count, extra=about)
 
     def _row(self, job: str) -> MovieRow | None:
@@ -97,7 +97,7 @@ class MovieJobs:
             return session.scalar(sa.select(MovieRow).where(MovieRow.job == job))
 
     def _kept(self, fold_id: str, job: str, movie: Movie, path: Path) -> bool:
-        """Puts a movie where readers find it, and says that it is there; False if unwanted."""
+        """Publish a finished movie; False if it is no longer wanted."""
         size = path.stat().st_size
 
         def keep() -> bool:
@@ -113,7 +113,7 @@ class MovieJobs:
                     session, job, status="ready", frames_done=movie.count, bytes=size, problem=None
                 )
 
-        return patiently(keep) and patiently(ready)
+        return retry_until_available(keep) and retry_until_available(ready)
 
     def _fail(
         self, job: str, code: str, detail: str, where: str | None, about: dict[str, str]
@@ -125,10 +125,10 @@ class MovieJobs:
             with self._store.changing() as session:
                 _update(session, job, status="failed", problem=problem)
 
-        patiently(fail)
+        retry_until_available(fail)
 
     def _clear_up(self, fold_id: str, job: str) -> None:
-        """Leaves nothing of a movie, or of a fold, that was deleted meanwhile."""
+        """Remove the files of a movie, or of a fold, that was deleted meanwhile."""
 
         def clear() -> None:
             if self._row(job) is not None:
@@ -141,11 +141,11 @@ class MovieJobs:
             else:
                 self._store.folders.remove_movie(fold_id, movie_file(job))
 
-        patiently(clear)
+        retry_until_available(clear)
 
 
 class _Progress:
-    """How far a movie is, as its row shall have it."""
+    """Progress of a movie as its row stores it."""
 
     def __init__(self, store: Store, job: str) -> None:
         self._store = store
@@ -154,11 +154,11 @@ class _Progress:
         self._told: int | None = None
 
     def take(self, event: dict[str, Any]) -> None:
-        """What the child tells."""
+        """Process an event of the child."""
         self._done = int(event["steps"])
 
     def report(self) -> bool:
-        """Reports how far it is; False when nobody wants it any more."""
+        """Report the progress; False if the movie is no longer wanted."""
         done = self._done
         if done == self._told:
             with self._store.reading() as session:
@@ -170,10 +170,14 @@ class _Progress:
 
 
 def _making(job: str) -> sa.Select[str]:
-    return sa.select(MovieRow.id).where(MovieRow.job == job, MovieRow.status.in_(MAKING))
+    return sa.select(MovieRow.id).where(
+        MovieRow.job == job, MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES)
+    )
 
 
 def _update(session: Session, job: str, **values: Any) -> bool:
-    """Changes the row of a movie that is being made; False when there is none."""
-    changed = sa.update(MovieRow).where(MovieRow.job == job, MovieRow.status.in_(MAKING))
+    """Change the row of a running movie; False if there is none."""
+    changed = sa.update(MovieRow).where(
+        MovieRow.job == job, MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES)
+    )
     return session.scalar(changed.values(**values).returning(MovieRow.id)) is not None

@@ -28,14 +28,16 @@ from server.limits.quota import Holder, network_share
 from server.settings import Settings
 from server.store.folds import Store, hash_of, new_id, new_token
 from server.store.object_store import StorageError
-from server.store.tables import MAKING, FoldRow, MovieRow, movie_file
+from server.store.tables import UNFINISHED_MOVIE_STATUSES, FoldRow, MovieRow, movie_file
 from web.movies.movie import Movie
 
 Status = Literal["queued", "running", "ready", "failed"]
-RETRY_AFTER_S: Final = 10
-MOST_MADE: Final = 100
-"""Movies in a list, at most."""
-LOST: Final = {
+MOVIE_RETRY_S: Final = 10
+"""``Retry-After`` of a request for a movie while the fold is unfinished or too many movies wait, in
+s. Chosen."""
+MAX_LISTED_MOVIES: Final = 100
+"""Maximum number of movies in an owner's list; older ones are left out. Chosen."""
+INTERRUPTED: Final = {
     "code": "interrupted",
     "detail": "this movie was interrupted; request it again.",
     "where": None,
@@ -66,7 +68,7 @@ class MovieState:
 
     @classmethod
     def of(cls, row: MovieRow) -> Self:
-        """What a row says."""
+        """Return the state in a row."""
         return cls(
             id=row.id,
             movie=Movie.of(row.wishes),
@@ -77,7 +79,7 @@ class MovieState:
         )
 
     def owned_by(self, token: str) -> bool:
-        """Whether this is the token that came with the answer to the wish."""
+        """Return True if this is the token that the request for the movie returned."""
         return hmac.compare_digest(self.token_hash, hash_of(token))
 
 
@@ -98,13 +100,13 @@ class Movies:
         of_owner: bool = False,
         token: str | None = None,
     ) -> tuple[MovieState, str | None]:
-        """Has a movie made, unless it is there or on its way. One that failed is tried again.
+        """Request a movie, unless it exists or is being made. A failed one is tried again.
 
         Args:
             fold_id: The fold.
-            movie: What it is to be.
-            visitor: Who asks.
-            of_owner: Whether that is the fold's owner, whose movies others do not push out.
+            movie: Options of the movie.
+            visitor: Visitor that requests it.
+            of_owner: True for the fold's owner, whose movies others do not displace.
             token: His; a new one if he has none.
 
         Returns:
@@ -120,7 +122,7 @@ class Movies:
             raise Conflict(
                 "not-ready",
                 f"the fold is {row.status}; movies can be created when it has finished.",
-                retry_after_s=RETRY_AFTER_S,
+                retry_after_s=MOVIE_RETRY_S,
             )
         check(self._store.directory(fold_id), TIMELINE)
         if not (result(self._store.directory(fold_id), TIMELINE) / "zarr.json").is_file():
@@ -156,13 +158,13 @@ class Movies:
         return MovieState.of(wanted), token
 
     def state(self, fold_id: str, movie_id: str) -> MovieState:
-        """How far a movie is.
+        """Return the state of a movie.
 
         Raises:
             NoSuchMovieError: When there is no such movie.
         """
         row = self._row(fold_id, movie_id)
-        if row.status in MAKING:
+        if row.status in UNFINISHED_MOVIE_STATUSES:
             self._settle([row])
             row = self._row(fold_id, movie_id)
         return MovieState.of(row)
@@ -176,13 +178,13 @@ class Movies:
             .join(FoldRow, FoldRow.id == MovieRow.fold_id)
             .where(sa.or_(MovieRow.token_hash == holder, of_his_fold))
             .order_by(MovieRow.created_at.desc(), MovieRow.job)
-            .limit(MOST_MADE)
+            .limit(MAX_LISTED_MOVIES)
         )
         with self._store.reading() as session:
             return [(movie, fold) for movie, fold in session.execute(wanted)]
 
     def file(self, fold_id: str, movie_id: str) -> Path | None:
-        """The file of a movie, once it is there.
+        """Return the path of a finished movie.
 
         Raises:
             NoSuchMovieError: When there is no such movie.
@@ -197,7 +199,7 @@ class Movies:
         return path
 
     def delete(self, fold_id: str, movie_id: str) -> None:
-        """Forgets a movie, and stops the work on it.
+        """Delete a movie, and stop its job.
 
         Raises:
             NoSuchMovieError: When there is no such movie.
@@ -222,7 +224,9 @@ class Movies:
 
     def _add(self, wanted: MovieRow) -> None:
         with self._store.reading() as session:
-            making = session.scalars(sa.select(MovieRow).where(MovieRow.status.in_(MAKING))).all()
+            making = session.scalars(
+                sa.select(MovieRow).where(MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES))
+            ).all()
         self._settle(making)
         with self._store.changing() as session:
             failed = self._delete(
@@ -239,7 +243,7 @@ class Movies:
                 .where(
                     MovieRow.fold_id == wanted.fold_id,
                     MovieRow.of_owner.is_(wanted.of_owner),
-                    MovieRow.status.not_in(MAKING),
+                    MovieRow.status.not_in(UNFINISHED_MOVIE_STATUSES),
                 )
                 .order_by(MovieRow.created_at.desc())
                 .offset(self._settings.movies_of_fold - 1)
@@ -252,10 +256,10 @@ class Movies:
             log.warning("files of older movies could not be deleted: %s", error)
 
     def _check_room(self, session: Session, visitor: str) -> None:
-        """Counts what is being made, with what was just added."""
+        """Check the limits of unfinished movies, with the one just added."""
         settings = self._settings
         making = session.scalars(
-            sa.select(MovieRow.visitor).where(MovieRow.status.in_(MAKING))
+            sa.select(MovieRow.visitor).where(MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES))
         ).all()
         others = len(making) - 1
         share = network_share(settings.movies_waiting, settings.movies_waiting_of_visitor)
@@ -270,37 +274,37 @@ class Movies:
                     "too-many-movies",
                     f"{count} movies {holder} are being created, which is the limit; wait for one, "
                     "or delete it.",
-                    retry_after_s=RETRY_AFTER_S,
+                    retry_after_s=MOVIE_RETRY_S,
                 )
         if others >= settings.movies_waiting:
             raise Unavailable(
                 "busy",
-                f"{others} movies are being created for others; try again in {RETRY_AFTER_S} s.",
-                retry_after_s=RETRY_AFTER_S,
+                f"{others} movies are being created for others; try again in {MOVIE_RETRY_S} s.",
+                retry_after_s=MOVIE_RETRY_S,
             )
         if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
             raise NoRoom("no-room", "The disk of the service is nearly full; try again later.")
 
     def _settle(self, making: Iterable[MovieRow]) -> None:
-        """Sees to movies that nobody works on, whatever their rows say."""
+        """Correct the rows of movies that no job works on."""
         rows = list(making)
         going = self._jobs.going([row.job for row in rows]) if rows else {}
         for row in rows:
             if row.job not in going:  # who asked has died in between, or is about to go on
                 self._enqueue(row)
             elif not going[row.job]:
-                self._lose(row.job, MAKING)
+                self._lose(row.job, UNFINISHED_MOVIE_STATUSES)
 
     def _lose(self, job: str, while_it_is: tuple[str, ...]) -> None:
         with self._store.changing() as session:
             session.execute(
                 sa.update(MovieRow)
                 .where(MovieRow.job == job, MovieRow.status.in_(while_it_is))
-                .values(status="failed", problem=dict(LOST), bytes=0)
+                .values(status="failed", problem=dict(INTERRUPTED), bytes=0)
             )
 
     def _take_over(self, fold_id: str, movie_id: str) -> None:
-        """Makes a movie the owner's: who had asked for it before does not delete it any more."""
+        """Hand a movie to the owner; the visitor who requested it can no longer delete it."""
         with self._store.changing() as session:
             session.execute(
                 sa.update(MovieRow)
@@ -309,12 +313,12 @@ class Movies:
             )
 
     def _delete(self, session: Session, *which: sa.ColumnElement[bool]) -> list[tuple[str, str]]:
-        """Deletes rows; the fold and the job of each."""
+        """Delete rows; return the fold and the job of each."""
         deleted = sa.delete(MovieRow).where(*which).returning(MovieRow.fold_id, MovieRow.job)
         return [(fold_id, job) for fold_id, job in session.execute(deleted)]
 
     def _clear(self, gone: Iterable[tuple[str, str]]) -> None:
-        """Clears up after rows that were deleted."""
+        """Remove the files and jobs of deleted rows."""
         for fold_id, job in gone:
             self._jobs.forget(job)
             self._store.folders.remove_movie(fold_id, movie_file(job))

@@ -1,4 +1,4 @@
-"""Progress of jobs: told to a row at a bounded pace, and stopped when nobody wants the result."""
+"""Progress of jobs: written to a row at a bounded rate; tells when a job is cancelled."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from sqlalchemy.exc import SQLAlchemyError
 from server.store.tables import passes
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
-TRYING: Final = ("explode", "play_back", "certify")
+REPEATED_STAGES: Final = ("explode", "play_back", "certify")
 """Stages that a fold may go through again, for a better plan."""
-REPORT_EVERY_S: Final = 0.2
+REPORT_INTERVAL_S: Final = 0.2
+"""Minimum time between two reports of a stage's progress to the database, in s. A larger value
+shows progress later and cancels later; a smaller one writes more. Chosen."""
 
 
 class JobProgress:
@@ -29,8 +31,8 @@ class JobProgress:
         self._at = 0.0
 
     def cancelled(self) -> bool:
-        """Whether it is not wanted any more, as of the last report."""
-        if time.monotonic() - self._at >= REPORT_EVERY_S:
+        """Return True if the stage is cancelled, as of the last report."""
+        if time.monotonic() - self._at >= REPORT_INTERVAL_S:
             try:
                 self.last()
             except SQLAlchemyError as error:
@@ -40,7 +42,7 @@ class JobProgress:
         return not self._going
 
     def last(self) -> bool:
-        """Reports at once; False when it is not wanted any more."""
+        """Report at once; False if the task is no longer wanted."""
         self._going = self._report()
         self._at = time.monotonic()
         return self._going

@@ -27,28 +27,31 @@ APPLICATION: Final = "foldback"
 APPLICATION_VERSION: Final = "1"
 QUEUE: Final = "folds"
 QUICK_QUEUE: Final = "quick-folds"
-"""Queue of quick folds, with places of its own in every worker."""
+"""Queue of quick folds, for which every worker has separate places."""
 WORKFLOW: Final = "fold"
 MOVIES_QUEUE: Final = "movies"
 MOVIE_WORKFLOW: Final = "movie"
-GOING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
-POLL_S: Final = 0.2
-"""Seconds between two looks of a worker for folds, in each of two queues. A fold waits half of it
-on average. A smaller value takes more of a processor while nothing is to do: 4 to 5 % with this and
-1 s for movies. Chosen."""
-MOVIES_POLL_S: Final = 1.0
-"""Seconds between two looks of a worker for movies; see ``POLL_S``. Chosen."""
-AT_A_TIME: Final = 500
-MAX_BATCHES: Final = 20
-"""Batches of jobs that one sweep deletes. A larger value keeps other care waiting. Chosen."""
-KEEP_S: Final = 3600.0
-"""Seconds from its beginning for which the record of a job stays. It must outlast the looks that
-find jobs that failed. Chosen."""
+ACTIVE_JOB_STATES: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
+"""States of a job that a worker has, or will have."""
+QUEUE_POLL_S: Final = 0.2
+"""Time between two looks of a worker for folds, in s, in each of two queues. A fold waits half of
+it on average. A smaller value takes more of a processor while there is nothing to do: 4 to 5 % with
+this and 1 s for movies. Chosen."""
+MOVIE_POLL_S: Final = 1.0
+"""Time between two looks of a worker for movies, in s; see ``QUEUE_POLL_S``. Chosen."""
+JOBS_PER_BATCH: Final = 500
+"""Number of ended jobs that one statement of a sweep deletes. Chosen."""
+MAX_JOB_BATCHES: Final = 20
+"""Maximum number of batches of jobs that one sweep deletes. A larger value delays the worker's
+other duties. Chosen."""
+JOB_RECORD_S: Final = 3600.0
+"""Time for which the record of an ended job stays, in s. It must outlast the checks that find
+failed jobs; a larger value makes the table larger. Chosen."""
 # A job ends so when not even its end could be noted, or when it took its worker along every time.
-FAILED: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
-OVER: Final = frozenset({"SUCCESS", "CANCELLED", *FAILED})
-PREPARING: Final = 0x666F6C64
-"""Key of PostgreSQL's advisory lock under which tables are made."""
+FAILED_JOB_STATES: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
+ENDED_JOB_STATES: Final = frozenset({"SUCCESS", "CANCELLED", *FAILED_JOB_STATES})
+JOB_TABLES_LOCK: Final = 0x666F6C64
+"""Key of PostgreSQL's advisory lock under which the job system's tables are created."""
 
 
 def place_of(turn: int, cost_s: float) -> tuple[str, int]:
@@ -57,7 +60,7 @@ def place_of(turn: int, cost_s: float) -> tuple[str, int]:
 
 
 def prepare(settings: Settings) -> None:
-    """Brings the tables of the job system to their newest schema and registers the queue."""
+    """Migrate the job system's tables to their newest schema and register the queues."""
     url = settings.queue_url
     if url.startswith("sqlite"):
         engine = sa.create_engine(url)
@@ -74,19 +77,19 @@ def _register(settings: Settings) -> None:
     try:
         for name in (QUEUE, QUICK_QUEUE):
             client.register_queue(
-                name, worker_concurrency=settings.folds_per_worker, polling_interval_sec=POLL_S
+                name,
+                worker_concurrency=settings.folds_per_worker,
+                polling_interval_sec=QUEUE_POLL_S,
             )
         # One at a time: software OpenGL and the encoder keep all cores of a small machine busy.
-        client.register_queue(
-            MOVIES_QUEUE, worker_concurrency=1, polling_interval_sec=MOVIES_POLL_S
-        )
+        client.register_queue(MOVIES_QUEUE, worker_concurrency=1, polling_interval_sec=MOVIE_POLL_S)
     finally:
         client.destroy()
 
 
 @contextlib.contextmanager
 def _alone(url: str) -> Generator[None]:
-    """Holds others off who would make the same tables at the same time."""
+    """Lock out others that would create the same tables at the same time."""
     if not url.startswith("postgresql"):
         yield
         return
@@ -94,7 +97,7 @@ def _alone(url: str) -> Generator[None]:
     engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
     try:
         with engine.connect() as connection:
-            connection.execute(sa.select(sa.func.pg_advisory_lock(PREPARING)))
+            connection.execute(sa.select(sa.func.pg_advisory_lock(JOB_TABLES_LOCK)))
             yield
     finally:
         engine.dispose()  # and with the connection goes the lock
@@ -119,7 +122,7 @@ class Jobs:
         self._client = _client(settings)
 
     def close(self) -> None:
-        """Lets go of the database."""
+        """Close the database."""
         self._client.destroy()
 
     def enqueue(self, fold_id: str, turn: int, cost_s: float) -> None:
@@ -135,7 +138,7 @@ class Jobs:
         self._client.enqueue(options, fold_id)
 
     def forget(self, fold_id: str) -> None:
-        """Takes a fold that is not started out of the queue."""
+        """Remove a fold that has not started from the queue."""
         # One that runs is stopped by its row; here it must be left to come to its own end.
         with contextlib.suppress(Exception):
             status = self._client.retrieve_workflow(fold_id).get_status()
@@ -143,7 +146,7 @@ class Jobs:
                 self._client.cancel_workflow(fold_id)
 
     def enqueue_movie(self, job: str, fold_id: str, movie_id: str) -> None:
-        """Puts a movie into the queue, under a name of its own."""
+        """Enqueue a movie under a unique name."""
         options: EnqueueOptions = {
             "workflow_name": MOVIE_WORKFLOW,
             "queue_name": MOVIES_QUEUE,
@@ -153,47 +156,47 @@ class Jobs:
         self._client.enqueue(options, fold_id, movie_id, job)
 
     def going(self, jobs: list[str]) -> dict[str, bool]:
-        """Which of some jobs wait or are being done; those that nobody knows are left out."""
+        """Return for each known job whether it is waiting or running."""
         found = self._client.list_workflows(workflow_ids=jobs, load_input=False, load_output=False)
-        return {str(job.workflow_id): job.status in GOING for job in found}
+        return {str(job.workflow_id): job.status in ACTIVE_JOB_STATES for job in found}
 
     def sweep(self, now: float) -> int:
-        """Delete jobs that are over and were asked for more than ``KEEP_S`` ago.
+        """Delete jobs that are over and were asked for more than ``JOB_RECORD_S`` ago.
 
         Returns:
             Number of jobs that were deleted.
         """
-        before = datetime.fromtimestamp(now - KEEP_S, UTC).isoformat()
+        before = datetime.fromtimestamp(now - JOB_RECORD_S, UTC).isoformat()
         gone = 0
-        for _ in range(MAX_BATCHES):
+        for _ in range(MAX_JOB_BATCHES):
             over = self._client.list_workflows(
-                status=sorted(OVER),
+                status=sorted(ENDED_JOB_STATES),
                 end_time=before,
-                limit=AT_A_TIME,
+                limit=JOBS_PER_BATCH,
                 load_input=False,
                 load_output=False,
             )
             if over:
                 self._client.delete_workflows([str(job.workflow_id) for job in over])
             gone += len(over)
-            if len(over) < AT_A_TIME:
+            if len(over) < JOBS_PER_BATCH:
                 break
         return gone
 
     def reconcile(self, store: Store, *, older_s: float = 0.0) -> list[FoldRow]:
-        """Enqueues folds that have a row and no job, after a crash between the two.
+        """Enqueue folds that have a row and no job, after a crash between the two.
 
         Args:
-            store: Where the rows are.
-            older_s: How old a row must be; one that is just being made has no job yet.
+            store: Store with the rows.
+            older_s: Minimum age of a row, s; a new one has no job yet.
 
         Returns:
             Folds that are not over though their job is, which has failed without a word.
         """
         rows = store.unfinished()
         states: dict[str, str] = {}
-        for first in range(0, len(rows), AT_A_TIME):
-            some = [row.id for row in rows[first : first + AT_A_TIME]]
+        for first in range(0, len(rows), JOBS_PER_BATCH):
+            some = [row.id for row in rows[first : first + JOBS_PER_BATCH]]
             found = self._client.list_workflows(
                 workflow_ids=some, load_input=False, load_output=False
             )
@@ -201,4 +204,4 @@ class Jobs:
         for row in rows:
             if row.id not in states and time.time() - row.created_at >= older_s:
                 self.enqueue(row.id, row.turn, row.cost_s)
-        return [row for row in rows if states.get(row.id) in FAILED]
+        return [row for row in rows if states.get(row.id) in FAILED_JOB_STATES]

@@ -1,8 +1,7 @@
-"""Remaining: how long a fold is likely to take from now on, by what was measured here.
+"""Estimated remaining time of a fold, from durations measured here.
 
-What each stage takes is estimated by ``server.store.estimates``. The stage that runs also tells
-which part of it is done: the farther it is, the more its own pace counts, and it is that of the
-stages after it, too.
+Typical durations of stages come from ``server.store.estimates``. The running stage also reports its
+progress: the farther it is, the more its own pace counts, also for the stages after it.
 """
 
 from __future__ import annotations
@@ -17,35 +16,41 @@ from typing import Final
 from cachetools import TTLCache
 
 from planner.pipeline.preference import COMPUTING
-from server.jobs.progress import STAGES, TRYING
+from server.jobs.progress import REPEATED_STAGES, STAGES
 from server.limits.fair_queue import wait_s
 from server.store.estimates import Estimates
 from server.store.folds import Store
 from server.store.leases import Leases, Preparing
 from server.store.tables import FoldRow
 
-TOLD_KEPT_S: Final = 60.0
-MOST_KEPT: Final = 1024
-SETTLING_S: Final = (0.5, 3.0)
-"""Time in which what is told follows what is estimated: a quarter of it, within these bounds."""
-PACE_AFTER: Final = 0.2
-"""Part of a fold's usual time that counts against the pace that was seen of it so far."""
-LEAST_S: Final = 0.1
-"""What is left at least of a fold that runs."""
-OVERRUN: Final = 2.0
-"""Factor of the usual time of a stage from which on nobody knows how long it still takes."""
-OVERRUN_S: Final = 3.0
-"""Seconds beyond the usual time before that is said."""
-LEAST_LEFT: Final = 0.1
-"""Part of its usual time that a stage still takes that is beyond it."""
+SHOWN_ESTIMATE_S: Final = 60.0
+"""Time for which the last shown estimate of a fold is cached, in s, to continue it smoothly.
+Chosen."""
+MAX_CACHED_ESTIMATES: Final = 1024
+"""Maximum number of folds whose last estimates are cached. Chosen."""
+SETTLING_RANGE_S: Final = (0.5, 3.0)
+"""Bounds of the time constant with which the shown remaining time approaches the estimate, in s; it
+is a quarter of that time in between. Larger values make it steadier and follow later. Chosen."""
+PACE_PRIOR: Final = 0.2
+"""Weight of the typical pace against the pace of this fold so far, as a fraction of its typical
+time. A larger value trusts this fold's pace later. Chosen."""
+MIN_REMAINING_S: Final = 0.1
+"""Smallest remaining time that is reported for a running fold, in s. Chosen."""
+LATE_FACTOR: Final = 2.0
+"""Multiple of a stage's typical time after which its remaining time counts as unknown. A larger
+value keeps wrong estimates longer. Chosen."""
+LATE_MARGIN_S: Final = 3.0
+"""Time that is added to this limit, in s, for short stages. Chosen."""
+MIN_REMAINING_FRACTION: Final = 0.1
+"""Remaining time of a stage beyond its typical time, as a fraction of that time. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outlook:
-    """What a fold has before it.
+class QueueEstimate:
+    """Estimate of a fold's position in the queue and of its remaining time.
 
     Attributes:
-        place: In the queue, 1 for the next; 0 when it does not wait.
+        place: Position in the queue, 1 for the next; 0 if it does not wait.
         running: Number of folds that are computed now in its lane, while it waits.
         wait_s: About how long it waits; None when it does not, or when nobody computes.
         remaining_s: About how long until it is over, with the wait; 0 when it takes longer than
@@ -61,11 +66,11 @@ class Outlook:
     preparing: Preparing | None = None
 
 
-class Remaining:
-    """Estimates for all who ask. Safe to use from many threads.
+class EtaEstimator:
+    """Estimates of remaining times. Thread-safe.
 
     Args:
-        store: Where the rows are.
+        store: Store with the rows.
         leases: Knows the workers.
         estimates: Expected times of folds; its own if None.
         clock: Seconds since 1970.
@@ -85,11 +90,11 @@ class Remaining:
         self._clock = clock
         self._lock = threading.Lock()
         self._told: TTLCache[str, tuple[float, float]] = TTLCache(
-            MOST_KEPT, TOLD_KEPT_S, timer=clock
+            MAX_CACHED_ESTIMATES, SHOWN_ESTIMATE_S, timer=clock
         )
 
-    def of(self, row: FoldRow) -> Outlook:
-        """What a fold has before it now."""
+    def of(self, row: FoldRow) -> QueueEstimate:
+        """Return the estimate for a fold."""
         place, running, wait = 0, 0, None
         preparing = None if row.over else self._leases.preparing()
         prepared_s = preparing.remaining_s or 0.0 if preparing is not None else 0.0
@@ -105,7 +110,7 @@ class Remaining:
         left = None if row.over else self._left_s(row, wait)
         if left and row.status == "running":
             left += prepared_s
-        return Outlook(
+        return QueueEstimate(
             place=place,
             running=running,
             wait_s=wait,
@@ -134,7 +139,7 @@ class Remaining:
         )
 
     def _smoothed(self, fold_id: str, left: float | None) -> int | None:
-        """What is told: it runs down like a clock, and leads to the estimate bit by bit."""
+        """Return the shown time: it counts down and approaches the estimate gradually."""
         now = self._clock()
         with self._lock:
             if not left:
@@ -144,7 +149,7 @@ class Remaining:
             if before is not None:
                 at, told = before
                 down = max(0.0, told - (now - at))
-                settling_s = min(max(SETTLING_S[0], down / 4.0), SETTLING_S[1])
+                settling_s = min(max(SETTLING_RANGE_S[0], down / 4.0), SETTLING_RANGE_S[1])
                 left = down + (left - down) * (1.0 - math.exp(-(now - at) / settling_s))
             self._told[fold_id] = (now, left)
         return max(1, round(left))
@@ -159,29 +164,29 @@ def left_s(
     elapsed_s: float,
     chooses: bool = False,
 ) -> float:
-    """Seconds until a fold that runs is over; 0 when its stage takes longer than usual.
+    """Return the remaining seconds of a running fold; 0 if its stage takes longer than usual.
 
     Args:
-        usual: What stages usually take.
-        stage: The one that runs.
-        fraction: How much of it is done, as it says.
-        spent_s: What it and others have taken so far, without this time.
-        elapsed_s: What it has taken this time.
-        chooses: Whether several plans are computed: then stages come again.
+        usual: Typical seconds of each stage.
+        stage: The running stage.
+        fraction: Its reported progress, 0 to 1.
+        spent_s: Seconds that it and other stages have taken so far, without this run of it.
+        elapsed_s: Seconds of this run.
+        chooses: True if several plans are computed, so that stages are repeated.
     """
     place = STAGES.index(stage)
     # The first stage says nothing of the machine's pace: it may have waited for compiled loops.
     before = STAGES[1:place]
-    least = PACE_AFTER * sum(usual.values())
+    least = PACE_PRIOR * sum(usual.values())
     known = least + sum(usual.get(other, 0.0) for other in before)
     took = least + sum(spent_s.get(other, 0.0) for other in before)
     typical = usual.get(stage, 0.0) * (1.0 if chooses else took / known)
     taken = spent_s.get(stage, 0.0) + elapsed_s
-    if taken > OVERRUN * typical + OVERRUN_S:
+    if taken > LATE_FACTOR * typical + LATE_MARGIN_S:
         return 0.0
-    left = max(typical - taken, LEAST_LEFT * typical)
+    left = max(typical - taken, MIN_REMAINING_FRACTION * typical)
     if chooses:
-        others = TRYING if stage in TRYING else ()
+        others = REPEATED_STAGES if stage in REPEATED_STAGES else ()
         later = {other for other in (*others, *STAGES[place + 1 :]) if other != stage}
         left += sum(max(0.0, usual.get(s, 0.0) - spent_s.get(s, 0.0)) for s in later)
     else:
@@ -190,4 +195,4 @@ def left_s(
         done = max(fraction, elapsed_s / (elapsed_s + left)) if elapsed_s else fraction
         pace = (took + elapsed_s) / (known + done * usual.get(stage, 0.0))
         left += pace * sum(usual.get(other, 0.0) for other in STAGES[place + 1 :])
-    return max(left, LEAST_S)
+    return max(left, MIN_REMAINING_S)

@@ -1,4 +1,4 @@
-"""Patience: what is to be noted or kept is so once the database and the storage answer again."""
+"""Retries: writes that wait until the database and the storage answer again."""
 
 from __future__ import annotations
 
@@ -13,30 +13,36 @@ from sqlalchemy.exc import SQLAlchemyError
 from server.store.object_store import StorageError
 from server.store.tables import passes
 
-TRY_AGAIN_S: Final = 0.5
-PASSING: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.ESTALE})
-"""Errors of a disk that may pass: no room, no handles, an input or output error."""
+RETRY_INTERVAL_S: Final = 0.5
+"""Time between two attempts to reach the database, the object store or the disk, in s. A smaller
+value loads a struggling service more. Chosen."""
+TRANSIENT_ERRNOS: Final = frozenset(
+    {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.ESTALE}
+)
+"""Disk errors (errno) that may pass: no space, a quota, an I/O error, read-only, a stale handle."""
 Answer = TypeVar("Answer")
 log = logging.getLogger("foldback.worker")
 
 
-def patiently(do: Callable[[], Answer], *, wait: Callable[[float], object] = time.sleep) -> Answer:
-    """What it returns, once the database and the storage answer and the disk has room.
+def retry_until_available(
+    do: Callable[[], Answer], *, wait: Callable[[float], object] = time.sleep
+) -> Answer:
+    """Call ``do`` and return its result; repeat it while database, storage or disk fail.
 
     Args:
-        do: May be done any number of times.
-        wait: Waits for so many seconds before the next try.
+        do: May be called any number of times.
+        wait: Waits for the given seconds before the next attempt.
     """
     told = False
     while True:
         try:
             return do()
         except (SQLAlchemyError, StorageError, OSError) as error:
-            if isinstance(error, OSError) and error.errno not in PASSING:
+            if isinstance(error, OSError) and error.errno not in TRANSIENT_ERRNOS:
                 raise
             if isinstance(error, SQLAlchemyError) and not passes(error):
                 raise
             if not told:
                 log.warning("database or storage does not answer, waiting: %s", error)
             told = True
-        wait(TRY_AGAIN_S)
+        wait(RETRY_INTERVAL_S)

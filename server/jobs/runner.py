@@ -1,4 +1,4 @@
-"""Runner: computes the stages of folds in child processes and keeps their rows up to date."""
+"""Runner: computes the stages of folds in child processes and updates their rows."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from planner.pipeline.fold_layout import TIMELINE, any_verified, result
 from planner.playback.unfolding import START_CHAIN
 from planner.progress import COMPILING
 from server.files.cancelled import sweep_cancelled_of
-from server.jobs.progress import STAGES, TRYING, JobProgress
+from server.jobs.progress import REPEATED_STAGES, STAGES, JobProgress
 from server.jobs.queue import place_of
-from server.jobs.retry import TRY_AGAIN_S, Answer, patiently
+from server.jobs.retry import RETRY_INTERVAL_S, Answer, retry_until_available
 from server.jobs.slices import Slice
 from server.processes.children import CRASHED, LOST, Child, ChildError, Children
 from server.processes.fork_server import ForkServer
@@ -32,21 +32,21 @@ from server.store.folds import NoSuchFoldError, Store
 from server.store.gallery import Gallery
 from server.store.object_store import StorageError
 
-KEEP_EVERY_S: Final = 0.7
-"""Seconds between two copies of a growing timeline to the object store."""
-MAX_DEATHS: Final = 3
-"""Deaths of its own process that fail a fold, in one stage. With 1 whatever kills a process by
-chance fails a fold; a larger value has a fold that kills its process compute in vain longer.
-Chosen."""
+UPLOAD_INTERVAL_S: Final = 0.7
+"""Time between two copies of a growing timeline to the object store, in s. A larger value shows
+frames later; a smaller one transfers more. Chosen."""
+MAX_CRASHES: Final = 3
+"""Number of crashes of its process after which a fold fails, in one stage. With 1 an accident fails
+a fold; a larger value lets a fold that crashes its process compute longer in vain. Chosen."""
 log = logging.getLogger("foldback.worker")
 
 
 class Outcome(TypedDict):
-    """How a stage ended; ``ended`` tells that the fold ends with it, ``following`` what is next.
+    """Result of a stage.
 
-    ``epoch`` is the one under which its files are kept, ``bytes`` what they take, None when that
-    is not known. ``paused_by`` is the execution that has put the fold back into the queue in the
-    middle of the stage; None if the stage is over.
+    ``ended`` is True if the fold ends with it, ``following`` the next stage. ``epoch`` is the epoch
+    of its files, ``bytes`` their size, None if unknown. ``paused_by`` is the execution that has put
+    the fold back into the queue in the middle of the stage; None if the stage has ended.
     """
 
     epoch: int
@@ -83,11 +83,11 @@ def _outcome(
     }
 
 
-class TakenOverError(Exception):
-    """The fold has gone to another execution; what came out here is nobody's."""
+class LeaseLostError(Exception):
+    """The fold has gone to another execution; the result here is discarded."""
 
 
-class UnwantedError(Exception):
+class JobCancelledError(Exception):
     """The fold was cancelled or taken over while something was waited for."""
 
 
@@ -96,7 +96,7 @@ class PausedError(Exception):
 
 
 class Runner:
-    """Holds one child for each fold that is being computed.
+    """Children of the folds that are being computed, one for each.
 
     Args:
         settings: The settings.
@@ -119,7 +119,7 @@ class Runner:
         self._stopping = threading.Event()
 
     def prewarm(self) -> None:
-        """Loads what the first fold would wait for, unless the settings keep it from that."""
+        """Load what the first fold would wait for, unless the settings forbid it."""
         if self._settings.prewarm and self._fork_server is not None:
             self._fork_server.start()
 
@@ -136,36 +136,36 @@ class Runner:
         return float(told["fraction"]) if told["message"] == COMPILING else None
 
     def stop(self) -> None:
-        """Ends all children; their folds go on elsewhere, or with the next start."""
+        """Stop all children; their folds continue elsewhere or after the next start."""
         self._stopping.set()
         self._children.close()
         if self._fork_server is not None and not self._shared:
             self._fork_server.close()
 
     def run(self, fold_id: str, stage: str, worker: str, known: int) -> Outcome:
-        """Computes one stage of a fold. Whatever goes wrong with it is an outcome.
+        """Compute one stage of a fold. Any failure of it is an outcome.
 
         Args:
             fold_id: The fold.
             stage: The stage.
-            worker: Who computes it, by a name that each execution has for itself.
+            worker: Name of the execution, unique for each.
             known: The epoch under which the stage before was computed.
 
         Raises:
-            TakenOverError: When it has gone to another execution meanwhile.
+            LeaseLostError: When it has gone to another execution meanwhile.
         """
         epoch = known
         try:
-            begun = self.patiently(lambda: self._store.begin(fold_id, stage, worker))
+            begun = self.retry_until_available(lambda: self._store.begin(fold_id, stage, worker))
             if begun is None:
                 outcome = self._stopped(fold_id, None)
             else:
                 epoch = begun
                 outcome = self._run(fold_id, stage, worker, known, epoch)
-        except TakenOverError:
+        except LeaseLostError:
             self._release(worker)
             raise
-        except UnwantedError:
+        except JobCancelledError:
             # What it has made so far is kept nowhere.
             self._release(worker)
             return {**self._stopped(fold_id, epoch), "epoch": known}
@@ -182,7 +182,7 @@ class Runner:
         except ChildError as error:
             self._release(worker)
             place = self._store.folders.place(fold_id)
-            if stage in TRYING and any_verified(place):
+            if stage in REPEATED_STAGES and any_verified(place):
                 # What was tried for a better plan went wrong: the best one so far is the fold's.
                 outcome = _outcome("running", ended=False, following=STAGES[-1])
             else:
@@ -194,7 +194,7 @@ class Runner:
         except Exception as error:
             log.exception("fold %s failed in stage %s", fold_id, stage, extra={"fold": fold_id})
             outcome = self.failure(error, stage)
-        self._halt()
+        self._block_until_exit()
         outcome["epoch"] = epoch
         if outcome["ended"]:
             self._release(worker)
@@ -208,20 +208,20 @@ class Runner:
             )
         if epoch != 0:
             try:
-                outcome["bytes"] = self._patiently_for(
+                outcome["bytes"] = self._retry_unless_cancelled(
                     fold_id, epoch, lambda: self._store.folders.keep(fold_id, epoch)
                 )
-            except UnwantedError:
+            except JobCancelledError:
                 self._release(worker)
                 return {**self._stopped(fold_id, epoch), "epoch": known}
         return outcome
 
     def finish(self, fold_id: str, outcome: Outcome, worker: str) -> None:
-        """Notes the end of a fold in its row, or clears up after one that was deleted."""
+        """Store the result of a fold in its row, or clean up after a deleted one."""
         self._release(worker)
         if self._store.folders.storage is None:
             self._close(fold_id)
-        known = self.patiently(
+        known = self.retry_until_available(
             lambda: self._store.finish(
                 fold_id,
                 outcome["status"],
@@ -233,9 +233,9 @@ class Runner:
             )
         )
         if not known:
-            self.patiently(lambda: self._store.folders.remove(fold_id))
+            self.retry_until_available(lambda: self._store.folders.remove(fold_id))
         elif outcome["status"] != "cancelled":
-            self.patiently(lambda: self._store.folders.leave(fold_id, outcome["epoch"]))
+            self.retry_until_available(lambda: self._store.folders.leave(fold_id, outcome["epoch"]))
         else:
             # Who has cancelled it wants the worker for something else: no waiting.
             with contextlib.suppress(StorageError, SQLAlchemyError, NoSuchFoldError):
@@ -249,31 +249,31 @@ class Runner:
             return place_of(row.turn, row.cost_s)
         return place_of(0, 0.0)  # it was deleted, which whoever takes it notices
 
-    def patiently(self, do: Callable[[], Answer]) -> Answer:
-        """What it returns, once what it needs answers; never returns once the worker ends."""
-        return patiently(do, wait=self._wait)
+    def retry_until_available(self, do: Callable[[], Answer]) -> Answer:
+        """Run ``retry_until_available``; block for good once the worker stops."""
+        return retry_until_available(do, wait=self._wait)
 
-    def _patiently_for(self, fold_id: str, epoch: int, do: Callable[[], Answer]) -> Answer:
-        """The same, but nobody waits for what is not wanted any more.
+    def _retry_unless_cancelled(self, fold_id: str, epoch: int, do: Callable[[], Answer]) -> Answer:
+        """Run ``retry_until_available``, but give up on a cancelled fold.
 
         Raises:
-            UnwantedError: When the fold was cancelled or taken over meanwhile.
+            JobCancelledError: When the fold was cancelled or taken over meanwhile.
         """
 
         def wait(seconds: float) -> None:
             self._wait(seconds)
             with contextlib.suppress(SQLAlchemyError):
                 if not self._store.report(fold_id, epoch):
-                    raise UnwantedError(fold_id)
+                    raise JobCancelledError(fold_id)
 
-        return patiently(do, wait=wait)
+        return retry_until_available(do, wait=wait)
 
     def _wait(self, seconds: float) -> None:
         self._stopping.wait(seconds)
-        self._halt()
+        self._block_until_exit()
 
-    def _halt(self) -> None:
-        """Never returns once the worker ends.
+    def _block_until_exit(self) -> None:
+        """Block this thread for good once the worker stops, so that no result is recorded.
 
         The step was cut off by us: it must not have a result, so that the job goes on later.
         """
@@ -282,7 +282,7 @@ class Runner:
 
     @staticmethod
     def failure(error: Exception, stage: str | None) -> Outcome:
-        """The outcome when the service itself went wrong."""
+        """Return the outcome of an error of the service itself."""
         return _outcome(
             "failed",
             error={
@@ -295,15 +295,15 @@ class Runner:
         )
 
     def _run(self, fold_id: str, stage: str, worker: str, known: int, epoch: int) -> Outcome:
-        directory = self._patiently_for(
+        directory = self._retry_unless_cancelled(
             fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
         )
-        spent_s = self.patiently(lambda: self._store.stage_s(fold_id))
+        spent_s = self.retry_until_available(lambda: self._store.stage_s(fold_id))
         done = _Progress(self._store, fold_id, stage, epoch, spent_s)
         progress = JobProgress(done.report)
         part = self._slices.get(worker)
         if part is None:
-            part = self.patiently(lambda: Slice(self._store, fold_id, epoch))
+            part = self.retry_until_available(lambda: Slice(self._store, fold_id, epoch))
             self._slices[worker] = part
         with _keeping(self._store, fold_id, epoch):
             result = self._call(
@@ -314,14 +314,14 @@ class Runner:
                 cancelled=lambda: progress.cancelled() or part.over(),
             )
         done.take_end()
-        wanted = self.patiently(progress.last)
+        wanted = self.retry_until_available(progress.last)
         # A stage that was told to stop may have a result all the same, of what there was by then.
-        if part.ended and wanted and self.patiently(part.pause):
+        if part.ended and wanted and self.retry_until_available(part.pause):
             raise PausedError(fold_id)
         if part.ended or result.get("status") == "cancelled" or not wanted:
             return self._stopped(fold_id, epoch)
         if stage == "read":
-            self.patiently(
+            self.retry_until_available(
                 lambda: self._store.describe(
                     fold_id,
                     name=str(result["name"]),
@@ -353,7 +353,7 @@ class Runner:
 
         Raises:
             InputError: If the input is at fault.
-            ChildError: If a limit was exceeded, or ``MAX_DEATHS`` children died.
+            ChildError: If a limit was exceeded, or ``MAX_CRASHES`` children died.
         """
         deaths = 0
         while True:
@@ -369,48 +369,48 @@ class Runner:
                     cancelled=cancelled,
                 )
             except ChildError as error:
-                self._halt()
+                self._block_until_exit()
                 if error.code not in (CRASHED, LOST):
                     raise
                 self._release_child(worker)
                 deaths += error.code == CRASHED
-                if deaths == MAX_DEATHS:
+                if deaths == MAX_CRASHES:
                     detail = f"{error.detail} This happened {deaths} times in the stage '{stage}'."
                     raise ChildError(CRASHED, detail) from None
                 log.warning("stage=%s directory=%s restarts: %s", stage, directory, error)
-            self._wait(TRY_AGAIN_S)
+            self._wait(RETRY_INTERVAL_S)
             if cancelled():
                 return {"status": "cancelled", "reason": "cancelled"}
 
     def _advised(self, fold_id: str, error: InputError) -> InputError:
-        """The refusal, with shapes that a refold could lead to instead."""
+        """Return the refusal, with shapes that a refold may end in instead."""
         if error.code != "refold-differs":
             return error
         start = json.loads((self._store.folders.place(fold_id) / START_CHAIN).read_bytes())
         return Gallery().advised(error, str(start["module"]), int(start["modules"]))
 
     def _stopped(self, fold_id: str, epoch: int | None) -> Outcome:
-        """The outcome of a fold that shall not go on here, and why."""
+        """Return the outcome of a fold that must not continue here, with the reason."""
         try:
-            row = self.patiently(lambda: self._store.fold(fold_id))
+            row = self.retry_until_available(lambda: self._store.fold(fold_id))
         except NoSuchFoldError:
             return _outcome("cancelled")
         if row.over:  # a step that is repeated after its end was noted
             return _outcome(row.status, summary=row.summary, error=row.error)
         if epoch is not None and row.epoch != epoch and not row.cancel_requested:
             log.warning("fold %s was taken over by %s", fold_id, row.worker)
-            raise TakenOverError(fold_id)
+            raise LeaseLostError(fold_id)
         return _outcome("cancelled", repeatable=False)
 
     def _close(self, fold_id: str) -> None:
-        """Closes the timeline of a stage that was ended before it could."""
+        """Close the timeline of a stage that was killed before it could."""
         path = result(self._store.folders.place(fold_id), TIMELINE)
         with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
             if Timeline.open(path).status == "growing":
                 TimelineWriter.reopen(path).close("failed")
 
     def _looked_back(self, fold_id: str) -> dict[str, Any]:
-        """What is known of a fold that did not come to its end: where it was, what was tried."""
+        """Return the last known state of a fold that did not finish: its frame and its attempts."""
         try:
             # The physics: only when a fold's end was missed.
             from planner.pipeline.workspace import Workspace
@@ -433,7 +433,7 @@ class Runner:
 
 @contextlib.contextmanager
 def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
-    """Keeps what grows while a stage computes, so that readers elsewhere see it grow."""
+    """Upload growing files while a stage computes, so that other machines see them."""
     folders = store.folders
     if folders.storage is None:
         yield
@@ -455,7 +455,7 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
                     error,
                     extra={"fold": fold_id},
                 )
-            if over.wait(KEEP_EVERY_S):
+            if over.wait(UPLOAD_INTERVAL_S):
                 return
 
     thread = threading.Thread(target=keep, name="keeping", daemon=True)
@@ -468,7 +468,7 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
 
 
 class _Progress:
-    """How far a stage is, as its row shall have it."""
+    """Progress of a stage as its row stores it."""
 
     def __init__(
         self, store: Store, fold_id: str, stage: str, epoch: int, spent_s: dict[str, float]
@@ -492,7 +492,7 @@ class _Progress:
         self._waits = True
 
     def take(self, event: dict[str, Any]) -> None:
-        """What the child tells."""
+        """Process an event of the child."""
         self._progress = {key: event[key] for key in self._progress}
         self._waits = True
 
@@ -505,7 +505,7 @@ class _Progress:
         self._waits = True
 
     def report(self) -> bool:
-        """Reports what waits; False when the fold is not wanted any more."""
+        """Send pending reports; False if the fold is no longer wanted."""
         progress = {
             **self._progress,
             "frames": frames_promised(self._place),

@@ -17,12 +17,13 @@ from sqlalchemy.exc import SQLAlchemyError
 from server.store.folds import Store
 from server.store.tables import passes
 
-LOOK_EVERY_S: Final = 0.5
-"""Seconds between two looks at the queue. Another fold waits that much longer, at most. Chosen."""
+SLICE_POLL_S: Final = 0.5
+"""Time between two looks of a running fold at the queue, in s. Another fold waits that much longer
+at most. Chosen."""
 
 
 class Slice:
-    """The slice of one execution of a fold. It begins when it is made.
+    """Time slice of one execution of a fold; it starts with its construction.
 
     Args:
         store: Rows of the folds.
@@ -48,7 +49,7 @@ class Slice:
         """Return True once the fold has to make room for another one."""
         now = self._clock()
         if not self.ended and now >= self._look_at:
-            self._look_at = now + LOOK_EVERY_S
+            self._look_at = now + SLICE_POLL_S
             spent_s = now - self._begun
             cheaper = spent_s < self._whole_s
             try:

@@ -24,12 +24,12 @@ from typing import Final
 from dbos import DBOS, DBOSConfig
 from dbos import error as dbos_errors
 
-from server.jobs.dbos_private import hand_back, hand_back_all, set_back, take_nothing_new
+from server.jobs.dbos_private import requeue_all, requeue_job, set_back, stop_dequeuing
 from server.jobs.janitor import Janitor
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.progress import STAGES
 from server.jobs.queue import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, Jobs
-from server.jobs.runner import Outcome, Runner, TakenOverError
+from server.jobs.runner import LeaseLostError, Outcome, Runner
 from server.ops.logs import about, set_up_logs
 from server.ops.starting import settings_of, starting, warn_of_unknown_names
 from server.ops.tracing import send_rest, tracing
@@ -40,16 +40,24 @@ from server.store.leases import Leases
 from server.store.tables import passes
 from server.store.worker_identity import WorkerIdentities
 
-LOOK_EVERY_S: Final = 2.0
-BEATS_A_LEASE: Final = 5
-LOOKS_A_LEASE: Final = 8
-STRAY_S: Final = 5.0
-"""Seconds after which a job of this worker that nothing works on is begun anew."""
-SWEEP_EVERY_S: Final = 60.0
-PREPARING_EVERY_S: Final = 0.5
-"""Seconds between two looks at what is compiled; pages show it as often. Chosen."""
-NO_JOB_S: Final = 30.0
-"""Seconds that a fold may be without a job: it has its row first."""
+RECOVERY_POLL_S: Final = 2.0
+"""Maximum time between two checks for expired workers and lost jobs, in s. A larger value takes
+over a dead worker's folds later. Chosen."""
+HEARTBEATS_PER_LEASE: Final = 5
+"""Number of heartbeats that a worker sends in the time after which it counts as dead. A larger
+value tolerates more lost ones and writes more. Chosen."""
+RECOVERY_POLLS_PER_LEASE: Final = 8
+"""Minimum number of checks for expired workers in that time. Chosen."""
+ORPHANED_JOB_S: Final = 5.0
+"""Time after which a job of this worker that no thread processes is queued again, in s. Chosen."""
+WORKER_SWEEP_S: Final = 60.0
+"""Time between two sweeps of expired files and jobs, in s. Chosen."""
+COMPILING_REPORT_S: Final = 0.5
+"""Time between two reports of the compiled fraction of the kernels, in s; pages show it as often.
+Chosen."""
+MIN_JOBLESS_S: Final = 30.0
+"""Time for which a fold may be without a job, in s, before it counts as failed: it has its row
+first. Chosen."""
 log = logging.getLogger("foldback.worker")
 
 
@@ -62,7 +70,7 @@ class Active:
 
     @contextmanager
     def working(self, job: str) -> Generator[None]:
-        """Counts a job for as long as it lasts."""
+        """Count a job for as long as it lasts."""
         with self._lock:
             self._jobs[job] += 1
         try:
@@ -88,7 +96,7 @@ class PutBack(BaseException):
 
 
 def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> None:
-    """Tells the job system what a fold is: one step a stage, then its end; and what a movie is."""
+    """Register the workflows: a fold is one step per stage and its end; and a movie."""
 
     def computed(fold_id: str, worker: str) -> Outcome:
         stage: str = STAGES[0]
@@ -100,13 +108,15 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
                 )
                 epoch = outcome["epoch"]
                 if outcome.get("paused_by") == worker:  # else it goes on after a pause
-                    runner.patiently(lambda: set_back(fold_id, name, *runner.place(fold_id)))
+                    runner.retry_until_available(
+                        lambda: set_back(fold_id, name, *runner.place(fold_id))
+                    )
                     raise PutBack
                 if outcome["ended"] or outcome["following"] is None:
                     return outcome
                 stage = outcome["following"]
         except Exception as error:
-            if passes(error) or isinstance(error, TakenOverError):
+            if passes(error) or isinstance(error, LeaseLostError):
                 raise
             log.exception("fold %s failed", fold_id)
             return {**runner.failure(error, stage), "epoch": epoch}
@@ -121,10 +131,10 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
             except Exception as error:
                 # What was computed could not be noted, or another execution has come in between:
                 # if the job is still ours it is done again.
-                if passes(error) or isinstance(error, TakenOverError):
+                if passes(error) or isinstance(error, LeaseLostError):
                     log.warning("fold %s goes back to the queue: %s", fold_id, error)
                     with suppress(dbos_errors.DBOSWorkflowConflictIDError):
-                        runner.patiently(lambda: hand_back(fold_id, name))
+                        runner.retry_until_available(lambda: requeue_job(fold_id, name))
                 raise
         return outcome["status"]
 
@@ -137,7 +147,7 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
 
 
 def _hold_leash(on_end: Callable[[], None]) -> None:
-    """Calls back when standard input ends: whoever started this worker is gone."""
+    """Call back when standard input ends: the parent of this worker is gone."""
 
     def wait() -> None:
         while os.read(0, 1024):
@@ -147,8 +157,8 @@ def _hold_leash(on_end: Callable[[], None]) -> None:
     threading.Thread(target=wait, name="leash", daemon=True).start()
 
 
-class _Caretaker:
-    """Looks after the jobs of all workers: those of dead ones are taken over by living ones."""
+class _LeaseMonitor:
+    """Heartbeat of this worker, and recovery of the jobs of expired ones."""
 
     def __init__(
         self,
@@ -167,14 +177,14 @@ class _Caretaker:
         self._active = active
         self._leases = Leases.of(settings, store)
         self._janitor = Janitor(settings, store)
-        self._strays: dict[str, float] = {}
+        self._orphans: dict[str, float] = {}
         self._preparing: float | None = -1.0  # what an earlier worker of this name noted is wrong
         self._swept_at = time.monotonic()
 
-    def beat(self) -> None:
-        """Says that this worker lives."""
+    def heartbeat(self) -> None:
+        """Send a heartbeat of this worker."""
         at_once = self._settings.folds_per_worker
-        self._leases.beat(
+        self._leases.heartbeat(
             self._name, host=socket.gethostname()[:200], pid=os.getpid(), folds_at_once=at_once
         )
 
@@ -185,48 +195,48 @@ class _Caretaker:
             self._leases.note_preparing(self._name, fraction)
             self._preparing = fraction
 
-    def leave(self) -> None:
-        """Says that it ends."""
-        self._leases.leave(self._name)
+    def deregister(self) -> None:
+        """Deregister this worker."""
+        self._leases.deregister(self._name)
 
-    def look(self) -> None:
-        """Looks once."""
+    def recover_and_sweep(self) -> None:
+        """Requeue jobs of expired workers and orphaned ones; sweep if it is due."""
         running = DBOS.list_workflows(status="PENDING", load_input=False)
         holders = {str(job.executor_id) for job in running}
-        for dead in self._leases.dead(holders) - {self._name}:
+        for dead in self._leases.expired(holders) - {self._name}:
             if dead in holders:
                 log.info("taking over the folds of %s", dead)
-                hand_back_all(dead)
-            self._leases.leave(dead)
-        self._hand_back_strays(
+                requeue_all(dead)
+            self._leases.deregister(dead)
+        self._requeue_orphans(
             [str(job.workflow_id) for job in running if job.executor_id == self._name]
         )
-        for row in self._jobs.reconcile(self._store, older_s=NO_JOB_S):
+        for row in self._jobs.reconcile(self._store, older_s=MIN_JOBLESS_S):
             log.error("fold %s: its job ended without a result", row.id, extra={"fold": row.id})
             outcome = self._runner.failure(RuntimeError("job"), row.stage)
             outcome["epoch"] = row.kept
             self._runner.finish(row.id, outcome, self._name)
-        if time.monotonic() - self._swept_at >= SWEEP_EVERY_S:
+        if time.monotonic() - self._swept_at >= WORKER_SWEEP_S:
             self._swept_at = time.monotonic()
             self._janitor.sweep()
             self._jobs.sweep(time.time())
 
-    def _hand_back_strays(self, own: list[str]) -> None:
-        """Has jobs done again that are ours and that nothing works on.
+    def _requeue_orphans(self, own: list[str]) -> None:
+        """Queue this worker's orphaned jobs again.
 
         Not even that a step is over could be noted, for the disk was full or the database away.
         """
         now = time.monotonic()
-        self._strays = {job: self._strays.get(job, now) for job in own if job not in self._active}
-        for job, since in list(self._strays.items()):
-            if now - since >= STRAY_S:
+        self._orphans = {job: self._orphans.get(job, now) for job in own if job not in self._active}
+        for job, since in list(self._orphans.items()):
+            if now - since >= ORPHANED_JOB_S:
                 log.warning("job %s was dropped; it is queued again", job)
-                hand_back(job, self._name)
-                del self._strays[job]
+                requeue_job(job, self._name)
+                del self._orphans[job]
 
 
 def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], what: str) -> None:
-    """Does something again and again in a thread, whatever goes wrong."""
+    """Repeat a call in a thread; log its errors."""
 
     def loop() -> None:
         while not stopping.wait(every_s):
@@ -238,15 +248,28 @@ def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], w
     threading.Thread(target=loop, name=what, daemon=True).start()
 
 
-def work(settings: Settings, *, leashed: bool = False) -> None:
-    """Works until told to end, by a signal or by the end of who started it.
+def _config(settings: Settings, worker: str) -> DBOSConfig:
+    """Return the job system's configuration of a worker."""
+    config: DBOSConfig = {
+        "name": APPLICATION,
+        "system_database_url": settings.queue_url,
+        "application_version": APPLICATION_VERSION,
+        "executor_id": worker,
+        "log_level": "WARNING",
+    }
+    config.update(tracing(settings))
+    return config
 
-    Told so it takes nothing new, goes on for as long as the settings let it, and hands back to the
-    queue what is not over by then. Told twice it does not go on.
+
+def work(settings: Settings, *, leashed: bool = False) -> None:
+    """Process jobs until a signal, or the end of the parent process.
+
+    After the first signal it takes no new jobs, continues for ``drain_s``, and returns unfinished
+    jobs to the queue; after a second one it does so at once.
 
     Args:
         settings: The settings.
-        leashed: End when standard input ends.
+        leashed: True to end when standard input ends.
     """
     keep_secrets()
     set_up_logs(settings)
@@ -273,29 +296,23 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     signal.signal(signal.SIGINT, tell)
     if leashed:
         _hold_leash(end)
-    config: DBOSConfig = {
-        "name": APPLICATION,
-        "system_database_url": settings.queue_url,
-        "application_version": APPLICATION_VERSION,
-        "executor_id": identity.name,
-        "log_level": "WARNING",
-    }
-    config.update(tracing(settings))
-    DBOS(config=config)
+    DBOS(config=_config(settings, identity.name))
     active = Active()
     register(runner, MovieJobs(settings, store), identity.name, active)
     stopping = threading.Event()
-    caretaker = _Caretaker(settings, store, jobs, runner, identity.name, active)
-    caretaker.beat()
-    caretaker.tell_preparing()
+    monitor = _LeaseMonitor(settings, store, jobs, runner, identity.name, active)
+    monitor.heartbeat()
+    monitor.tell_preparing()
     DBOS.launch()
-    _repeat(stopping, PREPARING_EVERY_S, caretaker.tell_preparing, "reporting compiled solvers")
-    _repeat(stopping, settings.lease_s / BEATS_A_LEASE, caretaker.beat, "sending heartbeats")
-    look_every_s = min(LOOK_EVERY_S, settings.lease_s / LOOKS_A_LEASE)
-    _repeat(stopping, look_every_s, caretaker.look, "checking for expired workers")
+    _repeat(stopping, COMPILING_REPORT_S, monitor.tell_preparing, "reporting compiled solvers")
+    _repeat(
+        stopping, settings.lease_s / HEARTBEATS_PER_LEASE, monitor.heartbeat, "sending heartbeats"
+    )
+    recovery_poll_s = min(RECOVERY_POLL_S, settings.lease_s / RECOVERY_POLLS_PER_LEASE)
+    _repeat(stopping, recovery_poll_s, monitor.recover_and_sweep, "checking for expired workers")
     log.info("worker %s is ready", identity.name)
     told.acquire()
-    take_nothing_new()
+    stop_dequeuing()
     deadline = time.monotonic() + settings.drain_s
     while len(active) and time.monotonic() < deadline and not told.acquire(timeout=0.1):
         pass
@@ -303,8 +320,8 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     stopping.set()
     runner.stop()
     try:
-        hand_back_all(identity.name)
-        caretaker.leave()
+        requeue_all(identity.name)
+        monitor.deregister()
     except Exception:
         log.exception("jobs could not be put back; other workers will take them over")
     # Steps that were cut off must not get the time to note a result.

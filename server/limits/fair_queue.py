@@ -19,31 +19,34 @@ from typing import Final
 
 from server.limits.networks import networks_of
 
-TICKS_A_SECOND: Final = 10
-LATEST: Final = 2**31 - 2
-"""Largest priority that the job system takes; at full load it is reached after years."""
-QUICK_S: Final = 10.0
-"""Expected cost of a quick fold, in seconds, at most. With a larger value quick folds wait longer
-for each other; with a smaller one more folds wait for long ones. Chosen: half of the shapes of
-fewer than 300 modules."""
-OVERRUN: Final = 3.0
-"""Factor of its expected cost that a fold computes before it makes room for any other fold. A
-smaller value has more stages begin again, a larger one has others wait longer. Chosen."""
-MIN_SLICES: Final = 3.0
-"""Part of the first slice that a fold computes at least before that, as a divisor. Chosen."""
+TICKS_PER_SECOND: Final = 10
+"""Units of virtual time per second of expected computing time. A larger value orders quick folds
+more finely. Chosen."""
+MAX_PRIORITY: Final = 2**31 - 2
+"""Largest priority number that the job system permits, so the latest virtual time; at full load it
+is reached after years."""
+QUICK_FOLD_S: Final = 10.0
+"""Maximum expected cost of a quick fold, in s. With a larger value quick folds wait longer for each
+other; with a smaller one more folds wait for long ones. Chosen: half of the shapes of fewer than
+300 modules."""
+SLICE_COST_FACTOR: Final = 3.0
+"""Time that a fold computes before it makes room for any other fold, as a multiple of its expected
+cost. A smaller value repeats more stages, a larger one lets others wait longer. Chosen."""
+FIRST_SLICE_DIVISOR: Final = 3.0
+"""That time is at least the first slice divided by this. Chosen."""
 SLICE_GROWTH: Final = 3.0
-"""Factor of the time before it makes room for cheaper folds, after each pause. What is computed in
-vain is then at most half as much as the time of the last slice. Chosen."""
+"""Factor on the time before a fold makes room for cheaper folds, after each pause. With it the work
+that pauses waste is at most half of the last slice. Chosen."""
 
 
 def ticks(cost_s: float) -> int:
-    """Virtual time that a fold of some cost takes."""
-    return max(1, round(TICKS_A_SECOND * cost_s))
+    """Return the virtual time of a fold of some expected cost."""
+    return max(1, round(TICKS_PER_SECOND * cost_s))
 
 
 def is_quick(cost_s: float) -> bool:
     """Return True if a fold of this expected cost is computed in the lane for quick folds."""
-    return cost_s <= QUICK_S
+    return cost_s <= QUICK_FOLD_S
 
 
 def slice_s(cost_s: float, pauses: int, first_s: float, *, for_cheaper: bool = False) -> float:
@@ -55,7 +58,7 @@ def slice_s(cost_s: float, pauses: int, first_s: float, *, for_cheaper: bool = F
         first_s: The time for the first slice before it makes room for cheaper folds.
         for_cheaper: True for others that are expected to cost less.
     """
-    whole = max(first_s / MIN_SLICES, OVERRUN * cost_s)
+    whole = max(first_s / FIRST_SLICE_DIVISOR, SLICE_COST_FACTOR * cost_s)
     return min(whole, first_s * SLICE_GROWTH**pauses) if for_cheaper else whole
 
 
@@ -76,7 +79,7 @@ def admits(held: float, wanted: float, *, total: float, limit: float) -> bool:
     return held + wanted <= limit - total
 
 
-def turn_of(
+def virtual_finish_time(
     *, now: int, last_own: int | None, cost_s: float, sharers: int = 1, first: bool = False
 ) -> int:
     """Return the turn of a fold.
@@ -91,15 +94,15 @@ def turn_of(
     if first:
         return now
     begin = now if last_own is None else max(now, last_own)
-    return min(LATEST, begin + ticks(cost_s * sharers))
+    return min(MAX_PRIORITY, begin + ticks(cost_s * sharers))
 
 
 def wait_s(*, ahead_s: float, running_s: float, at_once: int) -> float | None:
-    """About how long a fold waits; None when nobody computes.
+    """Return the estimated wait of a fold in s; None if no worker computes.
 
     Args:
-        ahead_s: What the folds before it take.
-        running_s: What is left of those that are being computed.
+        ahead_s: Expected cost of the folds before it, s.
+        running_s: Remaining cost of running folds, s.
         at_once: Folds that are computed at once.
     """
     return None if at_once == 0 else (ahead_s + running_s) / at_once

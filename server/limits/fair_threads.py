@@ -16,10 +16,10 @@ from typing import Any, Final, ParamSpec, TypeVar
 
 from server.limits.quota import Permit, Quota
 
-VISITOR: Final[ContextVar[str | None]] = ContextVar("visitor", default=None)
-"""Visitor whose request is being answered; None outside of requests."""
-MAX_THREADS: Final = min(32, (os.cpu_count() or 1) + 4)
-"""Number of threads, as in the event loop's usual pool."""
+CURRENT_VISITOR: Final[ContextVar[str | None]] = ContextVar("visitor", default=None)
+"""Visitor whose request is being processed; None outside of requests."""
+MAX_REQUEST_THREADS: Final = min(32, (os.cpu_count() or 1) + 4)
+"""Maximum number of threads that process requests, as in the event loop's default pool."""
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
@@ -31,7 +31,7 @@ class FairThreads(ThreadPoolExecutor):
         count: Number of threads, 2 at least.
     """
 
-    def __init__(self, count: int = MAX_THREADS) -> None:
+    def __init__(self, count: int = MAX_REQUEST_THREADS) -> None:
         super().__init__(count, thread_name_prefix="fair")
         self._turns = Quota(
             "threads",
@@ -44,7 +44,7 @@ class FairThreads(ThreadPoolExecutor):
     def submit(
         self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
     ) -> Future[Result]:
-        """Return the result of a call, which is made in the turn of the ``VISITOR``."""
+        """Return the result of a call, which is made in the turn of the ``CURRENT_VISITOR``."""
         made: Future[Result] = Future()
 
         def work(permit: Permit) -> None:
@@ -58,7 +58,7 @@ class FairThreads(ThreadPoolExecutor):
             except RuntimeError:  # the pool is shut down
                 made.cancel()
 
-        self._turns.enter(VISITOR.get(), begin)
+        self._turns.enter(CURRENT_VISITOR.get(), begin)
         return made
 
 

@@ -13,16 +13,18 @@ import hmac
 import ipaddress
 from typing import Final
 
-SEPARATOR: Final = "|"
+PSEUDONYM_SEPARATOR: Final = "|"
 IPV6_BITS: Final = (48, 56, 64)
-"""Prefix lengths of an IPv6 site, a home network and a visitor. Providers give a home a /56 or a
-/48 (RIPE-690) of which it may use every /64."""
+"""Prefix lengths of an IPv6 site, a home network and a visitor, in bits. Providers assign a home a
+/56 or a /48 (RIPE-690), of which it may use every /64."""
 IPV4_BITS: Final = (24, 32)
-"""Prefix lengths of an IPv4 network and a visitor. /24 is the longest prefix that is routed."""
-NETWORK_DIGITS: Final = 12
-VISITOR_DIGITS: Final = 32
-"""Hexadecimal digits of a hidden name; with two networks it has 58 characters of the 64 that a
-column of visitors holds."""
+"""Prefix lengths of an IPv4 network and a visitor, in bits. /24 is the longest prefix that is
+routed."""
+NETWORK_HEX_DIGITS: Final = 12
+"""Hexadecimal digits of a network's pseudonym. Fewer make collisions more likely. Chosen."""
+VISITOR_HEX_DIGITS: Final = 32
+"""Hexadecimal digits of a visitor's pseudonym; with those of two networks it has 58 characters of
+the 64 that the column holds. Chosen."""
 
 
 def visitor_at(host: str) -> str:
@@ -30,18 +32,18 @@ def visitor_at(host: str) -> str:
     try:
         address = ipaddress.ip_address(host.partition("%")[0])
     except ValueError:
-        return host.replace(SEPARATOR, "")
+        return host.replace(PSEUDONYM_SEPARATOR, "")
     if isinstance(address, ipaddress.IPv6Address) and address.ipv4_mapped is not None:
         address = address.ipv4_mapped
     bits = IPV4_BITS if isinstance(address, ipaddress.IPv4Address) else IPV6_BITS
     networks = [ipaddress.ip_network((address, length), strict=False) for length in bits]
-    return SEPARATOR.join(str(network).removesuffix("/32") for network in networks)
+    return PSEUDONYM_SEPARATOR.join(str(network).removesuffix("/32") for network in networks)
 
 
 def networks_of(visitor: str) -> tuple[str, ...]:
     """Return the names of the networks around a visitor, the widest first; none if unknown."""
-    parts = visitor.split(SEPARATOR)
-    return tuple(SEPARATOR.join(parts[: k + 1]) for k in range(len(parts) - 1))
+    parts = visitor.split(PSEUDONYM_SEPARATOR)
+    return tuple(PSEUDONYM_SEPARATOR.join(parts[: k + 1]) for k in range(len(parts) - 1))
 
 
 def hidden(visitor: str, secret: bytes) -> str:
@@ -50,6 +52,6 @@ def hidden(visitor: str, secret: bytes) -> str:
     def digest(name: str, digits: int) -> str:
         return hmac.new(secret, name.encode(), hashlib.sha256).hexdigest()[:digits]
 
-    networks = [digest(name, NETWORK_DIGITS) for name in networks_of(visitor)]
-    own = digest(visitor.rpartition(SEPARATOR)[2], VISITOR_DIGITS)
-    return SEPARATOR.join((*networks, own))
+    networks = [digest(name, NETWORK_HEX_DIGITS) for name in networks_of(visitor)]
+    own = digest(visitor.rpartition(PSEUDONYM_SEPARATOR)[2], VISITOR_HEX_DIGITS)
+    return PSEUDONYM_SEPARATOR.join((*networks, own))

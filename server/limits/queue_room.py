@@ -13,8 +13,8 @@ from server.errors import TooMany
 from server.limits.fair_queue import admits, network_of
 from server.settings import Settings
 
-RETRY_AFTER_S: Final = 30
-"""Seconds after which a client that was refused may ask again. Chosen."""
+QUEUE_RETRY_S: Final = 30
+"""``Retry-After`` of a fold that is refused because the queue is full, in s. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +62,6 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
 def _full(why: str) -> TooMany:
     return TooMany(
         "queue-full",
-        f"{why}, which is the limit; try again in {RETRY_AFTER_S} s.",
-        retry_after_s=RETRY_AFTER_S,
+        f"{why}, which is the limit; try again in {QUEUE_RETRY_S} s.",
+        retry_after_s=QUEUE_RETRY_S,
     )

@@ -1,4 +1,4 @@
-"""Quotas: bounds on what is held at once, in total, of a visitor and of a network.
+"""Quotas: limits on concurrent use, in total, per visitor and per network.
 
 Three rules share a quota out:
 
@@ -22,13 +22,17 @@ from typing import Final
 from server.errors import ServiceError, TooMany, Unavailable
 from server.limits.networks import networks_of
 
-CLOSED_RETRY_S: Final = 10
-MADE_RETRY_S: Final = 5
+OPEN_RETRY_S: Final = 10
+"""``Retry-After`` if too many things of a visitor are open, such as streams, in s. Chosen."""
+BUSY_RETRY_S: Final = 5
+"""``Retry-After`` if too many requests wait for their turn, in s. Chosen."""
 TURN_TIMEOUT_S: Final = 10.0
-LOOK_EVERY_S: Final = 0.1
-NETWORK_PART: Final = 2
-"""Denominator of the part of a total that one network may hold. A larger value leaves more to
-others and less to a school behind one network. Chosen."""
+"""Default maximum wait for a turn, in s; then the request is refused. Chosen."""
+TURN_POLL_S: Final = 0.1
+"""Time between two checks whether a waiting client has disconnected, in s. Chosen."""
+NETWORK_DIVISOR: Final = 2
+"""One network may hold the total divided by this. A larger value leaves more for others and less
+for a school behind one network. Chosen."""
 
 
 class Holder(StrEnum):
@@ -79,7 +83,7 @@ class Permit:
 
 
 class Quota:
-    """Counts permits. Safe to use from many threads.
+    """Permits in use. Thread-safe.
 
     Args:
         what: Name of what the permits are for, in the plural.
@@ -176,7 +180,7 @@ class Quota:
         begun = threading.Event()
         with self.enter(visitor, lambda _: begun.set(), end=begun.set) as permit:
             deadline = time.monotonic() + self._timeout_s
-            while not begun.wait(min(LOOK_EVERY_S, self._timeout_s)):
+            while not begun.wait(min(TURN_POLL_S, self._timeout_s)):
                 if unwanted is not None and unwanted():
                     raise Unavailable("gone", "Cancelled, because the client disconnected.")
                 if time.monotonic() >= deadline:
@@ -317,8 +321,8 @@ class Quota:
         return TooMany(
             f"too-many-{self._what.rpartition(' ')[2]}",
             f"{count} {self._what} {holder} are open, which is the limit; close one, or try again "
-            f"in {CLOSED_RETRY_S} s.",
-            retry_after_s=CLOSED_RETRY_S,
+            f"in {OPEN_RETRY_S} s.",
+            retry_after_s=OPEN_RETRY_S,
         )
 
     def _too_busy(self, count: int, holder: Holder) -> ServiceError:
@@ -329,7 +333,7 @@ class Quota:
 
 def network_share(total: int | None, per_visitor: int) -> int | None:
     """Return the number of permits that one network may hold, None for no bound."""
-    return None if total is None else max(per_visitor, total // NETWORK_PART)
+    return None if total is None else max(per_visitor, total // NETWORK_DIVISOR)
 
 
 def _first_difference(one: tuple[str, ...], other: tuple[str, ...]) -> int | None:
@@ -341,4 +345,4 @@ def _first_difference(one: tuple[str, ...], other: tuple[str, ...]) -> int | Non
 
 
 def _busy(kind: type[ServiceError], why: str) -> ServiceError:
-    return kind("busy", f"{why}; try again in {MADE_RETRY_S} s.", retry_after_s=MADE_RETRY_S)
+    return kind("busy", f"{why}; try again in {BUSY_RETRY_S} s.", retry_after_s=BUSY_RETRY_S)

@@ -1,4 +1,4 @@
-"""Single flight: what takes seconds is made once for all who ask for it meanwhile.
+"""Single flight: concurrent requests for the same slow result share one computation.
 
 It has threads of its own, so that those of the event loop stay free for what is quick, and whoever
 waits holds none. Visitors take turns.
@@ -14,7 +14,8 @@ from typing import Any, Final, TypeVar
 from server.errors import ServiceError, TooMany, Unavailable
 from server.limits.quota import Holder, Permit, Quota
 
-RETRY_AFTER_S: Final = 3
+PENDING_RETRY_S: Final = 3
+"""``Retry-After`` if too many results are being computed, in s. Chosen."""
 Thing = TypeVar("Thing")
 
 
@@ -22,10 +23,10 @@ class SingleFlight:
     """See the module's description. Belongs to one event loop.
 
     Args:
-        what: What is made, in the plural.
-        at_once: How many things are made at once.
-        total: How many may be made or wait for it.
-        per_visitor: How many of these one visitor may have.
+        what: Name of the results for messages, in the plural.
+        at_once: Number of results that are computed at the same time.
+        total: Maximum number that is computed or waits for it.
+        per_visitor: Maximum number of one visitor's among them.
     """
 
     def __init__(self, what: str, *, at_once: int, total: int, per_visitor: int) -> None:
@@ -34,7 +35,7 @@ class SingleFlight:
             return (Unavailable if holder is Holder.ALL else TooMany)(
                 "busy",
                 f"{count} other {what}{whose} are being created; try again in a moment.",
-                retry_after_s=RETRY_AFTER_S,
+                retry_after_s=PENDING_RETRY_S,
             )
 
         self._busy = busy
@@ -45,11 +46,11 @@ class SingleFlight:
         self._making: dict[Hashable, tuple[Future[Any], asyncio.Future[Any]]] = {}
 
     def __len__(self) -> int:
-        """How many things are being made or wait for it."""
+        """Return the number of results that are computed or wait for it."""
         return len(self._making)
 
     def close(self) -> None:
-        """Begins nothing any more."""
+        """Start no further computation."""
         for made, _ in self._making.values():
             made.cancel()
         self._threads.shutdown(wait=False, cancel_futures=True)
@@ -57,7 +58,7 @@ class SingleFlight:
     async def get_or_make(
         self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
     ) -> Thing:
-        """What ``make`` returns; whoever asks for the same key meanwhile gets the same.
+        """Return the result of ``make``; concurrent calls with the same key share one result.
 
         Raises:
             ServiceError: When too many of the visitor's wait, or of all.

@@ -10,9 +10,10 @@ from cachetools import LRUCache
 
 from server.limits.networks import networks_of
 
-MOST_VISITORS: Final = 50_000
-"""Visitors and networks whose buckets are remembered; a forgotten one starts with a full bucket."""
-NETWORK_FACTOR: Final = 2.0
+MAX_BUCKETS: Final = 50_000
+"""Maximum number of visitors and networks whose token buckets are stored; a forgotten one starts
+with a full bucket. Chosen."""
+NETWORK_RATE_FACTOR: Final = 2.0
 """Rate and burst of a network as a multiple of one visitor's. A larger value gives a school behind
 one network more, and an attacker with many addresses as well. Chosen."""
 
@@ -21,7 +22,7 @@ class TokenBuckets:
     """A bucket of tokens for each visitor and each network around it. Belongs to one thread.
 
     Args:
-        rate: Tokens per second of a visitor; a network gets ``NETWORK_FACTOR`` times as many.
+        rate: Tokens per second of a visitor; a network gets ``NETWORK_RATE_FACTOR`` times as many.
         burst: Tokens in a visitor's full bucket.
         most: Maximum number of buckets that are remembered.
         clock: Returns the time in seconds.
@@ -32,7 +33,7 @@ class TokenBuckets:
         rate: float,
         burst: float,
         *,
-        most: int = MOST_VISITORS,
+        most: int = MAX_BUCKETS,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._rate = rate
@@ -76,7 +77,7 @@ class TokenBuckets:
 
     def _tokens(self, visitor: str, now: float) -> list[tuple[str, float, float]]:
         """Return the name, tokens and rate of a visitor's bucket and those of its networks."""
-        factors = {visitor: 1.0, **dict.fromkeys(networks_of(visitor), NETWORK_FACTOR)}
+        factors = {visitor: 1.0, **dict.fromkeys(networks_of(visitor), NETWORK_RATE_FACTOR)}
         found: list[tuple[str, float, float]] = []
         for name, factor in factors.items():
             burst, rate = factor * self._burst, factor * self._rate

@@ -18,19 +18,19 @@ from typing import Any, Final
 
 from server.settings import Settings
 
-CHATTERS: Final = ("alembic", "dbos", "httpx", "opentelemetry", "websockets")
-ABOUT: Final = ("fold", "movie", "worker", "request")
-ACCESS: Final = ("method", "route", "path", "status", "duration_ms")
-"""Fields of the lines of ``foldback.access``, which their text holds, too."""
+QUIET_LOGGERS: Final = ("alembic", "dbos", "httpx", "opentelemetry", "websockets")
+CONTEXT_FIELDS: Final = ("fold", "movie", "worker", "request")
+ACCESS_FIELDS: Final = ("method", "route", "path", "status", "duration_ms")
+"""Fields of a line of ``foldback.access``; its text holds them, too."""
 _about: ContextVar[Mapping[str, str]] = ContextVar("about", default=MappingProxyType({}))
 
 
 @contextmanager
 def about(**facts: str) -> Generator[None]:
-    """Says what is logged within is about.
+    """Say what is logged within is about.
 
     Args:
-        facts: Some of ``ABOUT``.
+        facts: Some of ``CONTEXT_FIELDS``.
     """
     token = _about.set({**_about.get(), **facts})
     try:
@@ -40,22 +40,22 @@ def about(**facts: str) -> Generator[None]:
 
 
 def from_now_on_about(**facts: str) -> None:
-    """As ``about``, until the task or thread ends."""
+    """Set the context fields of log lines until the task or thread ends."""
     _about.set({**_about.get(), **facts})
 
 
 def escaped(text: str) -> str:
-    """The text on one line, with nothing in it that a terminal would obey."""
+    """Return the text on one line, with nothing in it that a terminal would obey."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 class _Formatter(logging.Formatter):
-    """What the two formats share.
+    """Common part of the two formats.
 
     Args:
-        always: What all lines of this process are about.
+        always: Context fields of all lines of this process.
     """
 
     def __init__(self, always: Mapping[str, str]) -> None:
@@ -80,13 +80,13 @@ class JsonLines(_Formatter):
     """One JSON object a line: ``time``, ``level``, ``logger``, ``message`` and what it is about."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line."""
+        """Return the line."""
         line: dict[str, Any] = {
             "time": self._time(record),
             "level": record.levelname.lower(),
             "logger": record.name,
             "message": record.getMessage(),
-            **self._facts(record, ABOUT + ACCESS),
+            **self._facts(record, CONTEXT_FIELDS + ACCESS_FIELDS),
         }
         if trace := self._trace(record):
             line["exception"] = trace
@@ -97,8 +97,8 @@ class TextLines(_Formatter):
     """``time level logger [fold=… request=…]: message``; a traceback follows, moved in."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line, and those of a traceback."""
-        facts = self._facts(record, ABOUT)
+        """Return the line, and those of a traceback."""
+        facts = self._facts(record, CONTEXT_FIELDS)
         shown = " ".join(f"{name}={escaped(str(value))}" for name, value in facts.items())
         head = f"{self._time(record)} {record.levelname.lower()} {record.name}"
         line = f"{head}{f' [{shown}]' if shown else ''}: {escaped(record.getMessage())}"
@@ -107,7 +107,7 @@ class TextLines(_Formatter):
 
 
 def set_up_logs(settings: Settings, *, worker: str | None = None) -> None:
-    """Sends what foldback has to say to standard error, and of libraries only warnings.
+    """Send what foldback has to say to standard error, and of libraries only warnings.
 
     Args:
         settings: Say the format and from which level on.
@@ -117,7 +117,7 @@ def set_up_logs(settings: Settings, *, worker: str | None = None) -> None:
     handler = logging.StreamHandler()
     handler.setFormatter(lines({"worker": worker} if worker else {}))
     logging.basicConfig(level=settings.log_level.upper(), handlers=[handler], force=True)
-    for name in CHATTERS:
+    for name in QUIET_LOGGERS:
         least = max(logging.WARNING, logging.getLogger().level)
         logging.getLogger(name).setLevel(least)
     # The job system brings a handler of its own for when there is none.

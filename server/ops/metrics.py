@@ -12,13 +12,13 @@ from prometheus_client.registry import Collector
 
 from server.store.stats import Figures
 
-MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
+METRICS_MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
 BUCKETS_S: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
 QUANTILES: Final = (0.5, 0.9, 1.0)
 
 
 class Metrics:
-    """What the web process counts.
+    """Counters of the web process.
 
     Attributes:
         in_progress: Requests that are being answered.
@@ -44,17 +44,17 @@ class Metrics:
         )
 
     def count(self, *, method: str, route: str, status: int, seconds: float) -> None:
-        """Counts one HTTP answer."""
+        """Count one HTTP answer."""
         self._seconds.labels(method, route, f"{status // 100}xx").observe(seconds)
 
     @contextmanager
     def websocket(self) -> Generator[None]:
-        """Counts a websocket for as long as it is open."""
+        """Count a websocket for as long as it is open."""
         with self._websockets.track_inprogress():
             yield
 
     def text(self, figures: Figures | None, *, streams: int, robots: int) -> bytes:
-        """All figures, in the format that Prometheus reads.
+        """Return all figures, in the format that Prometheus reads.
 
         Args:
             figures: Those of the rows; None when the database does not answer.

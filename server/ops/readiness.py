@@ -21,14 +21,16 @@ from server.settings import Settings
 from server.store.object_store import StorageError
 from server.store.stats import Stats
 
-KEPT_S: Final = 2.0
+READINESS_CACHE_S: Final = 2.0
+"""Time for which the state of disk, storage and workers is cached, in s. A larger value reports
+failures later. Chosen."""
 OK: Final = "ok"
 log = logging.getLogger("foldback.web")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """What was found: ``ok`` or what is wrong, of each part; ``workers`` is how many live."""
+    """Findings for each part: ``ok`` or the problem; ``workers`` is the number of live ones."""
 
     database: str
     disk: str
@@ -38,12 +40,12 @@ class State:
 
     @property
     def ready(self) -> bool:
-        """Whether nothing speaks against taking folds."""
+        """True if the service can accept folds."""
         return not self.reasons
 
 
 class Readiness:
-    """Looks at what the service needs, at most every ``KEPT_S``.
+    """State of all that the service needs, cached for ``READINESS_CACHE_S``.
 
     Args:
         settings: The settings.
@@ -62,11 +64,11 @@ class Readiness:
         self._kept: tuple[float, str, str] | None = None
 
     def end(self) -> None:
-        """From now on it is not ready: the service is about to end."""
+        """Report the service as not ready from now on, as it is about to stop."""
         self._ending.set()
 
     def state(self) -> State:
-        """What is found now; disk and storage as of a moment ago."""
+        """Return the current state; that of disk and storage may be a moment old."""
         database, workers = OK, 0
         try:
             workers = self._stats.workers()
@@ -97,7 +99,7 @@ class Readiness:
         if self._lock.acquire(blocking=self._kept is None):
             try:
                 now = time.monotonic()
-                if self._kept is None or now - self._kept[0] >= KEPT_S:
+                if self._kept is None or now - self._kept[0] >= READINESS_CACHE_S:
                     self._kept = (now, disk_says(self._settings), self._storage_says())
             finally:
                 self._lock.release()
@@ -117,7 +119,7 @@ class Readiness:
 
 
 def disk_says(settings: Settings) -> str:
-    """``ok`` when uploads can be written here and there is room for them, or what is wrong."""
+    """Return ``ok`` if uploads can be written and there is room, or the problem."""
     try:
         free = shutil.disk_usage(settings.root).free
         if free < settings.min_free_disk_bytes:
@@ -131,7 +133,7 @@ def disk_says(settings: Settings) -> str:
 
 
 def check_folder(settings: Settings) -> None:
-    """Writes, reads, lists and deletes a probe where the files of folds are kept on this machine.
+    """Write, read, list and delete a probe in this machine's directory of folds.
 
     Raises:
         OSError: When that does not work.

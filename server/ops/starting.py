@@ -1,4 +1,4 @@
-"""Starting: what is said when a process of the service can't start, or not as it was told."""
+"""Starting: errors if a process of the service cannot start, or not as configured."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from server.settings import PREFIX, Settings, unknown_names, unknown_words
+from server.settings import VARIABLE_PREFIX, Settings, unknown_names, unknown_words
 
-EXPECTED: Final = {
+EXPECTED_WORDS: Final = {
     "int_parsing": "a whole number",
     "int_from_float": "a whole number",
     "int_parsing_size": "a whole number",
@@ -27,14 +27,14 @@ EXPECTED: Final = {
     "greater_than": "more than {gt}",
     "less_than_equal": "at most {le}",
 }
-"""Words for what is expected, by pydantic's kind of error."""
+"""Words for the expected value, by pydantic's type of error."""
 REMEDY: Final = "Correct it, or unset it; docs/operations.md lists all settings."
-LONGEST: Final = 60
-"""Characters of a value that an error repeats."""
+MAX_QUOTED_CHARACTERS: Final = 60
+"""Maximum length of a setting's value that an error message quotes, in characters. Chosen."""
 
 
 def settings_of(**given: Any) -> Settings:
-    """The settings of the environment, with what was given on the command line.
+    """Return the settings of the environment, with what was given on the command line.
 
     What they can't be ends the program with one line and the exit code 1.
     """
@@ -46,31 +46,35 @@ def settings_of(**given: Any) -> Settings:
 
 
 def settings_words(error: ValidationError) -> str:
-    """What is wrong with settings: got, and expected."""
-    wrong = [f"{PREFIX}{str(one['loc'][0]).upper()}: {_fault(one)}" for one in error.errors()]
+    """Return the errors of the settings: the values found and expected."""
+    wrong = [
+        f"{VARIABLE_PREFIX}{str(one['loc'][0]).upper()}: {_fault(one)}" for one in error.errors()
+    ]
     return "; ".join(wrong)
 
 
 def _fault(one: Mapping[str, Any]) -> str:
     if one["type"] == "value_error":
         return str(one["ctx"]["error"]).removesuffix(".")
-    expected = str(EXPECTED.get(one["type"], one["msg"])).format(**one.get("ctx", {}))
+    expected = str(EXPECTED_WORDS.get(one["type"], one["msg"])).format(**one.get("ctx", {}))
     got = str(one["input"])
-    return f"got {got[:LONGEST] + '…' * (len(got) > LONGEST)!r}, expected {expected}"
+    if len(got) > MAX_QUOTED_CHARACTERS:
+        got = got[:MAX_QUOTED_CHARACTERS] + "…"
+    return f"got {got!r}, expected {expected}"
 
 
 def warn_of_unknown_names(log: logging.Logger) -> None:
-    """Warns of variables that look like settings and are none."""
+    """Warn of variables that look like settings and are none."""
     for name, nearest in unknown_names(os.environ).items():
         log.warning("%s", unknown_words(name, nearest))
 
 
 @contextmanager
 def starting(what: str) -> Generator[None]:
-    """Turns what is not there into one line and the exit code 1.
+    """Turn a missing resource into an error on one line and the exit code 1.
 
     Args:
-        what: What starts.
+        what: Name of the starting program, for the message.
     """
     # Loaded late: settings are wanted by commands that need no database.
     from sqlalchemy.exc import DBAPIError

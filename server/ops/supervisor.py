@@ -13,14 +13,18 @@ from typing import Final
 
 from server.settings import Settings
 
-LOOK_EVERY_S: Final = 0.2
+SUPERVISION_POLL_S: Final = 0.2
+"""Time between two checks whether a process has ended, in s. Chosen."""
 STOP_TIMEOUT_S: Final = 10.0
-LONGEST_PAUSE_S: Final = 30.0
+"""Time that processes may take to stop, in s; then they are killed. Chosen."""
+MAX_RESTART_PAUSE_S: Final = 30.0
+"""Maximum pause before a process that keeps ending is started again, in s; it doubles from 0.5 s.
+Chosen."""
 log = logging.getLogger("foldback.supervisor")
 
 
 class Supervisor:
-    """Keeps as many workers running as the settings say.
+    """Running workers, as many as the settings say.
 
     Workers end when their standard input does: when this process is killed, they follow.
     """
@@ -32,11 +36,11 @@ class Supervisor:
         self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
 
     def start(self) -> None:
-        """Starts all workers."""
+        """Start all workers."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Has all workers end; their folds go on with the next start."""
+        """Stop all workers; their folds continue after the next start."""
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -57,7 +61,7 @@ class Supervisor:
         while True:
             for worker in self._workers:
                 worker.look(self._environment)
-            if self._stopping.wait(LOOK_EVERY_S):
+            if self._stopping.wait(SUPERVISION_POLL_S):
                 return
 
 
@@ -74,7 +78,7 @@ class _Worker:
         now = time.monotonic()
         if self.process is not None and (code := self.process.poll()) is not None:
             lasted = now - self._started
-            self._pause_s = 0.5 if lasted > 10.0 else min(2 * self._pause_s, LONGEST_PAUSE_S)
+            self._pause_s = 0.5 if lasted > 10.0 else min(2 * self._pause_s, MAX_RESTART_PAUSE_S)
             log.warning(
                 "a worker ended (exit code %d); the next starts in %.1f s", code, self._pause_s
             )

@@ -9,7 +9,7 @@ from dbos import DBOSConfig
 
 from server.settings import Settings
 
-NEEDED: Final = (
+TRACING_PACKAGES: Final = (
     "opentelemetry.sdk",
     "opentelemetry.exporter.otlp.proto.http",
     "opentelemetry.instrumentation.logging",
@@ -18,18 +18,18 @@ FLUSH_TIMEOUT_MS: Final = 2000
 
 
 class NoTracingError(Exception):
-    """What traces are made with is not installed."""
+    """The packages for traces are not installed."""
 
 
 def tracing(settings: Settings) -> DBOSConfig:
-    """What the job system is told about traces; nothing unless ``otlp_endpoint`` is set.
+    """Return the job system's options for traces; none unless ``otlp_endpoint`` is set.
 
     Raises:
         NoTracingError: When the packages are missing.
     """
     if settings.otlp_endpoint is None:
         return DBOSConfig()
-    if any(not _there(name) for name in NEEDED):
+    if any(not _there(name) for name in TRACING_PACKAGES):
         raise NoTracingError(
             "got FOLDBACK_OTLP_ENDPOINT without the packages that send traces: install "
             "'foldback[otel]', or unset it."
@@ -38,7 +38,7 @@ def tracing(settings: Settings) -> DBOSConfig:
 
 
 def send_rest(settings: Settings) -> None:
-    """Sends what waits to be sent, within ``FLUSH_TIMEOUT_MS``; for a process that ends at once."""
+    """Send what waits to be sent, within ``FLUSH_TIMEOUT_MS``; for a process that ends at once."""
     if settings.otlp_endpoint is None:
         return
     from opentelemetry.sdk.trace import TracerProvider

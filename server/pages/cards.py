@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from server.store.folds import FoldRow, Store
     from server.store.gallery import Gallery
 
-KINDS: Final = {
+TAG_LABELS: Final = {
     "tool": "Tools",
     "animal": "Animals",
     "thing": "Things",
@@ -34,27 +34,30 @@ KINDS: Final = {
     "plant": "Plants",
     "paper": "From the paper",
 }
-OF_TETRAHEDRA: Final = "tetrahedra"
-"""Tag of the shapes whose chains are of tetrahedra; `CHAINS` has the choice between chains."""
-CHAINS: Final = {"cube": "Cubes", "tetrahedron": "Tetrahedra"}
-PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
-NO_TORQUE: Final = 0.05
-"""Torques in w·p that are told as none."""
-WHERE: Final = {"table": "On a table"}
-STATUSES: Final = {
+TETRAHEDRA_TAG: Final = "tetrahedra"
+"""Tag of shapes whose chains consist of tetrahedra; `CHAIN_LABELS` has the choice between kinds of
+chains."""
+CHAIN_LABELS: Final = {"cube": "Cubes", "tetrahedron": "Tetrahedra"}
+MODULE_PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
+MAX_ZERO_TORQUE_WP: Final = 0.05
+"""Largest joint torque that cards describe as none, in w·p (module weight × pitch). Chosen."""
+WORLD_LABELS: Final = {"table": "On a table"}
+CARD_STATUS_LABELS: Final = {
     "verified": "Verified",
     "running": "Running",
     "failed": "Failed",
     "new": "Not folded yet",
 }
-_STATUS_OF: Final = {
+_CARD_STATUSES: Final = {
     "verified": "verified",
     "running": "running",
     "queued": "running",
     "failed": "failed",
 }
-MOST_FOLDS: Final = 10_000
-SELECTED: Final = (
+MAX_INCLUDED_FOLDS: Final = 10_000
+"""Maximum number of public folds that are searched for those which came with the package.
+Chosen."""
+FEATURED_SHAPES: Final = (
     "tetra-ring",
     "wrench-24",
     "heart",
@@ -68,7 +71,7 @@ SELECTED: Final = (
     "torus",
     "elephant",
 )
-"""What the first page shows: every kind of chain, from the shortest to the longest."""
+"""Shapes on the landing page: every kind of chain, from the shortest to the longest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,11 +79,11 @@ class Card:
     """One example shape.
 
     Attributes:
-        name: Of the shape.
-        title: What people call it.
-        module: What its chain is made of.
-        modules: How many.
-        tags: Of which kinds it is.
+        name: Name of the shape.
+        title: Title for people.
+        module: Kind of its chain's modules.
+        modules: Number of modules.
+        tags: Kinds of shapes that it belongs to.
         rests_within: Torque in w·p within which it rests on a table; None where that is not known.
     """
 
@@ -93,32 +96,32 @@ class Card:
 
     @property
     def rests(self) -> str | None:
-        """Return what a fold on a table needs, in words; the torque is rounded up."""
+        """Requirement for folding on a table, in words; the torque is rounded up."""
         if self.rests_within is None:
             return None
-        if self.rests_within < NO_TORQUE:
+        if self.rests_within < MAX_ZERO_TORQUE_WP:
             return "Can be folded on a table (needs no motor torque)"
         times = f"{math.ceil(10 * self.rests_within) / 10:.1f}"
         return f"Can be folded on a table (needs {times}× a module's weight × width)"
 
     @property
     def count(self) -> str:
-        """How many of what, in words."""
-        return f"{self.modules} {PLURALS.get(self.module, self.module)}"
+        """The number of modules in words."""
+        return f"{self.modules} {MODULE_PLURALS.get(self.module, self.module)}"
 
     @property
     def words(self) -> str:
-        """What it can be found by, in small letters."""
-        kinds = (KINDS.get(tag, tag) for tag in self.tags)
+        """Searchable words, in lower case."""
+        kinds = (TAG_LABELS.get(tag, tag) for tag in self.tags)
         return " ".join([self.title, self.name, self.count, *kinds]).lower()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
-    """What has become of a shape on this service.
+class FoldStatus:
+    """Status of a shape's fold on this service.
 
     Attributes:
-        status: One of ``STATUSES``.
+        status: One of ``CARD_STATUS_LABELS``.
         fold: The id of its fold; None when there is none to see.
         method: Method of that fold in words, see ``method_words``; empty for the usual one.
     """
@@ -129,8 +132,8 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sieve:
-    """Which cards are wanted. What is empty or None lets all of them through.
+class GalleryFilter:
+    """Filter of the gallery's cards. An empty field, or None, accepts all.
 
     Every one of the ``words`` must begin a word of the card.
     """
@@ -144,8 +147,8 @@ class Sieve:
     most: int | None = None
 
     @classmethod
-    def of(cls, query: Mapping[str, str]) -> Sieve:
-        """What an address asks for: ``?type=cube&modules=100-200``; nonsense asks for nothing."""
+    def of(cls, query: Mapping[str, str]) -> GalleryFilter:
+        """Return the filter in a query, ``?type=cube&modules=100-200``; ignore invalid parts."""
         found = re.fullmatch(r"(\d{0,6})-(\d{0,6})", query.get("modules", ""))
         least, most = found.groups() if found else (query.get("least", ""), query.get("most", ""))
 
@@ -154,17 +157,17 @@ class Sieve:
             return value if value in known else ""
 
         return cls(
-            module=one_of("type", CHAINS),
-            kind=one_of("kind", KINDS),
-            status=one_of("status", STATUSES),
-            world=one_of("world", WHERE),
+            module=one_of("type", CHAIN_LABELS),
+            kind=one_of("kind", TAG_LABELS),
+            status=one_of("status", CARD_STATUS_LABELS),
+            world=one_of("world", WORLD_LABELS),
             words=" ".join(query.get("q", "")[:100].split()),
             least=int(least) if re.fullmatch(r"\d{1,6}", least) else None,
             most=int(most) if re.fullmatch(r"\d{1,6}", most) else None,
         )
 
-    def lets(self, card: Card, standing: Standing) -> bool:
-        """Whether a card is wanted."""
+    def lets(self, card: Card, standing: FoldStatus) -> bool:
+        """Return True if the filter accepts a card."""
         return (
             self.module in ("", card.module)
             and (not self.kind or self.kind in card.tags)
@@ -178,7 +181,7 @@ class Sieve:
 
 @cache
 def cards(gallery: Gallery) -> tuple[Card, ...]:
-    """All example shapes, shortest chain first."""
+    """Return all example shapes, shortest chain first."""
     return tuple(
         Card(
             name=shape.name,
@@ -193,9 +196,9 @@ def cards(gallery: Gallery) -> tuple[Card, ...]:
 
 
 def selected(gallery: Gallery) -> list[Card]:
-    """The few that the first page shows."""
+    """Return the cards of the landing page."""
     by_name = {card.name: card for card in cards(gallery)}
-    return [by_name[name] for name in SELECTED if name in by_name]
+    return [by_name[name] for name in FEATURED_SHAPES if name in by_name]
 
 
 @cache
@@ -204,40 +207,40 @@ def kinds(gallery: Gallery) -> list[tuple[str, str]]:
 
     What the chain is made of is a choice of its own.
     """
-    counts = Counter(tag for card in cards(gallery) for tag in card.tags if tag != OF_TETRAHEDRA)
-    return [(tag, KINDS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]
+    counts = Counter(tag for card in cards(gallery) for tag in card.tags if tag != TETRAHEDRA_TAG)
+    return [(tag, TAG_LABELS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]
 
 
 def included_folds(store: Store) -> list[ShownFold]:
     """Return the finished folds that came with the package, shortest chain first."""
-    rows = [row for row in store.list_public(limit=MOST_FOLDS) if "included" in row.summary]
+    rows = [row for row in store.list_public(limit=MAX_INCLUDED_FOLDS) if "included" in row.summary]
     return [ShownFold.of(row) for row in sorted(rows, key=lambda row: (row.modules, row.name))]
 
 
-METHODS: Final = {"direct": "direct", "paper": "published method"}
-"""Words of a card for presets other than the default one."""
+METHOD_LABELS: Final = {"direct": "direct servoing", "paper": "published method"}
+"""Labels on a card for presets other than the default one."""
 
 
 def method_words(row: FoldRow | ShownFold) -> str:
     """Return how a card names a fold that is not by the default method or not in zero gravity."""
     where = "on a table" if row.world == "table" else ""
-    return ", ".join(filter(None, (METHODS.get(row.preset, ""), where)))
+    return ", ".join(filter(None, (METHOD_LABELS.get(row.preset, ""), where)))
 
 
-def standings(store: Store) -> dict[str, Standing]:
-    """What has become of the shapes that were folded here; the best of several folds counts."""
+def fold_statuses(store: Store) -> dict[str, FoldStatus]:
+    """Return the status of each folded shape; the best of several folds counts."""
     best: dict[str, FoldRow] = {}
-    order = list(STATUSES)
+    order = list(CARD_STATUS_LABELS)
 
     def rank(row: FoldRow) -> int:
-        return order.index(_STATUS_OF[row.status])
+        return order.index(_CARD_STATUSES[row.status])
 
-    for row in store.list_public(limit=MOST_FOLDS):
-        if row.shape is None or row.status not in _STATUS_OF:
+    for row in store.list_public(limit=MAX_INCLUDED_FOLDS):
+        if row.shape is None or row.status not in _CARD_STATUSES:
             continue
         if row.shape not in best or rank(row) < rank(best[row.shape]):
             best[row.shape] = row
     return {
-        shape: Standing(status=_STATUS_OF[row.status], fold=row.id, method=method_words(row))
+        shape: FoldStatus(status=_CARD_STATUSES[row.status], fold=row.id, method=method_words(row))
         for shape, row in best.items()
     }

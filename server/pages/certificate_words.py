@@ -16,22 +16,25 @@ from planner.robot.servos import Servo, servos
 from planner.robot.sizing import at_which_pitch, who_would_do
 from server.pages.quantities import length_m, quantity, sentence
 
-DIGITS: Final = 2
+CERTIFICATE_DIGITS: Final = 2
+"""Significant digits of a certificate's figures in texts. Chosen."""
 NOT_SIMULATED: Final = "not simulated"
 NOT_KNOWN: Final = "unknown: computed by an earlier version"
-BASELINE: Final = "one joint at a time (a baseline)"
-MOST_SERVOS: Final = 8
-"""Servos that are named, the lightest first."""
-NEAR: Final = 1.1
-"""Factor of the least pitch at which a servo would do, for others that are named beside it."""
-LEAST_LOW: Final = 1e-3
-"""Pitches from which on a corner is above the table or in it."""
-LEAST_SHOWN: Final = 1e-9
-"""Overlaps of less, in pitches, are the rounding of a touch."""
+BASELINE_LABEL: Final = "one joint at a time (a baseline)"
+MAX_NAMED_SERVOS: Final = 8
+"""Maximum number of suitable servos that a text names, lightest first. Chosen."""
+NEAR_PITCH_FACTOR: Final = 1.1
+"""If no servo suits the pitch, those are named that suit a pitch up to this multiple of the
+smallest suitable one. Chosen."""
+ON_TABLE_PITCH: Final = 1e-3
+"""Height above or below the table, in pitches, within which a corner counts as on it. Chosen."""
+ROUNDING_PITCH: Final = 1e-9
+"""Overlaps below this, in pitches, are the rounding of a contact and are not reported; torques
+(w·p) are rounded up with the same tolerance. Chosen."""
 
 
 def headline(certificate: CertificateFigures) -> str:
-    """The verdict; of what is verified, also what clearance is proved, beside what was seen."""
+    """Return the verdict, with the proved and the seen clearance of a verified plan."""
     verdict = str(certificate.get("verdict") or "")
     told = clearance(certificate)
     return f"{verdict}: {told}" if told and verdict.startswith("verified") else verdict
@@ -60,7 +63,10 @@ def main_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
         ("Folding time", _folding_time(certificate)),
         torque(certificate),
         ("Torque on a table (statics)", _torque_of(certificate.get("table"))),
-        ("Largest joint error", _of_simulation(certificate, "max_angle_error_rad", DIGITS, "rad")),
+        (
+            "Largest joint error",
+            _of_simulation(certificate, "max_angle_error_rad", CERTIFICATE_DIGITS, "rad"),
+        ),
     ]
 
 
@@ -75,7 +81,10 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
         ),
         ("Least clearance, recorded explosion", _pitches(certificate.get("min_clearance_record"))),
         ("Robots", robots(certificate)),
-        ("Final position error (RMS)", _of_simulation(certificate, "rms_position_error", DIGITS)),
+        (
+            "Final position error (RMS)",
+            _of_simulation(certificate, "rms_position_error", CERTIFICATE_DIGITS),
+        ),
         ("Largest joint move per frame", quantity(certificate.get("max_joint_step_rad"), "rad")),
         (
             "Largest number of hinges moving at once",
@@ -91,8 +100,8 @@ def _folding_time(certificate: CertificateFigures) -> str | None:
     return f"{time} at {speed}" if time and speed else time
 
 
-class TableTold(TypedDict):
-    """What a certificate says of a fold on a table, in words."""
+class TableWords(TypedDict):
+    """Texts about a certificate of a fold on a table."""
 
     good: bool
     text: str
@@ -102,12 +111,12 @@ class TableTold(TypedDict):
     named: list[dict[str, str]]
 
 
-def on_table(certificate: CertificateFigures, record: TableRecord | None) -> TableTold | None:
-    """What a fold on a table asks, and of which servos; None of one that floats.
+def on_table(certificate: CertificateFigures, record: TableRecord | None) -> TableWords | None:
+    """Return the requirements of a fold on a table and suitable servos; None of one that floats.
 
     Args:
-        certificate: Of the fold.
-        record: What the explosion took back, if that is known.
+        certificate: The fold's certificate.
+        record: Figures of the explosion, if known.
     """
     told = certificate.get("table")
     if told is None:
@@ -144,7 +153,7 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
 
 
 def _base(table: TableCertificate) -> str:
-    """How the chain is held."""
+    """Return how the chain is held, in words."""
     if table.base == "clamped":
         return "the first module is clamped to the table"
     if table.friction == 0.0:
@@ -158,16 +167,16 @@ def _base(table: TableCertificate) -> str:
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
-    """Which servos would do, in words and by name; if none, which ones do in larger modules."""
+    """Return the suitable servos in words and by name; if none, those for larger modules."""
     torque, casing = table.torque or 0.0, CASINGS["pla"]
     fits = who_would_do(torque, pitch_m=table.pitch_m, casing=casing)
     would = [fit.servo for fit in fits if fit.would_do]
     if would:
-        more = len(would) - MOST_SERVOS
+        more = len(would) - MAX_NAMED_SERVOS
         rest = f", the lightest of {len(would)}" if more > 0 else ""
         pitch = length_m(table.pitch_m)
         text = f"Suitable servos for PLA modules at this pitch ({pitch}){rest}:"
-        return text, would[:MOST_SERVOS]
+        return text, would[:MAX_NAMED_SERVOS]
     ranges = [
         (at_which_pitch(s, torque, casing), s) for s in servos() if s.turns_enough is not False
     ]
@@ -182,7 +191,7 @@ def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
         "No servo in our list suits PLA modules at this pitch. "
         f"These suit a pitch of {least} or more:"
     )
-    return text, [servo for pitch_m, servo in larger if pitch_m <= NEAR * larger[0][0]]
+    return text, [servo for pitch_m, servo in larger if pitch_m <= NEAR_PITCH_FACTOR * larger[0][0]]
 
 
 def _torque_of(table: dict[str, Any] | None) -> str | None:
@@ -193,23 +202,23 @@ def _torque_of(table: dict[str, Any] | None) -> str | None:
 
 
 def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | None:
-    """A torque with its friction, claiming no less than is asked."""
+    """Return a torque and its friction in words, rounded up."""
     if torque_wp is None:
         return None
     upwards = 10.0 ** (2 - math.floor(math.log10(torque_wp))) if torque_wp > 0.0 else 1.0
-    most = math.ceil(torque_wp * upwards - LEAST_SHOWN) / upwards
+    most = math.ceil(torque_wp * upwards - ROUNDING_PITCH) / upwards
     return f"{most:.3g} w·p ({quantity(torque_wp * unit_nm, 'N·m')}), {friction}"
 
 
 def _lowest(clearance: float) -> str:
-    if abs(clearance) < LEAST_LOW:
+    if abs(clearance) < ON_TABLE_PITCH:
         return "on the table top"
     where = "above" if clearance > 0.0 else "below"
-    return f"{quantity(abs(clearance), 'pitch', DIGITS)} {where} the table top"
+    return f"{quantity(abs(clearance), 'pitch', CERTIFICATE_DIGITS)} {where} the table top"
 
 
 def _rose(record: TableRecord) -> str:
-    """How the bound of an explosion's guard rose."""
+    """Return how the torque bound of an explosion rose, in words."""
     bounds = [bound for _, bound in record.raised]
     if not bounds:
         return f"{record.bound:g} w·p, never raised"
@@ -218,7 +227,7 @@ def _rose(record: TableRecord) -> str:
 
 
 def robots(certificate: CertificateFigures) -> str | None:
-    """How many robots with faults folded the plan, and how the least clear of them fared."""
+    """Return how many perturbed robots folded the plan, and the smallest clearance of them."""
     found = certificate.get("robots")
     if not found:
         return None
@@ -235,7 +244,7 @@ def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
     It is a peak only if it is that of the motors at every step of a simulation. Plots show torques
     that inverse dynamics computes from the recorded frames.
     """
-    value = quantity(certificate.get("peak_torque_nm"), "N·m", DIGITS)
+    value = quantity(certificate.get("peak_torque_nm"), "N·m", CERTIFICATE_DIGITS)
     source = str(certificate.get("torque_source") or "")
     if value is None:
         return "Peak torque", None
@@ -249,7 +258,7 @@ def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
 
 
 def linked(certificate: CertificateFigures) -> str | None:
-    """Which modules are not checked against each other, and what a real one lacks for it."""
+    """Return the unchecked pairs of modules in words, and the relief that they need."""
     exempt = certificate.get("exempt_pairs")
     if exempt is None:
         return None
@@ -267,11 +276,11 @@ def linked(certificate: CertificateFigures) -> str | None:
 
 
 def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -> str | None:
-    """What is wrong with the recording that the plan was made of; None where nothing is."""
+    """Return the flaws of the record that the plan was made from; None without flaws."""
     told: list[str] = []
     least = certificate.get("min_clearance_record")
-    if least is not None and least < -LEAST_SHOWN:
-        told.append(f"overlaps by {quantity(-least, 'pitch', DIGITS)}")
+    if least is not None and least < -ROUNDING_PITCH:
+        told.append(f"overlaps by {quantity(-least, 'pitch', CERTIFICATE_DIGITS)}")
     bent = certificate.get("max_angle_record_rad")
     if bent is not None and limit_rad is not None and bent > limit_rad + 1e-6:
         told.append(
@@ -287,14 +296,14 @@ def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -
 
 
 def baseline(strategy: object) -> str | None:
-    """What is said of a plan that ended as the baseline; None of others."""
-    return BASELINE if strategy == "one-by-one" else None
+    """Return the note for a plan of the baseline strategy; None of others."""
+    return BASELINE_LABEL if strategy == "one-by-one" else None
 
 
 def _of_simulation(
     certificate: CertificateFigures, key: str, digits: int = 3, unit: str = "pitch"
 ) -> str | None:
-    """A figure of the simulated playback, or that there was none."""
+    """Return a figure of the simulated playback, or that there was none."""
     simulated = certificate.get("simulated")
     if simulated is False:
         return NOT_SIMULATED
@@ -318,7 +327,7 @@ def _at_least(value: float | None) -> str | None:
 
 
 def rounded_down(value: float, digits: int = 3) -> str:
-    """A length, down to so many decimals or, nearer to 0 than one of them, to two digits."""
+    """Return a length rounded down to some decimals; a smaller one to two digits."""
     if value == 0.0:
         return "0"
     if abs(value) < 10**-digits:

@@ -9,13 +9,13 @@ from typing import Final, TypedDict, cast
 
 from planner.certificate.figures import AttemptFigures
 from planner.errors import DamagedError
-from planner.pipeline.fold_layout import CHAIN, PLANS
+from planner.pipeline.fold_layout import CHAIN, PLANS_DIR
 from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
 from planner.verification.integrity import check
 from server.pages.certificate_words import rounded_down
-from server.pages.quantities import STRATEGIES, number, quantity, sentence
+from server.pages.quantities import STRATEGY_LABELS, number, quantity, sentence
 
-COLUMNS: Final = (
+PLAN_COLUMNS: Final = (
     "Plan",
     "Time, s",
     "Torque",
@@ -23,27 +23,28 @@ COLUMNS: Final = (
     "Clearance, pitch",
     "Computing, s",
 )
-"""Of each plan: time to fold, torque then, torque in the time of the slowest, clearance that is
-proved, and computing."""
+"""Headings of the table of plans: folding time, its torque, torque if all took the time of the
+slowest, proved clearance, and computing time."""
 PREFERENCE_WORDS: Final[dict[Preference, str]] = {
     "computing": "First verified plan",
     "time": "Shortest folding time",
     "torque": "Least torque",
     "clearance": "Most clearance",
 }
-"""What each preference is called."""
-ADJECTIVES: Final[dict[Preference, str]] = {
+"""Labels of the preferences among plans."""
+SUPERLATIVES: Final[dict[Preference, str]] = {
     "time": "fastest",
     "torque": "least torque",
     "clearance": "most clearance",
 }
-MILLI: Final = 1e3
-DECIMALS: Final = 4
-"""Of clearances, so that plans differ where they do."""
+MILLI_PER_UNIT: Final = 1e3
+"""Thousandths in a unit: mN·m in a N·m."""
+CLEARANCE_DECIMALS: Final = 4
+"""Decimal places of clearances in pitches, enough to show differences between plans. Chosen."""
 
 
 class PlanDot(TypedDict):
-    """One plan: its name, what it is drawn at, its cells under ``COLUMNS``, and how it ended.
+    """One plan: its name, what it is drawn at, its cells under ``PLAN_COLUMNS``, and how it ended.
 
     ``torque_mnm`` is that of all plans taking as long as the slowest one, in mN·m; ``room`` is the
     clearance that is proved, in pitches. What is not known is None. ``stored`` is the number of the
@@ -72,11 +73,11 @@ class Choice(TypedDict):
 
 
 def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) -> Choice | None:
-    """What a fold's wish had to choose from; None without a wish, or where nothing is verified.
+    """Return the plans that a preference chose from; None without one or a verified plan.
 
     Args:
-        directory: Of the fold.
-        prefer: What it was asked for.
+        directory: Directory of the fold.
+        prefer: The requested preference.
         playable: True if stored plans that were not chosen can be played where this is shown.
     """
     if prefer == COMPUTING:
@@ -105,7 +106,7 @@ def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) ->
         "prefer": prefer,
         "wish": PREFERENCE_WORDS[prefer],
         "seconds": slowest,
-        "columns": list(COLUMNS),
+        "columns": list(PLAN_COLUMNS),
         "plans": [plan.dot(slowest) for plan in plans],
         "text": _gained(prefer, tried, verified, slowest),
     }
@@ -129,7 +130,7 @@ class _Plan:
         return self.attempt.get("chosen", False)
 
     def dot(self, slowest: float) -> PlanDot:
-        """As it is drawn and told, beside plans of which the slowest takes so many seconds."""
+        """Return the plan's values for the table and the plot, given the slowest plan's time."""
         figures = self.figures
         same = figures.torque_in(slowest)
         cells = (
@@ -142,7 +143,7 @@ class _Plan:
         return {
             "label": f"{self.place + 1}. {self._label()}",
             "time_s": figures.fold_time_s,
-            "torque_mnm": None if same is None else MILLI * same,
+            "torque_mnm": None if same is None else MILLI_PER_UNIT * same,
             "room": figures.clearance_bound,
             "cells": list(cells),
             "verified": self.verified,
@@ -151,12 +152,12 @@ class _Plan:
         }
 
     def _label(self) -> str:
-        """How it was made, in few words."""
+        """Return a short label of how the plan was made."""
         attempt, strategy = self.attempt, self.attempt["strategy"]
         if (smooths := attempt.get("smooths")) is not None:
             seed = f", seed {attempt['seed']}" if attempt["seed"] else ""
             return f"{sentence(strategy)} {smooths + 1}{seed}"
-        parts = [STRATEGIES.get(strategy, strategy).partition(",")[0]]
+        parts = [STRATEGY_LABELS.get(strategy, strategy).partition(",")[0]]
         parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
         parts += ["finer frames"] if "finer" in attempt else []
@@ -167,18 +168,20 @@ def _stored(directory: Path, tried: list[AttemptFigures], place: int) -> int | N
     """Return the number under which an attempt's plan is stored beside the chosen one, or None."""
     while "finer" in tried[place]:  # played back again: its files are with those of the explosion
         place -= 1
-    return place if (directory / PLANS / str(place) / CHAIN).is_file() else None
+    return place if (directory / PLANS_DIR / str(place) / CHAIN).is_file() else None
 
 
 def superlative(prefer: Preference, plans: int) -> str | None:
-    """What the chosen one of several plans is, in a few words; None without a choice."""
-    return f"{ADJECTIVES[prefer]} of {plans} plans" if prefer in ADJECTIVES and plans > 1 else None
+    """Return a short label of the chosen one of several plans; None without a choice."""
+    return (
+        f"{SUPERLATIVES[prefer]} of {plans} plans" if prefer in SUPERLATIVES and plans > 1 else None
+    )
 
 
 def _gained(
     prefer: Preference, tried: list[AttemptFigures], verified: list[_Plan], slowest: float
 ) -> str:
-    """What the wish has brought, against the first verified plan, and what it has cost."""
+    """Return the gain of the preference over the first verified plan, and its cost."""
     first = verified[0]
     best = next((plan for plan in verified if plan.chosen), first)
     since = tried[first.place + 1 :]
@@ -211,4 +214,4 @@ def _torque(value: float | None) -> str:
 
 
 def _room(value: float | None) -> str:
-    return "–" if value is None else rounded_down(value, DECIMALS)
+    return "–" if value is None else rounded_down(value, CLEARANCE_DECIMALS)

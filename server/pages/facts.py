@@ -21,7 +21,7 @@ from planner.parameters.parameters import AUTO, FLOATING
 from planner.parameters.settings import TABLE_SETTINGS
 from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
-from planner.pipeline.request import LARGEST_SEED, Request
+from planner.pipeline.request import MAX_SEED, Request
 from planner.robot import MAX_SMOOTHED_ANGLES
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
@@ -29,14 +29,14 @@ from server.errors import MOTION_FILES, damage_words
 from server.jobs.progress import STAGES
 from server.messages import message_for_people
 from server.pages import certificate_words
-from server.pages.certificate_words import TableTold
+from server.pages.certificate_words import TableWords
 from server.pages.choice_words import PREFERENCE_WORDS, Choice, choice_of, superlative
 from server.pages.failures import (
     AttemptWords,
     Failure,
     attempts,
+    count_from_one,
     failure,
-    modules_from_one,
     reason_for_people,
 )
 from server.pages.properties import (
@@ -46,17 +46,17 @@ from server.pages.properties import (
     smoothing_note,
     smoothing_rows,
 )
-from server.pages.quantities import PRESETS, sentence
+from server.pages.quantities import PRESET_LABELS, sentence
 from server.pages.setting_words import in_a_line
 from server.pages.table_check import ruled_out_on_table
 from server.store.estimates import Expected, expected_of_cost, plain_fold
 from server.store.fold_files import frames_promised
-from server.store.shown import RUNNING, Found, ShownFold, has_motion
+from server.store.shown import RUNNING_STATUSES, Found, ShownFold, has_motion
 
 RECORD: Final = "record.npz"
 SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
-"""Files of a fold that its page shows."""
-FILES: Final = (
+"""Files of a fold that its page displays."""
+VIEW_DOWNLOADS: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
     ("recording.viser", "Recording", ".viser: for the viser client"),
 )
@@ -67,7 +67,7 @@ Form = dict[str, str | int | float]
 
 
 class Verdict(TypedDict):
-    """What came of a fold, and how that is coloured."""
+    """Result of a fold in words, and its colour."""
 
     tone: str
     text: str
@@ -81,7 +81,7 @@ class Problem(TypedDict):
 
 
 class Suggestion(TypedDict):
-    """Another fold to ask for, or to look at: words for a button, and its form or id."""
+    """Another fold to request or to view: the button's label, and its form or id."""
 
     text: str
     hint: NotRequired[str]
@@ -91,7 +91,7 @@ class Suggestion(TypedDict):
 
 
 class Smoothing(TypedDict):
-    """What smoothing has changed, and where both plans play beside each other."""
+    """Changes by smoothing, and a link to both plans side by side."""
 
     rows: list[BeforeAfter]
     note: str
@@ -120,7 +120,7 @@ class FoldFacts(TypedDict):
     failure: Failure | None
     attempts: list[AttemptWords]
     choice: Choice | None
-    table: TableTold | None
+    table: TableWords | None
     again: Suggestion | None
     frames: int
     refoldable: bool
@@ -149,19 +149,19 @@ def fold_facts(
     kept: str | None = None,
     expected: Expected = expected_of_cost,
 ) -> FoldFacts:
-    """Everything that the page shows besides the timeline, as JSON.
+    """Return all that the page shows besides the timeline, as JSON values.
 
     Args:
         found: The fold.
-        api: Whether the service's API is there for downloads and news.
-        embed: Whether other sites may show folds in a frame.
-        kept: Who sees it and for how long, in words.
+        api: True if the service's API is available for downloads and events.
+        embed: True if other sites may embed folds in a frame.
+        kept: Visibility and expiry of the fold in words.
         expected: Estimates the seconds of other folds that are offered.
     """
     row, directory = found.row, found.directory
     api = api and found.alternative_to is None
     summary = summary_told_honestly(row.summary)
-    running = row.status in RUNNING
+    running = row.status in RUNNING_STATUSES
     damaged = [] if running else damaged_among(directory, SHOWN_FILES)
     done = row.status in ("verified", "failed")
     certificate = summary.get("certificate") or told_honestly(
@@ -184,7 +184,7 @@ def fold_facts(
         "name": row.title,
         "status": row.status,
         "running": running and api,
-        "preset": f"{PRESETS.get(row.preset, row.preset)}{where}{in_a_line(row.settings)}",
+        "preset": f"{PRESET_LABELS.get(row.preset, row.preset)}{where}{in_a_line(row.settings)}",
         "verdict": _verdict(row, summary, certificate, choice),
         "cover": "Loading the view" if not running else "Waiting for the first frame",
         "problem": problem,
@@ -208,7 +208,7 @@ def fold_facts(
         "robot": api and row.status == "verified",
         "files": [
             {"href": f"/folds/{row.id}/{name}", "label": label, "hint": hint}
-            for name, label, hint in FILES
+            for name, label, hint in VIEW_DOWNLOADS
             if not running and frames_promised(directory) and found.alternative_to is None
         ],
         "properties": properties(row, summary, certificate, directory),
@@ -277,7 +277,7 @@ def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
     error = row.error or Fault()
     if row.status == "failed":
         text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
-        where = modules_from_one(error.get("where") or "")
+        where = count_from_one(error.get("where") or "")
         text = message_for_people(reason_for_people(text, summary))
         if where and where not in text:
             text = f"{sentence(where)}: {text}"
@@ -290,12 +290,12 @@ def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
 
 
 def _published(row: ShownFold) -> Form:
-    """The fields of a form that ask for a fold's preset with its settings."""
+    """Return the fields of a form that ask for a fold's preset with its settings."""
     return {"preset": row.preset, **({"settings": row.settings} if row.settings else {})}
 
 
 def _again(row: ShownFold) -> Suggestion | None:
-    """What may be tried where there is no plan: words for a button, and the form to send."""
+    """Return the label and the form of the button that tries a failed fold again."""
     form: Form = {"fold": row.id, **_published(row), "seed": row.seed}
     if row.module_size is not None:
         form["module_size"] = row.module_size
@@ -317,20 +317,20 @@ def _again(row: ShownFold) -> Suggestion | None:
     if row.module_size is not None and row.module_size > plain.parameters().module_size:
         usual = {key: value for key, value in form.items() if key != "module_size"}
         return {"text": "Try the default module size", "form": usual}
-    seed = (row.seed + 1) % (LARGEST_SEED + 1)
+    seed = (row.seed + 1) % (MAX_SEED + 1)
     return {"text": "Try another seed", "form": {**form, "seed": seed}}
 
 
 def _compare(found: Found, expected: Expected) -> list[Suggestion]:
-    """What a fold may be set beside: words for a button, and the form to send for the other.
+    """Return the label and the form of the button that folds the same with another method.
 
-    ``settable`` tells that settings of the published method may be sent with it, or must.
+    ``settable`` states that settings of the published method may be sent with it, or must.
     """
     row = found.row
     form: Form = {"fold": row.id, "seed": row.seed}
     if row.module_size is not None:
         form["module_size"] = row.module_size
-    seed = (row.seed + 1) % (LARGEST_SEED + 1)
+    seed = (row.seed + 1) % (MAX_SEED + 1)
     other = {**form, **_published(row), "seed": seed}
     another: Suggestion = {"text": "Another seed", "hint": f"Seed {seed}", "form": other}
     if row.smooths:
@@ -386,20 +386,20 @@ def _compare(found: Found, expected: Expected) -> list[Suggestion]:
 
 
 def _may_rest(row: ShownFold) -> bool:
-    """Whether the same may be asked for on a table."""
+    """Return True if the same shape may be folded on a table."""
     plain = Request()
     asked, usual = (row.preset, row.module), (plain.preset, plain.module)
     return asked == usual and not row.refold and not row.settings
 
 
 def _floating_settings(settings: str) -> str:
-    """Those of them that a fold takes which floats."""
+    """Return the settings that a floating fold has."""
     names = {setting.name for setting in TABLE_SETTINGS}
     return ",".join(s for s in settings.split(",") if s.partition("=")[0] not in names)
 
 
 def _on_table(row: ShownFold, directory: Path) -> TableRecord | None:
-    """What the explosion of a fold on a table took back; None where that is not known."""
+    """Return the explosion's figures of a fold on a table; None if unknown."""
     if row.world == FLOATING:
         return None
     try:
@@ -410,7 +410,7 @@ def _on_table(row: ShownFold, directory: Path) -> TableRecord | None:
 
 
 def _about(seconds: float) -> str:
-    """A time that is not known exactly: ``about a minute``."""
+    """Return a time that is not known exactly: ``about a minute``."""
     minutes = round(seconds / 60)
     if minutes > 1:
         return f"about {minutes} minutes"
@@ -418,7 +418,7 @@ def _about(seconds: float) -> str:
 
 
 def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:
-    """Whether smoothing is worth asking for: not twice, and not of what is too long for it."""
+    """Return True if smoothing is worthwhile: not twice, and not for too long plans."""
     if (
         row.status != "verified"
         or row.world != FLOATING
@@ -431,7 +431,10 @@ def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:
 
 
 def _smoothing(found: Found | None, summary: FoldSummary) -> Smoothing | None:
-    """What smoothing has changed, in words; None of a recorded plan. No links without a fold."""
+    """Return the changes by smoothing in words; None of a recorded plan.
+
+    Without a fold there are no links.
+    """
     if not (smoothing := summary.get("smoothing")):
         return None
     of = found and found.recorded

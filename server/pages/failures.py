@@ -21,10 +21,10 @@ from planner.errors import DamagedError
 from planner.motion.stuck_figures import BlockFigures, EvidenceFigures
 from planner.verification.integrity import check
 from server.pages.knot_drawing import KnotDrawing, drawing_of
-from server.pages.quantities import STRATEGIES, quantity, sentence
+from server.pages.quantities import STRATEGY_LABELS, quantity, sentence
 from server.store.shown import ShownFold
 
-HEADINGS: Final = {
+FAILURE_HEADINGS: Final = {
     "knot": "The chain is knotted",
     "blocks": "Stalled: modules blocked each other",
     "steps": "Stalled: step limit reached",
@@ -43,24 +43,26 @@ HEADINGS: Final = {
     "off": "It doesn't end in its target shape",
     "refused": "Not verified",
 }
-STAGES: Final = {
+STAGE_WORDS: Final = {
     "read": "reading the input",
     "explode": "exploding",
     "play_back": "playing back",
     "certify": "checking the clearance",
     "export": "writing the plan",
 }
-MOVING: Final = ("explode", "play_back")
-"""Stages that end with another frame than they were ended at."""
-MOST_LINES: Final = 24
-"""Turns and moves that are told one by one."""
-MODULE_NUMBERS: Final = re.compile(
-    r"\bmodules? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?", re.IGNORECASE
+STAGES_WITH_MOTION: Final = ("explode", "play_back")
+"""Stages in which the displayed chain moves."""
+MAX_BLOCKING_LINES: Final = 24
+"""Maximum number of turns and moves that the reason of a failed fold lists one by one; the rest is
+counted. Chosen."""
+NUMBERED_PARTS: Final = re.compile(
+    r"\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?",
+    re.IGNORECASE,
 )
-"""Modules that a text names by their numbers, the rest of a long list included."""
-BESIDE: Final = re.compile(r"ends .* from the folded shape|does not end folded")
-"""Verdicts on where a fold ends."""
-ENDS: Final = {
+"""Pattern of parts of an input that a text names by number, with the rest of a long list."""
+WRONG_END_VERDICT: Final = re.compile(r"ends .* from the folded shape|does not end folded")
+"""Pattern of verdicts about a fold that does not end in its target shape."""
+EXPLOSION_ENDS: Final = {
     "stalled": "stalled",
     "timeout": "not straight",
     "diverged": "simulation failed",
@@ -69,9 +71,9 @@ ENDS: Final = {
 
 
 class Failure(TypedDict):
-    """Where a fold sticks: words, its modules, and a frame; None is the last one.
+    """Reason of a failed fold: texts, its modules, and a frame; None is the last one.
 
-    What blocks what stands in ``blocks``, a line for each turn or move; a knot is drawn.
+    ``blocks`` has a line for each blocked turn or move; a knot is drawn.
     """
 
     heading: str
@@ -92,7 +94,7 @@ class AttemptWords(TypedDict):
 
 
 class _Overlap(TypedDict):
-    """How deep modules overlap, which and when."""
+    """Depth, modules and time of an overlap."""
 
     modules: list[int] | None
     frame: float
@@ -106,7 +108,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     frame: float | None = None
     evidence: EvidenceFigures | None = None
     if told := summary.get("stuck"):
-        kind, modules, text = told["kind"], told["modules"], modules_from_one(told["words"])
+        kind, modules, text = told["kind"], told["modules"], count_from_one(told["words"])
         if kind == "stopped":
             text = _stopped(row, text)
         if evidence := told.get("evidence"):
@@ -115,13 +117,13 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
         frame = overlap["frame"] + (exploding(summary) or 0)
     elif summary.get("certificate"):
-        modules, text = [], modules_from_one(str(summary.get("reason") or ""))
-        kind = "off" if BESIDE.search(text) else "refused"
+        modules, text = [], count_from_one(str(summary.get("reason") or ""))
+        kind = "off" if WRONG_END_VERDICT.search(text) else "refused"
     else:
         return None
     text = sentence(text.rstrip("."))
     return {
-        "heading": HEADINGS[kind],
+        "heading": FAILURE_HEADINGS[kind],
         "text": f"{text}.",
         "modules": modules,
         "frame": frame,
@@ -131,7 +133,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
 
 
 def _blocks(told: BlockFigures) -> list[str]:
-    """What lies in the way of each turn and each move."""
+    """Return what blocks each turn and each move, in words."""
     lines: list[str] = []
     for turn in told["turns"]:
         degrees, (a, b) = abs(np.rad2deg(turn["turned_rad"])), turn["modules"]
@@ -147,8 +149,8 @@ def _blocks(told: BlockFigures) -> list[str]:
             f"The next part, moved by {quantity(move['moved'], 'pitch')} along {way}: "
             f"modules {a + 1} and {b + 1} overlap by {quantity(move['overlap'], 'pitch', 2)}"
         )
-    more = len(lines) - MOST_LINES
-    return lines if more <= 0 else [*lines[:MOST_LINES], f"And {more} more"]
+    more = len(lines) - MAX_BLOCKING_LINES
+    return lines if more <= 0 else [*lines[:MAX_BLOCKING_LINES], f"And {more} more"]
 
 
 def exploding(summary: FoldSummary) -> int | None:
@@ -169,38 +171,38 @@ def reason_for_people(reason: str, summary: FoldSummary) -> str:
         # Rounded as the page rounds the frame that it shows: half a frame counts up.
         return f" (frame {math.floor(explosion + float(found[1]) + 0.5) + 1})"
 
-    return modules_from_one(
+    return count_from_one(
         re.sub(r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)", on_the_timeline, reason)
     )
 
 
-def modules_from_one(text: str) -> str:
-    """Return a text of the planner, which counts modules from 0, counting them from 1.
+def count_from_one(text: str) -> str:
+    """Return a text of the planner, which counts modules and cells from 0, counting from 1.
 
-    ``modulesFromOne`` in ``lib/text.js`` does the same.
+    ``countFromOne`` in ``lib/text.js`` does the same.
     """
-    return MODULE_NUMBERS.sub(
+    return NUMBERED_PARTS.sub(
         lambda named: re.sub(r"\d+(?! more)\b", lambda index: str(int(index[0]) + 1), named[0]),
         text,
     )
 
 
 def _stopped(row: ShownFold, words: str) -> str:
-    """What ended a fold from outside, and where it was then."""
+    """Return the external reason that ended a fold, and its frame then."""
     detail = (row.error or Fault()).get("detail")
     parts = [_plain(str(detail))] if detail else []
-    if row.stage is None or row.stage in MOVING:
+    if row.stage is None or row.stage in STAGES_WITH_MOTION:
         parts.append(words)
     return ". ".join(sentence(part.rstrip(".")) for part in parts)
 
 
 def _plain(detail: str) -> str:
     """Without the names of stages."""
-    return re.sub(r"the stage '(\w+)'", lambda found: STAGES.get(found[1], found[0]), detail)
+    return re.sub(r"the stage '(\w+)'", lambda found: STAGE_WORDS.get(found[1], found[0]), detail)
 
 
 def _overlap(summary: FoldSummary) -> _Overlap | None:
-    """Of a plan that was refused for it: how deep modules overlap, which and when."""
+    """Return the overlap for which a plan was refused."""
     certificate = summary.get("certificate") or CertificateFigures()
     for clearance, place in (
         (certificate.get("min_clearance"), certificate.get("min_clearance_at")),
@@ -221,7 +223,7 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
 
 
 def attempts(directory: Path) -> list[AttemptWords]:
-    """The attempts of a fold, in their order: how the chain was let go, and how it ended."""
+    """Return the attempts of a fold in order: their strategies and results."""
     try:
         check(directory, "attempts.json")
         found = json.loads((directory / "attempts.json").read_bytes())
@@ -247,19 +249,19 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     if status == "begun":
         end = "interrupted"
     elif status != "straight":
-        steps = f"{ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
+        steps = f"{EXPLOSION_ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
         told = attempt.get("diagnosis")
-        words = modules_from_one(told["words"].rstrip(".")) if told else ""
+        words = count_from_one(told["words"].rstrip(".")) if told else ""
         end, tone = f"{steps}: {words}" if words else steps, "bad"
     elif verdict.startswith("verified"):
         end, tone = verdict, "good"
     elif verdict:
         reason = verdict.removeprefix("failed: ").partition(" (frame ")[0]
-        end, tone = modules_from_one(reason), "bad"
+        end, tone = count_from_one(reason), "bad"
     else:
         end = "unfolded, not checked"
     return {
-        "strategy": STRATEGIES.get(str(attempt["strategy"]), str(attempt["strategy"])),
+        "strategy": STRATEGY_LABELS.get(str(attempt["strategy"]), str(attempt["strategy"])),
         "how": sentence(", ".join(how)),
         "end": sentence(end),
         "tone": tone,

@@ -23,14 +23,16 @@ from server.pages.page import origin_of, page, script_json
 from server.pages.privacy import who_and_how_long
 from server.pages.problem_page import not_found_page
 from server.store.estimates import expected_of_cost
-from server.store.shown import RUNNING, Found
+from server.store.shown import RUNNING_STATUSES, Found
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.picture_view import PictureView
 
 router = APIRouter(include_in_schema=False)
 
-LARGEST_DRAWING: Final = 4000
+MAX_DRAWN_MODULES: Final = 4000
+"""Maximum number of modules of the drawing that a page shows until the 3D view is ready; longer
+chains have none. Chosen."""
 
 
 @router.get("/folds/{fold_id}", response_class=HTMLResponse)
@@ -49,7 +51,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         )
     mark(request, found.row)
     facts = _facts(request, found)
-    over = found.row.status not in RUNNING
+    over = found.row.status not in RUNNING_STATUSES
     drawable = not (over and damaged_among(found.directory, [CHAIN]))
     return page(
         "fold.html",
@@ -84,7 +86,7 @@ async def facts_of_fold(request: Request, fold_id: str) -> Response:
 
 
 def drawing_in(directory: Path) -> str:
-    """The folded shape of a fold's directory; empty while nobody knows what it will be."""
+    """Return the drawing of a directory's folded shape; empty while it is unknown."""
     for path in (result(directory, CHAIN), directory / "cells.json"):
         if path.exists():
             return _drawing_of(path, path.name == CHAIN)
@@ -93,16 +95,16 @@ def drawing_in(directory: Path) -> str:
 
 @lru_cache(maxsize=256)
 def _drawing_of(path: Path, is_chain: bool) -> str:
-    """A drawing of a chain, or of the cells that were noted when the upload was read."""
+    """Return a drawing of a chain, or of the cells that were noted when the upload was read."""
     try:
         noted = json.loads(path.read_text(encoding="utf-8"))
         if is_chain:
             chain = chain_from_attributes(noted)
-            return chain_svg(chain) if len(chain) <= LARGEST_DRAWING else ""
+            return chain_svg(chain) if len(chain) <= MAX_DRAWN_MODULES else ""
         cells = np.array(noted, dtype=int).reshape(-1, 3)
     except (PlannerError, *UNREADABLE):
         return ""  # a drawing is not worth an error
-    return isometric_svg(cells) if 0 < len(cells) <= LARGEST_DRAWING else ""
+    return isometric_svg(cells) if 0 < len(cells) <= MAX_DRAWN_MODULES else ""
 
 
 def _facts(request: Request, found: Found) -> FoldFacts:

@@ -15,17 +15,17 @@ from server.files.previews import ShapeOptions
 from server.http.problems import Problem
 from server.messages import message_for_people
 from server.pages.cards import (
-    CHAINS,
-    PLURALS,
-    STATUSES,
-    WHERE,
-    Sieve,
-    Standing,
+    CARD_STATUS_LABELS,
+    CHAIN_LABELS,
+    MODULE_PLURALS,
+    WORLD_LABELS,
+    FoldStatus,
+    GalleryFilter,
     cards,
+    fold_statuses,
     included_folds,
     kinds,
     method_words,
-    standings,
 )
 from server.pages.page import origin_of, page
 from server.pages.problem_page import not_found_page
@@ -37,9 +37,9 @@ router = APIRouter(include_in_schema=False)
 async def gallery_page(request: Request) -> Response:
     """Return the gallery; the query selects which example shapes are shown."""
     context = context_of(request)
-    found = await asyncio.to_thread(standings, context.store)
-    sieve = Sieve.of(request.query_params)
-    shown = [(card, found.get(card.name, Standing())) for card in cards(context.gallery)]
+    found = await asyncio.to_thread(fold_statuses, context.store)
+    sieve = GalleryFilter.of(request.query_params)
+    shown = [(card, found.get(card.name, FoldStatus())) for card in cards(context.gallery)]
     wanted = {card.name for card, standing in shown if sieve.lets(card, standing)}
     return page(
         "gallery.html",
@@ -49,10 +49,10 @@ async def gallery_page(request: Request) -> Response:
         wanted=wanted,
         sieve=sieve,
         kinds=kinds(context.gallery),
-        chains=CHAINS,
-        statuses=STATUSES,
-        where=WHERE,
-        plurals=PLURALS,
+        chains=CHAIN_LABELS,
+        statuses=CARD_STATUS_LABELS,
+        where=WORLD_LABELS,
+        plurals=MODULE_PLURALS,
         method_words=method_words,
         finished=await asyncio.to_thread(included_folds, context.store),
     )
@@ -65,7 +65,11 @@ def fold_shape(
     """Fold an example shape and redirect to its fold, for browsers without scripts."""
     try:
         accepted = post_fold(
-            request, context_of(request), None, ShapeOptions(world=world), shape=name
+            request=request,
+            context=context_of(request),
+            credentials=None,
+            options=ShapeOptions(world=world),
+            shape=name,
         )
     except ServiceError as error:
         problem = Problem.of(error)

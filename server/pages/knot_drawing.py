@@ -15,17 +15,20 @@ from numpy.typing import NDArray
 from planner.motion.stuck_figures import KnotFigures
 
 Array = NDArray[np.float64]
-SIDE: Final = 160
-"""Of the square that it is drawn in; strokes are a few units wide."""
-RADIUS: Final = 66.0
-GAP: Final = 7.0
-"""Units along a stroke from a crossing that it goes under to its end."""
-BENDS: Final = 2
-"""Vertices on each arc between two crossings."""
-FINE: Final = 8
-"""Points of the drawn curve for each vertex."""
-MOST_DRAWN: Final = 60
-"""Crossings above which a drawing shows nothing any more."""
+DRAWING_SIDE: Final = 160
+"""Side of the square of a knot's drawing, in SVG user units; strokes are a few units wide.
+Chosen."""
+DRAWING_RADIUS: Final = 66.0
+"""Radius of the circle that a knot is drawn in, in the same units. Chosen."""
+CROSSING_GAP: Final = 7.0
+"""Length by which a strand is cut on each side of a crossing that it passes under, in SVG user
+units. Chosen."""
+VERTICES_PER_ARC: Final = 2
+"""Vertices of the layout on each arc between two crossings. More draw rounder arcs. Chosen."""
+POINTS_PER_VERTEX: Final = 8
+"""Points of the drawn curve for each vertex of the layout. More draw it more smoothly. Chosen."""
+MAX_DRAWN_CROSSINGS: Final = 60
+"""Maximum number of crossings of a knot that is drawn; a drawing of more shows nothing. Chosen."""
 Face = list[int]
 
 
@@ -38,9 +41,9 @@ class KnotDrawing(TypedDict):
 
 
 def drawing_of(told: KnotFigures) -> KnotDrawing | None:
-    """The drawing of a knot's diagram; None when it has too many crossings."""
+    """Return the drawing of a knot's diagram; None when it has too many crossings."""
     count = len(told["diagram"])
-    if not 0 < count <= MOST_DRAWN:
+    if not 0 < count <= MAX_DRAWN_CROSSINGS:
         return None
     # Passes are the crossings in the order in which the strand comes to them, each of them twice.
     passes = sorted(
@@ -53,23 +56,23 @@ def drawing_of(told: KnotFigures) -> KnotDrawing | None:
     vertices: list[int] = []
     for arc in range(2 * count):
         vertices += [crossing_at[arc], *_bends(arc, count)]
-    unders = [(BENDS + 1) * arc for arc, (_, _, over) in enumerate(passes) if not over]
+    unders = [(VERTICES_PER_ARC + 1) * arc for arc, (_, _, over) in enumerate(passes) if not over]
     number = told["determinant"]
     label = f"A knot with {count} crossings"
     return {
-        "side": SIDE,
+        "side": DRAWING_SIDE,
         "strokes": _strokes(places[vertices], unders),
         "label": label if number is None else f"{label}, determinant {number}",
     }
 
 
 def _bends(arc: int, count: int) -> range:
-    """The vertices on an arc; the crossings come before them."""
-    return range(count + BENDS * arc, count + BENDS * (arc + 1))
+    """Return the vertices on an arc; the crossings come before them."""
+    return range(count + VERTICES_PER_ARC * arc, count + VERTICES_PER_ARC * (arc + 1))
 
 
 def _faces(told: KnotFigures, passes: list[tuple[float, int, bool]]) -> list[Face]:
-    """The faces of a diagram, each as the vertices around it.
+    """Return the faces of a diagram, each as the vertices around it.
 
     A side of arc ``a`` is ``2 a`` along it and ``2 a + 1`` against it.
     """
@@ -104,7 +107,7 @@ def _faces(told: KnotFigures, passes: list[tuple[float, int, bool]]) -> list[Fac
 def _laid_out(crossing_at: list[int], faces: list[Face], count: int) -> Array:
     """(v, 2) places of all vertices: the largest face around, all others inside."""
     outer = max(faces, key=len)
-    vertices = count + BENDS * len(crossing_at)
+    vertices = count + VERTICES_PER_ARC * len(crossing_at)
     whole = vertices + len(faces)
     weights = np.zeros((whole, whole))
     for k, face in enumerate(faces):
@@ -122,7 +125,7 @@ def _laid_out(crossing_at: list[int], faces: list[Face], count: int) -> Array:
     places = np.linalg.solve(system, wanted)[:vertices]
     # Faces are walked with their inside at the left: the outer one clockwise, as angles with y
     # pointing down grow. The other way around it would be the mirrored knot.
-    return np.asarray(0.5 * SIDE + RADIUS * places, dtype=np.float64)
+    return np.asarray(0.5 * DRAWING_SIDE + DRAWING_RADIUS * places, dtype=np.float64)
 
 
 def _strokes(points: Array, unders: list[int]) -> list[str]:
@@ -133,9 +136,9 @@ def _strokes(points: Array, unders: list[int]) -> list[str]:
     curve = CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")
     strokes: list[str] = []
     for begin, end in zip(unders, [*unders[1:], unders[0] + len(points)], strict=True):
-        way = np.asarray(curve(np.linspace(begin, end, FINE * (end - begin) + 1)))
+        way = np.asarray(curve(np.linspace(begin, end, POINTS_PER_VERTEX * (end - begin) + 1)))
         passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
-        kept = way[(passed >= GAP) & (passed <= passed[-1] - GAP)]
+        kept = way[(passed >= CROSSING_GAP) & (passed <= passed[-1] - CROSSING_GAP)]
         if len(kept) > 1:
             strokes.append("M" + " L".join(f"{x:.1f} {y:.1f}" for x, y in kept.tolist()))
     return strokes

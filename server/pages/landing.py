@@ -16,7 +16,7 @@ from server.pages.cards import cards, selected
 from server.pages.page import origin_of, page, templates
 from server.pages.pictures import picture_answer
 from server.pages.privacy import who_and_how_long
-from server.pages.problem_page import PAWN
+from server.pages.problem_page import DRAWN_CELLS
 from server.pages.shape_drawings import chain_of, drawing_of
 from server.pages.static import etag_response
 from server.store.folds import Store
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 router = APIRouter(include_in_schema=False)
 
-BATCH: Final = STATIC.parent / "featured.batch"
-FEATURED: Final = "wrench-160"
+FEATURED_BATCH: Final = STATIC.parent / "featured.batch"
+FEATURED_SHAPE: Final = "wrench-160"
 
 
 @router.get("/", response_class=HTMLResponse, dependencies=[Depends(in_list_rate)])
@@ -39,7 +39,7 @@ async def landing(request: Request) -> Response:
     """Return the first page."""
     context = context_of(request)
     featured = await asyncio.to_thread(_featured, context.store)
-    still = await asyncio.to_thread(drawing_of, context.gallery, FEATURED, 480)
+    still = await asyncio.to_thread(drawing_of, context.gallery, FEATURED_SHAPE, 480)
     return page(
         "landing.html",
         listed=True,
@@ -50,7 +50,7 @@ async def landing(request: Request) -> Response:
         origin=origin_of(request),
         preparing=await asyncio.to_thread(context.leases.preparing),
         read_only=READ_ONLY_WORDS if context.settings.read_only else None,
-        still=still or isometric_svg(PAWN),
+        still=still or isometric_svg(DRAWN_CELLS),
     )
 
 
@@ -76,13 +76,13 @@ async def featured_batch(request: Request) -> Response:
 
 @cache
 def _recorded() -> bytes:
-    return BATCH.read_bytes()
+    return FEATURED_BATCH.read_bytes()
 
 
 def warm_up(gallery: Gallery) -> None:
     """Draw the shape of the first page, which loads what the 3D view and all pages need."""
     bundle_of(_featured_chain(gallery))
-    drawing_of(gallery, FEATURED, 480)
+    drawing_of(gallery, FEATURED_SHAPE, 480)
     for name in ("landing.html", "fold.html", "gallery.html"):
         templates().get_template(name)
 
@@ -94,14 +94,16 @@ def _bundle(gallery: Gallery) -> bytes:
 
 @cache
 def _featured_chain(gallery: Gallery) -> Chain:
-    shape = gallery.shape(FEATURED)
-    assert shape is not None, f"{FEATURED} is in the gallery"
+    shape = gallery.shape(FEATURED_SHAPE)
+    assert shape is not None, f"{FEATURED_SHAPE} is in the gallery"
     return chain_of(shape)
 
 
 def _featured(store: Store) -> str | None:
-    """The fold of the shape that plays on the first page, if somebody has folded it here."""
+    """Return the fold that plays on the landing page, if its shape has been folded here."""
     rows = [
-        row for row in store.list_public() if row.shape == FEATURED and row.status == "verified"
+        row
+        for row in store.list_public()
+        if row.shape == FEATURED_SHAPE and row.status == "verified"
     ]
     return rows[-1].id if rows else None

@@ -1,4 +1,4 @@
-"""oEmbed (https://oembed.com): how other sites show a fold whose link somebody pastes."""
+"""oEmbed (https://oembed.com): the frame that other sites show for a link to a fold."""
 
 from __future__ import annotations
 
@@ -16,26 +16,31 @@ from server.pages.page import origin_of
 router = APIRouter(include_in_schema=False)
 
 FOLD_PATH: Final = re.compile(r"/(?:folds|embed)/([^/]+)")
-"""Path of a fold's page; ``find_fold`` checks the id in it."""
-WIDTH_PX: Final = 720
-HEIGHT_PX: Final = 480
-"""Size of a frame for which the asking site names no bounds, as in *Share*."""
-MIN_PX: Final = 200
-"""Smallest side of a frame in which the controls still leave room for the picture."""
-MAX_ADDRESS: Final = 2000
-"""Characters of an address that is looked up; a longer one is refused. Chosen."""
-PICTURE: Final = (1200, 630)
-"""Width and height of a fold's picture in pixels: ``SIZE`` of ``web.pictures.social_picture``,
-whose import would load Pillow and numba into the web process."""
+"""Pattern of the path of a fold's page; ``find_fold`` checks the id in it."""
+FRAME_WIDTH_PX: Final = 720
+"""Maximum width of an embedded frame, and its width if the asking site names no bounds, in pixels,
+as in *Share*. Chosen."""
+FRAME_HEIGHT_PX: Final = 480
+"""Maximum height of an embedded frame, and its height if the asking site names no bounds, in
+pixels, as in *Share*. Chosen."""
+MIN_FRAME_SIDE_PX: Final = 200
+"""Minimum side of an embedded frame, in pixels, at which the controls still leave room for the
+picture. Chosen."""
+MAX_ADDRESS_CHARACTERS: Final = 2000
+"""Maximum length of an address that is looked up, in characters; a longer one is refused.
+Chosen."""
+OEMBED_PICTURE_PX: Final = (1200, 630)
+"""Width and height of a fold's picture in pixels: ``SOCIAL_PICTURE_PX`` of
+``web.pictures.social_picture``, whose import would load Pillow and numba into the web process."""
 
 
 @router.get("/oembed")
 async def oembed(
     request: Request,
-    url: Annotated[str, Query(max_length=MAX_ADDRESS)],
+    url: Annotated[str, Query(max_length=MAX_ADDRESS_CHARACTERS)],
     wanted: Annotated[str, Query(alias="format", max_length=10)] = "json",
-    maxwidth: Annotated[int, Query(ge=1, le=10_000)] = WIDTH_PX,
-    maxheight: Annotated[int, Query(ge=1, le=10_000)] = HEIGHT_PX,
+    maxwidth: Annotated[int, Query(ge=1, le=10_000)] = FRAME_WIDTH_PX,
+    maxheight: Annotated[int, Query(ge=1, le=10_000)] = FRAME_HEIGHT_PX,
 ) -> Response:
     """Describe the fold behind a link of this service.
 
@@ -56,13 +61,16 @@ async def oembed(
         "provider_url": origin,
         "title": row.title,
         "thumbnail_url": f"{origin}/folds/{row.id}/picture.png",
-        "thumbnail_width": PICTURE[0],
-        "thumbnail_height": PICTURE[1],
+        "thumbnail_width": OEMBED_PICTURE_PX[0],
+        "thumbnail_height": OEMBED_PICTURE_PX[1],
     }
     settings = viewing_of(request).settings
     if settings is None or not settings.embed_origins:
         return JSONResponse({"type": "link", **about})
-    width, height = max(MIN_PX, min(maxwidth, WIDTH_PX)), max(MIN_PX, min(maxheight, HEIGHT_PX))
+    width, height = (
+        max(MIN_FRAME_SIDE_PX, min(maxwidth, FRAME_WIDTH_PX)),
+        max(MIN_FRAME_SIDE_PX, min(maxheight, FRAME_HEIGHT_PX)),
+    )
     frame = (
         f'<iframe src="{origin}/embed/{row.id}" title="{escape(row.title)}" width="{width}" '
         f'height="{height}" style="border:0" allow="fullscreen" loading="lazy"></iframe>'

@@ -14,19 +14,19 @@ from fastapi.responses import HTMLResponse, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
-from server.http.security import LISTED
+from server.http.security import INDEXED_HEADERS
 from server.pages.choice_words import PREFERENCE_WORDS
-from server.pages.setting_words import ROWS, SOURCES, TABLE_ROWS
+from server.pages.setting_words import PAPER_ROWS, SOURCE_LABELS, TABLE_ROWS
 from web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
 
-THEME: Final = "js/theme.js"
-"""The one script that stands in pages: it runs before anything is painted."""
+THEME_SCRIPT: Final = "js/theme.js"
+"""The only inline script of pages; it sets the theme before anything is painted."""
 
 
 @cache
 def policy_of_pages() -> str:
-    """What a page of ours may do; of scripts that stand in it only the one that we put there."""
-    theme = base64.b64encode(hashlib.sha256(code_of(THEME).encode()).digest()).decode()
+    """Return the content security policy of pages; it permits only their own inline script."""
+    theme = base64.b64encode(hashlib.sha256(code_of(THEME_SCRIPT).encode()).digest()).decode()
     return "; ".join(
         (
             "default-src 'none'",
@@ -45,14 +45,14 @@ def policy_of_pages() -> str:
 
 @cache
 def icon() -> str:
-    """The picture in a browser's tab, as an address that holds it."""
+    """Return the picture in a browser's tab, as an address that holds it."""
     return "data:image/svg+xml," + quote(text_of("icon.svg"), safe=" =:/'")
 
 
 @cache
 def theme_script() -> Markup:
     """Light, dark or as the system, in the head of every page."""
-    return Markup("<script>{}</script>").format(Markup(code_of(THEME)))
+    return Markup("<script>{}</script>").format(Markup(code_of(THEME_SCRIPT)))
 
 
 @cache
@@ -64,18 +64,18 @@ def script_addresses(page_name: str) -> tuple[str, ...]:
 
 @cache
 def entry(page_name: str) -> Markup:
-    """The entry module of a page, and all that it needs at once, to be fetched at the same time."""
+    """Return the tags of a page's entry script and of all scripts that it needs at once."""
     first, *others = script_addresses(page_name)
     preloads = (Markup('<link rel="modulepreload" href="{}">').format(name) for name in others)
     script = Markup('<script type="module" src="{}"></script>').format(first)
     return Markup("").join((*preloads, script))
 
 
-KNOWN: Final[dict[str, object]] = {
-    "paper_settings": ROWS,
+TEMPLATE_VALUES: Final[dict[str, object]] = {
+    "paper_settings": PAPER_ROWS,
     "table_settings": TABLE_ROWS,
     "preferences": PREFERENCE_WORDS,
-    "setting_sources": SOURCES,
+    "setting_sources": SOURCE_LABELS,
     "entry": entry,
     "icon": icon,
     "theme_script": theme_script,
@@ -86,29 +86,29 @@ KNOWN: Final[dict[str, object]] = {
 def page(
     template: str, status_code: int = 200, /, *, listed: bool = False, **values: object
 ) -> Response:
-    """A page made of a template, under the policy of all pages.
+    """Return a page made of a template, under the policy of all pages.
 
     Args:
         template: Its name.
-        status_code: Of the answer.
-        listed: Whether search engines may show it.
-        values: What the template is filled in with.
+        status_code: HTTP status of the answer.
+        listed: True if search engines may index it.
+        values: Values for the template.
     """
     html = rendered(template, **values)
     headers = {"Content-Security-Policy": policy_of_pages(), "Cache-Control": "no-store"}
     if listed:
-        headers |= LISTED
+        headers |= INDEXED_HEADERS
     return HTMLResponse(html, status_code=status_code, headers=headers)
 
 
 def rendered(template: str, /, **values: object) -> str:
-    """A template filled in."""
-    return templates().get_template(template, globals=KNOWN).render(**values)
+    """Return a template filled in."""
+    return templates().get_template(template, globals=TEMPLATE_VALUES).render(**values)
 
 
 @cache
 def templates() -> Environment:
-    """All templates."""
+    """Return all templates."""
     return Environment(
         loader=PackageLoader("web", "templates"),
         autoescape=select_autoescape(),
@@ -124,6 +124,6 @@ def origin_of(request: Request) -> str:
 
 
 def script_json(value: object) -> str:
-    """JSON that may stand inside a script element."""
+    """Return JSON that may stand inside a script element."""
     text = json.dumps(value, ensure_ascii=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

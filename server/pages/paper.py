@@ -19,10 +19,10 @@ from web.viser.scene_bundle import bundle_of
 
 router = APIRouter(include_in_schema=False)
 
-KEPT: Final = STATIC.parent / "paper"
+PAPER_DIR: Final = STATIC.parent / "paper"
 CHAIN: Final = "chain.json"
-BINARY: Final = "application/octet-stream"
-PICTURE: Final = "image/webp"
+BINARY_MEDIA_TYPE: Final = "application/octet-stream"
+PICTURE_MEDIA_TYPE: Final = "image/webp"
 
 
 class Card(TypedDict):
@@ -40,7 +40,7 @@ class Section(TypedDict):
 
 
 class PaperPage(TypedDict):
-    """What ``make reproduction`` tells; its template reads more."""
+    """Values that ``make reproduction`` writes; the page's template reads more of them."""
 
     sections: list[Section]
 
@@ -67,19 +67,19 @@ async def part_of_experiment(request: Request, name: str, part: str) -> Response
     found = (await asyncio.to_thread(_files)).get((name, part))
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")
-    kind = PICTURE if found.suffix == ".webp" else BINARY
+    kind = PICTURE_MEDIA_TYPE if found.suffix == ".webp" else BINARY_MEDIA_TYPE
     return etag_response(request, await asyncio.to_thread(_data, found), kind, listed=True)
 
 
 @cache
 def _told() -> PaperPage:
-    return json.loads((KEPT / "page.json").read_bytes())
+    return json.loads((PAPER_DIR / "page.json").read_bytes())
 
 
 @cache
 def _files() -> dict[tuple[str, str], Path]:
-    """What there is, by experiment and part: no path is made of what somebody asks for."""
-    found = {(path.parent.name, path.name): path for path in sorted(KEPT.glob("*/*"))}
+    """Return the files by experiment and part, so that no path is built from a request."""
+    found = {(path.parent.name, path.name): path for path in sorted(PAPER_DIR.glob("*/*"))}
     return {
         (name, "bundle" if part == CHAIN else part): path for (name, part), path in found.items()
     }

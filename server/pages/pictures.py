@@ -22,25 +22,27 @@ from server.errors import read_only
 from server.files.artifacts import newer
 from server.files.pictures import moment_of
 from server.http.client_address import address_of
-from server.http.security import LISTED
+from server.http.security import INDEXED_HEADERS
 from server.pages.fold import drawing_in
 from server.processes.children import ChildError
 from server.store.fold_files import EXPORTS_DIR
-from server.store.shown import RUNNING, Found
-from web.pictures.picture_view import MAX_LENGTH, SHORT
+from server.store.shown import RUNNING_STATUSES, Found
+from web.pictures.picture_view import MAX_SHORT_FORM_LENGTH, SHORT_FORM_PATTERN
 
 router = APIRouter(include_in_schema=False)
 
-FILES: Final = "card"
-"""First word of the files with a fold's picture."""
+CARD_PREFIX: Final = "card"
+"""First word of the names of files with a fold's picture."""
 VERDICTS: Final = {
     "verified": ("Verified", "good"),
     "failed": ("Not verified", "bad"),
     "cancelled": ("Cancelled", "off"),
 }
-"""Words and tone of a picture by the status of its fold."""
-DAY_S: Final = 86400
-MINUTE_S: Final = 60
+"""Label and tone of a picture by the status of its fold."""
+FINAL_PICTURE_AGE_S: Final = 86400
+"""Time for which browsers may cache the picture of a finished fold, in s. Chosen."""
+RUNNING_PICTURE_AGE_S: Final = 60
+"""Time for which browsers may cache the picture of a running fold, in s. Chosen."""
 
 
 @router.get("/folds/{fold_id}/drawing.svg")
@@ -72,7 +74,9 @@ async def drawing_of_fold(request: Request, fold_id: str) -> Response:
 async def picture_of_fold(
     request: Request,
     fold_id: str,
-    view: Annotated[str | None, Query(pattern=SHORT, max_length=MAX_LENGTH)] = None,
+    view: Annotated[
+        str | None, Query(pattern=SHORT_FORM_PATTERN, max_length=MAX_SHORT_FORM_LENGTH)
+    ] = None,
 ) -> Response:
     """Return a picture of 1200×630 pixels: the folded shape, or the view in ``view``."""
     found = await find_fold(request, fold_id)
@@ -82,7 +86,7 @@ async def picture_of_fold(
         return await _picture_of_view(request, found, view)
     path, over = (
         found.directory / EXPORTS_DIR / file_of(found.row.title, found.row.status),
-        found.row.status not in RUNNING,
+        found.row.status not in RUNNING_STATUSES,
     )
     data = None
     if over:
@@ -99,14 +103,14 @@ async def picture_of_fold(
     if data is None:
         return _no_picture()
     # While it computes, another of the candidates may take the place of this one.
-    max_age_s = DAY_S if over else MINUTE_S
+    max_age_s = FINAL_PICTURE_AGE_S if over else RUNNING_PICTURE_AGE_S
     return picture_answer(data, max_age_s, listed=found.row.public, private=not found.row.public)
 
 
 async def _picture_of_view(request: Request, found: Found, view: str) -> Response:
     """Return the picture of a moment, seen as a link says; kept in memory for a while."""
     context, row = context_of(request), found.row
-    over = row.status not in RUNNING
+    over = row.status not in RUNNING_STATUSES
     chain, timeline_path = result(found.directory, CHAIN), result(found.directory, TIMELINE)
     if over:
         await asyncio.to_thread(check, found.directory, CHAIN, TIMELINE)
@@ -136,7 +140,10 @@ async def _picture_of_view(request: Request, found: Found, view: str) -> Respons
     if data is None:
         return _no_picture()
     return picture_answer(
-        data, DAY_S if over else MINUTE_S, listed=row.public, private=not row.public
+        data,
+        FINAL_PICTURE_AGE_S if over else RUNNING_PICTURE_AGE_S,
+        listed=row.public,
+        private=not row.public,
     )
 
 
@@ -149,25 +156,29 @@ def caption_of(title: str, status: str) -> dict[str, str]:
 def file_of(title: str, status: str) -> str:
     """Return the file of a fold's picture; another one once it has another name or verdict."""
     digest = hashlib.sha256(json.dumps(caption_of(title, status)).encode()).hexdigest()[:8]
-    return f"{FILES}-{digest}.png"
+    return f"{CARD_PREFIX}-{digest}.png"
 
 
 def picture_answer(
-    data: bytes, max_age_s: int = DAY_S, *, listed: bool = False, private: bool = False
+    data: bytes,
+    max_age_s: int = FINAL_PICTURE_AGE_S,
+    *,
+    listed: bool = False,
+    private: bool = False,
 ) -> Response:
     """Return a picture that other sites may show.
 
     Args:
         data: The PNG file.
         max_age_s: Seconds that caches may hold it.
-        listed: Whether search engines may list it.
-        private: Whether only browsers may hold it, and ask each time; shared caches must not.
+        listed: True if search engines may index it.
+        private: True if only browsers may hold it, and ask each time; shared caches must not.
     """
     headers = {
         "Cache-Control": "private, no-cache" if private else f"public, max-age={max_age_s}",
         "Content-Security-Policy": "default-src 'none'",
         "Cross-Origin-Resource-Policy": "cross-origin",  # it is made to be shown elsewhere
-        **(LISTED if listed else {}),
+        **(INDEXED_HEADERS if listed else {}),
     }
     return Response(data, media_type="image/png", headers=headers)
 
@@ -177,7 +188,7 @@ def _no_picture() -> Response:
 
 
 def _stored_picture(path: Path) -> bytes | None:
-    """The picture in a fold's directory, if it is one of its chain."""
+    """Return the picture in a fold's directory, if it is one of its chain."""
     try:
         return path.read_bytes() if newer(path, result(path.parent.parent, CHAIN)) else None
     except OSError:
@@ -199,7 +210,7 @@ def _picture_of(context: Context, found: Found, path: Path, *, keep: bool) -> by
     if keep:
         with contextlib.suppress(OSError):  # a full disk takes no picture from anybody
             before = 0
-            for other in path.parent.glob(f"{FILES}-*.png"):
+            for other in path.parent.glob(f"{CARD_PREFIX}-*.png"):
                 before += other.stat().st_size
                 other.unlink()
             path.parent.mkdir(exist_ok=True)

@@ -13,7 +13,7 @@ from fastapi.responses import HTMLResponse, Response
 from planner.pathfinding.options import MAX_TABLE_MODULES
 from server.api.context import context_of
 from server.files.previews import (
-    KEY,
+    OPTIONS_KEY,
     NoSuchPreviewError,
     Previews,
     cells_of_repair,
@@ -27,8 +27,8 @@ from web.pictures.preview_drawing import preview_svg
 
 router = APIRouter(include_in_schema=False)
 
-BINARY: Final = "application/octet-stream"
-KEPT: Final = "private, max-age=3600"
+BINARY_MEDIA_TYPE: Final = "application/octet-stream"
+SCENE_CACHE_CONTROL: Final = "private, max-age=3600"
 
 
 @router.get("/previews/{preview_id}", response_class=HTMLResponse)
@@ -70,7 +70,7 @@ async def drawing_of_preview(
     if svg is None:
         return Response("not found", status_code=404, media_type="text/plain")
     headers = {
-        "Cache-Control": KEPT,
+        "Cache-Control": SCENE_CACHE_CONTROL,
         "Content-Security-Policy": "default-src 'none'",
     }
     return Response(svg, media_type="image/svg+xml", headers=headers)
@@ -84,11 +84,13 @@ async def scene_of_preview(
     data = await context_of(request).preview_scenes.scene(
         preview_id, key, visitor=address_of(request), repair=repair
     )
-    return Response(data, media_type=BINARY, headers={"Cache-Control": KEPT})
+    return Response(
+        data, media_type=BINARY_MEDIA_TYPE, headers={"Cache-Control": SCENE_CACHE_CONTROL}
+    )
 
 
 def _drawing(previews: Previews, preview_id: str, key: str, *, repair: bool) -> str | None:
-    if not KEY.fullmatch(key):
+    if not OPTIONS_KEY.fullmatch(key):
         return None
     try:
         return _drawing_at(previews.place(preview_id, key), repair=repair)

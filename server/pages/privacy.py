@@ -1,4 +1,4 @@
-"""Privacy: what is stored, for how long, who sees it; as the settings have it."""
+"""Privacy: stored data, its lifetime and its visibility, by the settings."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from server.api.context import context_of
-from server.files.cancelled import KEPT_S
-from server.jobs.janitor import FRESH_S
+from server.files.cancelled import CANCELLED_FOLD_S
+from server.jobs.janitor import MIN_UNUSED_S
 from server.pages.page import page
 from server.settings import Settings
 from server.store.shown import ShownFold
 
 router = APIRouter(include_in_schema=False)
 
-UNITS: Final = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
-WHO: Final = "Only people with the link can see it."
-FOR_ALL: Final = "Gallery fold: everyone can see it, and it won't expire."
+TIME_UNITS: Final = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
+LINK_ONLY: Final = "Only people with the link can see it."
+PUBLIC_FOLD: Final = "Gallery fold: everyone can see it, and it won't expire."
 
 
 @router.get("/privacy", response_class=HTMLResponse)
@@ -30,9 +30,9 @@ async def privacy(request: Request) -> Response:
         listed=True,
         kept=kept_words(settings),
         room=settings.storage_bytes is not None or settings.storage_of_visitor_bytes is not None,
-        fresh=time_words(FRESH_S),
+        fresh=time_words(MIN_UNUSED_S),
         preview=time_words(settings.preview_keep_s),
-        cancelled=time_words(KEPT_S),
+        cancelled=time_words(CANCELLED_FOLD_S),
         movies=settings.movies_of_fold,
         imprint=settings.imprint_url,
     )
@@ -53,19 +53,19 @@ def kept_words(settings: Settings) -> str:
 def who_and_how_long(settings: Settings, fold: ShownFold | None = None) -> str:
     """Return who can see a fold and how long it is stored; without a fold, for the next one."""
     if fold is not None and fold.public:
-        return FOR_ALL
+        return PUBLIC_FOLD
     if fold is not None and fold.pinned:
         kept = "Stored permanently."
     elif fold is not None and fold.status == "cancelled":
-        kept = f"Cancelled: its files will be deleted within {time_words(KEPT_S)}."
+        kept = f"Cancelled: its files will be deleted within {time_words(CANCELLED_FOLD_S)}."
     else:
         kept = kept_words(settings)
-    return f"{kept} {WHO}"
+    return f"{kept} {LINK_ONLY}"
 
 
 def time_words(seconds: float) -> str:
-    """A time in its largest unit that leaves no rest of more than a tenth: ``30 days``."""
-    for length, name in UNITS:
+    """Return a time in its largest unit that leaves no rest of more than a tenth: ``30 days``."""
+    for length, name in TIME_UNITS:
         count = round(seconds / length)
         if count and abs(count * length - seconds) <= 0.1 * seconds:
             return f"{count} {name}{'' if count == 1 else 's'}"

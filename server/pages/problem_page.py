@@ -11,35 +11,35 @@ from server.messages import message_for_people
 from server.pages.page import page
 from web.pictures.isometric import isometric_svg
 
-HEADINGS: Final = {
+PROBLEM_HEADINGS: Final = {
     404: "Page not found",
     429: "Too many requests",
     503: "Temporarily unavailable",
     507: "Storage is full",
 }
-PAWN: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
+DRAWN_CELLS: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
 
 
 def not_found_page(
     heading: str, text: str, *, status_code: int = 404, service: bool = True
 ) -> Response:
-    """A page that says in words why there is nothing to see.
+    """Return the page that explains why there is nothing to see.
 
     Args:
-        heading: What it is about, in a few words.
-        text: Why, in a sentence or two.
-        status_code: Of the answer.
-        service: Whether there are other pages that it can lead to.
+        heading: Short heading.
+        text: Explanation in one or two sentences.
+        status_code: HTTP status of the answer.
+        service: True if it can link to other pages.
     """
-    drawing = isometric_svg(PAWN)
+    drawing = isometric_svg(DRAWN_CELLS)
     return page(
         "message.html", status_code, heading=heading, text=text, drawing=drawing, service=service
     )
 
 
 def problem_page(problem: Problem) -> Response:
-    """The same for whatever went wrong."""
-    heading = HEADINGS.get(problem.status, "Something went wrong")
+    """Return the page of any other problem."""
+    heading = PROBLEM_HEADINGS.get(problem.status, "Something went wrong")
     answer = not_found_page(heading, message_for_people(problem.detail), status_code=problem.status)
     answer.headers.update(problem.headers)
     return answer

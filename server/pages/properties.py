@@ -31,32 +31,53 @@ from planner.verification.integrity import damaged_among
 from server.pages import certificate_words
 from server.pages.choice_words import PREFERENCE_WORDS
 from server.pages.failures import reason_for_people
-from server.pages.quantities import PRESETS, STRATEGIES, length_m, number, quantity, sentence
+from server.pages.quantities import (
+    PRESET_LABELS,
+    STRATEGY_LABELS,
+    length_m,
+    number,
+    quantity,
+    sentence,
+)
 from server.pages.quantities import parameters as parameters_in_words
 from server.pages.setting_words import changed
-from server.store.shown import RUNNING, ShownFold
+from server.store.shown import RUNNING_STATUSES, ShownFold
 
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
-PLAN: Final = "plan.npy"
-"""Part of a plan.npz: all that it says besides its frames, as JSON text."""
+PLAN_MEMBER: Final = "plan.npy"
+"""Member of a plan.npz with everything but the frames, as JSON text."""
 MAX_PLAN_JSON_BYTES: Final = 16 * 2**20
-"""Bytes of that part; a chain of 12 000 modules takes 3 MB."""
-SUMMARY: Final = "In short"
-"""Heading of the first group, which pages show unfolded."""
-FOLLOWING: Final = ("spacing_rad", "distance_weight", "steps_per_rad", "step_s", "dynamic_up_to")
-"""Playback parameters of all that follows the smooth curve through a record."""
-SERVOING: Final = ("step_s", "friction", "damping", "gain", "stiffness", "torque_limit")
-"""Playback parameters of the servos without feed-forward."""
+"""Maximum size of that member, in bytes; of a larger one a page shows no properties. A chain of 12
+000 modules takes 3 MB. Chosen."""
+SUMMARY_HEADING: Final = "In short"
+"""Heading of the first group of properties, which pages show unfolded."""
+TRACKING_PARAMETERS: Final = (
+    "spacing_rad",
+    "distance_weight",
+    "steps_per_rad",
+    "step_s",
+    "dynamic_up_to",
+)
+"""Playback parameters of all controllers that track the smooth curve through a record."""
+SERVO_PARAMETERS: Final = ("step_s", "friction", "damping", "gain", "stiffness", "torque_limit")
+"""Playback parameters of servos without feed-forward."""
 CONTROLLER_PARAMETERS: Final[dict[str, tuple[str, ...]]] = {
-    "robot": (*FOLLOWING, "paced_by"),
-    "computed-torque": (*FOLLOWING, "paced_by", "bandwidth", "encoder_rad", "friction", "damping"),
-    "paper": (*SERVOING, "threshold_rad2", "least_steps", "dynamic_up_to"),
-    "direct": (*SERVOING, "direct_steps", "dynamic_up_to"),
+    "robot": (*TRACKING_PARAMETERS, "paced_by"),
+    "computed-torque": (
+        *TRACKING_PARAMETERS,
+        "paced_by",
+        "bandwidth",
+        "encoder_rad",
+        "friction",
+        "damping",
+    ),
+    "paper": (*SERVO_PARAMETERS, "threshold_rad2", "least_steps", "dynamic_up_to"),
+    "direct": (*SERVO_PARAMETERS, "direct_steps", "dynamic_up_to"),
 }
-"""Playback parameters that each controller uses, besides itself and its limit of steps."""
-EXPLODING: Final = ("simultaneous", "blocks")
-"""Strategies that use the parameters of the explosion; peeling has parameters of its own."""
-SMOOTHED: Final[dict[str, tuple[str, str, int]]] = {
+"""Playback parameters of each controller, besides the controller itself and its limit of steps."""
+EXPLOSION_STRATEGIES: Final = ("simultaneous", "blocks")
+"""Strategies that use the parameters of the explosion; peeling has its own."""
+SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
     "frames": ("Frames", "", 3),
     "fold_time_s": ("Folding time", "s", 3),
     "length_rad": ("Path length", "rad", 3),
@@ -103,7 +124,7 @@ class BeforeAfter(TypedDict):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Fold:
-    """A fold with everything that its properties are made of."""
+    """A fold with all that its properties are derived from."""
 
     row: ShownFold
     summary: FoldSummary
@@ -120,7 +141,7 @@ class _Fold:
 
     @property
     def chain(self) -> Values:
-        over = self.row.status not in RUNNING
+        over = self.row.status not in RUNNING_STATUSES
         damaged = over and damaged_among(self.directory, [CHAIN])
         return {} if damaged else json_of(result(self.directory, CHAIN))
 
@@ -137,8 +158,8 @@ class _Fold:
             *certificate_words.main_rows(self.certificate),
             ("Modules", row.modules or None),
             ("Module width", length_m(self.chain.get("pitch_m"))),
-            ("Method", STRATEGIES.get(str(self.explosion.get("strategy")))),
-            ("Preset", PRESETS.get(row.preset, row.preset)),
+            ("Method", STRATEGY_LABELS.get(str(self.explosion.get("strategy")))),
+            ("Preset", PRESET_LABELS.get(row.preset, row.preset)),
             ("World", "In zero gravity" if row.world == FLOATING else "On a table, with gravity"),
         ]
 
@@ -186,7 +207,7 @@ def properties(
     plan = fold.plan
     versions = plan.get("versions", {})
     groups: list[tuple[str, Rows]] = [
-        (SUMMARY, fold.summary_rows()),
+        (SUMMARY_HEADING, fold.summary_rows()),
         ("Fold", fold.fold_rows()),
         ("Changed settings", [*changed(row.preset, row.settings)]),
         ("Certificate", fold.certificate_rows()),
@@ -217,7 +238,7 @@ def used_parameters(
     """
     on_table = parameters.get("world") == "table"
     groups: list[tuple[str, Values]] = []
-    if strategy in EXPLODING:
+    if strategy in EXPLOSION_STRATEGIES:
         groups.append(("Explosion parameters", parameters.get("explosion") or {}))
     elif strategy == "peel":
         name = "table" if on_table else "peeling"
@@ -226,7 +247,7 @@ def used_parameters(
     if on_table or not playback:
         return groups
     controller = str(playback.get("controller"))
-    used = FOLLOWING if not simulated else (CONTROLLER_PARAMETERS.get(controller, ()))
+    used = TRACKING_PARAMETERS if not simulated else (CONTROLLER_PARAMETERS.get(controller, ()))
     if simulated:
         used = ("controller", *used, "max_steps")
         # A motor either has a stiffness or a limit: planner.playback.course.
@@ -252,7 +273,7 @@ def smoothing_rows(smoothing: SmoothingFigures) -> list[BeforeAfter]:
             "after": str(quantity(after[key], unit, digits)),
             "ratio": f"× {after[key] / before[key]:.2f}" if before[key] else "",
         }
-        for key, (label, unit, digits) in SMOOTHED.items()
+        for key, (label, unit, digits) in SMOOTHING_FIGURES.items()
         if key in after
     ]
 
@@ -290,7 +311,7 @@ def _settings_at(path: Path, changed_ns: int) -> dict[str, dict[str, Any]]:
     del changed_ns
     try:
         with ZipFile(path) as file:
-            if file.getinfo(PLAN).file_size > MAX_PLAN_JSON_BYTES:
+            if file.getinfo(PLAN_MEMBER).file_size > MAX_PLAN_JSON_BYTES:
                 return {}
         with np.load(path, allow_pickle=False) as arrays:
             plan = json.loads(str(arrays["plan"]))

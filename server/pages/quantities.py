@@ -8,14 +8,16 @@ from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Context, Decimal
 from typing import Final, cast
 
-DIGITS: Final = 3
-WHOLE_BELOW: Final = 1e6
+SIGNIFICANT_DIGITS: Final = 3
+"""Default number of significant digits of a displayed quantity. Chosen."""
+MAX_WHOLE_VALUE: Final = 1e6
+"""Values from 1 up to this are shown without a power of ten. Chosen."""
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SI_PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
-"""Prefixes by their power of ten; ``SI_PREFIXES`` in ``lib/text.js`` is the same table."""
+"""SI prefixes by power of ten; the same table as ``SI_PREFIXES`` in ``lib/text.js``."""
 SI_UNITS: Final = ("N·m", "rad", "rad/s")
 """Units that pages show with a prefix."""
-STRATEGIES: Final = {
+STRATEGY_LABELS: Final = {
     "simultaneous": "All at once",
     "blocks": "Blocks first",
     "peel": "One part at a time, from the far end",
@@ -24,12 +26,12 @@ STRATEGIES: Final = {
     "softened": "Slightly smoothed from a recorded motion",
     "recorded": "A recorded motion with new timing",
 }
-PRESETS: Final = {
+PRESET_LABELS: Final = {
     "default": "Default",
     "paper": "Published parameters",
-    "direct": "All joints at once (usually fails)",
+    "direct": "Direct servoing",
 }
-CONTROLLERS: Final = {
+CONTROLLER_LABELS: Final = {
     "robot": "Servos with feed-forward",
     "computed-torque": "Computed torque (an ideal robot)",
     "paper": "Threshold rule from the paper",
@@ -39,13 +41,13 @@ CONTROLLERS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """What a parameter is called, and what it is counted in."""
+    """Label and unit of a parameter."""
 
     label: str
     unit: str = ""
 
 
-PARAMETERS: Final = {
+PARAMETER_WORDS: Final = {
     "armature": Words("Rotor inertia of a hinge"),
     "bandwidth": Words("Bandwidth", "per s"),
     "body_cap": Words("Largest module move per step", "pitch"),
@@ -94,7 +96,7 @@ PARAMETERS: Final = {
     "torque_limit": Words("Torque limit"),
     "verify_size": Words("Module size in the clearance check", "pitch"),
 }
-UNITS: Final = {
+UNITS_BY_SUFFIX: Final = {
     "_kg_m3": "kg/m³",
     "_rad_s": "rad/s",
     "_rad2": "rad²",
@@ -106,7 +108,7 @@ UNITS: Final = {
 }
 
 
-def number(value: float, digits: int = DIGITS) -> str:
+def number(value: float, digits: int = SIGNIFICANT_DIGITS) -> str:
     """Return a number with so many significant digits: 0.00382, 30000, 1.3×10⁻¹².
 
     ``number`` in ``lib/text.js`` gives the same texts.
@@ -119,12 +121,12 @@ def number(value: float, digits: int = DIGITS) -> str:
     power = rounded.adjusted()
     if -4 <= power < digits:
         return _plain(rounded)
-    if 1.0 <= abs(value) < WHOLE_BELOW:
+    if 1.0 <= abs(value) < MAX_WHOLE_VALUE:
         return _plain(Decimal(value).quantize(Decimal(1), ROUND_HALF_UP))
     return f"{_plain(rounded.scaleb(-power))}×10{str(power).translate(SUPERSCRIPTS)}"
 
 
-def si(value: float, unit: str, digits: int = DIGITS) -> str:
+def si(value: float, unit: str, digits: int = SIGNIFICANT_DIGITS) -> str:
     """Return a quantity with an SI prefix: ``34 µN·m``, ``0 rad``, ``< 1 pN·m``.
 
     ``si`` in ``lib/text.js`` gives the same texts.
@@ -150,7 +152,7 @@ def _plain(value: Decimal) -> str:
     return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")
 
 
-def quantity(value: object, unit: str = "", digits: int = DIGITS) -> str | None:
+def quantity(value: object, unit: str = "", digits: int = SIGNIFICANT_DIGITS) -> str | None:
     """Return a number, a range of two, or a word, with its unit; None for a missing value."""
     if value is None or value == "":
         return None
@@ -172,7 +174,7 @@ def quantity(value: object, unit: str = "", digits: int = DIGITS) -> str | None:
 
 
 def length_m(value: object) -> str | None:
-    """A length in metres, told in millimetres when it is short."""
+    """Return a length in metres, or in millimetres if it is short."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return quantity(value * 1000, "mm") if abs(value) < 1 else quantity(value, "m")
@@ -185,18 +187,18 @@ def parameters(values: Mapping[str, object]) -> list[tuple[str, str | None]]:
 
 def _parameter(name: str, value: object) -> tuple[str, str | None]:
     if name == "controller":
-        value = CONTROLLERS.get(str(value), value)
-    words = PARAMETERS.get(name) or _words(name)
+        value = CONTROLLER_LABELS.get(str(value), value)
+    words = PARAMETER_WORDS.get(name) or _words(name)
     return words.label, quantity(value, words.unit)
 
 
 def _words(name: str) -> Words:
-    """The words of a parameter that has none of its own: its unit ends its name."""
-    unit = next((u for end, u in UNITS.items() if name.endswith(end)), "")
-    stem = re.sub(f"({'|'.join(UNITS)})$", "", name) if unit else name
+    """Return the words of a parameter that has none of its own: its unit ends its name."""
+    unit = next((u for end, u in UNITS_BY_SUFFIX.items() if name.endswith(end)), "")
+    stem = re.sub(f"({'|'.join(UNITS_BY_SUFFIX)})$", "", name) if unit else name
     return Words(sentence(stem.replace("_", " ")), unit)
 
 
 def sentence(text: str) -> str:
-    """A text that begins with a capital."""
+    """Return a text that begins with a capital."""
     return text[:1].upper() + text[1:]

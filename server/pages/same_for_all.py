@@ -1,4 +1,4 @@
-"""Pages that are the same for everybody: each is made once, and sent packed."""
+"""Pages that are the same for all visitors: rendered once, and sent compressed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from server.api.context import context_of
 from server.http.compression import Asset
-from server.http.security import LISTED
+from server.http.security import INDEXED_HEADERS
 from server.pages.page import policy_of_pages, rendered, script_json
 
 router = APIRouter(include_in_schema=False)
@@ -50,7 +50,7 @@ async def editor(request: Request) -> Response:
 
 
 def _answer(request: Request, template: str, *, listed: bool = False, **values: str) -> Response:
-    headers = {"Content-Security-Policy": policy_of_pages()} | (LISTED if listed else {})
+    headers = {"Content-Security-Policy": policy_of_pages()} | (INDEXED_HEADERS if listed else {})
     return _made(template, **values).response(request, headers)
 
 

@@ -19,9 +19,10 @@ from planner.parameters.settings import (
 )
 from server.pages.quantities import quantity
 
-DIGITS: Final = 6
-PAPER: Final = preset("paper")
-SOURCES: Final[dict[Source, str]] = {
+SETTING_DIGITS: Final = 6
+"""Significant digits of a setting's value, enough to show any default exactly. Chosen."""
+PAPER_PRESET: Final = preset("paper")
+SOURCE_LABELS: Final[dict[Source, str]] = {
     "published": "Value given in the paper.",
     "named": "Named in the paper, but without a value.",
     "ours": "Not in the paper.",
@@ -56,16 +57,16 @@ def _rows(settings: tuple[Setting, ...], parameters: Parameters) -> tuple[Settin
     )
 
 
-ROWS: Final = _rows(SETTINGS, PAPER)
-"""Of the published method."""
+PAPER_ROWS: Final = _rows(SETTINGS, PAPER_PRESET)
+"""Rows of the form with the settings of the published method."""
 ROBOT_ROWS: Final = _rows(ROBOT_SETTINGS, preset("default"))
-"""Of the robots that a plan is tried on."""
+"""Rows of the form with the settings of the simulated robots that a plan is tested on."""
 TABLE_ROWS: Final = _rows(TABLE_SETTINGS, preset("default"))
-"""Of a fold on a table."""
+"""Rows of the form with the settings of a fold on a table."""
 
 
 def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
-    """What a fold's settings have changed, as labels and values: ``0.05, instead of 0.1``."""
+    """Return changed settings of a fold as labels and values: ``0.05, instead of 0.1``."""
     if not settings:
         return []
     try:
@@ -80,7 +81,7 @@ def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
 
 
 def in_a_line(settings: str) -> str:
-    """The same for a heading: ``, Damping 0.05``."""
+    """Return the changed settings for a heading: ``, Damping 0.05``."""
     try:
         found = read_settings(settings)
     except InputError:
@@ -91,4 +92,4 @@ def in_a_line(settings: str) -> str:
 def _told(value: Value, unit: str = "") -> str:
     if isinstance(value, str):
         return value
-    return "no limit" if value is None else str(quantity(value, unit, DIGITS))
+    return "no limit" if value is None else str(quantity(value, unit, SETTING_DIGITS))

@@ -14,7 +14,7 @@ from planner.chain.path import Path as CellPath
 from planner.errors import InputError, PlannerError
 from planner.readers import read
 from server.api.context import context_of
-from server.http.security import LISTED
+from server.http.security import INDEXED_HEADERS
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.shipped import shipped_pictures
 
@@ -33,13 +33,13 @@ async def drawing_of_shape(request: Request, name: str) -> Response:
     headers = {
         "Cache-Control": "public, max-age=3600",
         "Content-Security-Policy": "default-src 'none'",
-        **LISTED,
+        **INDEXED_HEADERS,
     }
     return Response(svg, media_type="image/svg+xml", headers=headers)
 
 
 def drawing_of(gallery: Gallery, name: str, size: int) -> str | None:
-    """The drawing of a gallery shape; None when there is no such shape, or it can't be drawn."""
+    """Return the drawing of a gallery shape; None if there is none or it cannot be drawn."""
     if gallery.shape(name) is None:
         return None
     shipped = shipped_pictures().get(f"{name}-{size}.svg")
@@ -58,7 +58,7 @@ def _svg_of(gallery: Gallery, name: str, size: int) -> str | None:
 
 
 def chain_of(shape: GalleryShape) -> Chain:
-    """The chain of a gallery shape."""
+    """Return the chain of a gallery shape."""
     match read(shape.data, filename=shape.filename):
         case Chain() as chain:
             return chain

@@ -1,4 +1,4 @@
-"""Sharing: a fold in somebody else's page, in one file, and beside another fold."""
+"""Sharing: a fold in another site's page, in one file, and beside another fold."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import not_found_page
 from server.store.folds import NoSuchFoldError
-from server.store.shown import RUNNING, Found
+from server.store.shown import RUNNING_STATUSES, Found
 from web.pictures.table_top import TableTop
 from web.timeline.metrics import FIGURES, curves_of, table_forces
 from web.timeline.view import TimelineView
@@ -36,9 +36,9 @@ from web.viser.recording import recording_of
 from web.viser.standalone import standalone_html, standalone_scripts
 
 router = APIRouter(include_in_schema=False)
-FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"
-OF: Final = f"{TIMELINE}/zarr.json"
-"""File that is written last whenever a timeline changes."""
+SHARED_FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"
+CHANGE_MARKER: Final = f"{TIMELINE}/zarr.json"
+"""File that is written last whenever a timeline changes; derived files are as new as it."""
 
 
 @router.get("/embed/view")
@@ -71,8 +71,8 @@ async def embedded(request: Request, fold_id: str) -> Response:
 @router.get("/compare", response_class=HTMLResponse)
 async def compare(
     request: Request,
-    a: Annotated[str, Query(pattern=FOLD_ID)],
-    b: Annotated[str, Query(pattern=FOLD_ID)],
+    a: Annotated[str, Query(pattern=SHARED_FOLD_ID)],
+    b: Annotated[str, Query(pattern=SHARED_FOLD_ID)],
 ) -> Response:
     """Return the page that plays two folds side by side."""
     sides = [await find_fold(request, fold_id) for fold_id in (a, b)]
@@ -97,7 +97,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
         fold_id,
         "standalone.html",
         _of_view(found, lambda timeline: _standalone(found, timeline, facts)),
-        of=OF,
+        of=CHANGE_MARKER,
         edition=await asyncio.to_thread(_edition, facts),
         visitor=address_of(request),
     )
@@ -112,14 +112,14 @@ async def recording(request: Request, fold_id: str) -> Response:
         fold_id,
         "recording.viser",
         _of_view(found, lambda timeline: recording_of(timeline, _table(found, timeline))),
-        of=OF,
+        of=CHANGE_MARKER,
         visitor=address_of(request),
     )
     return _file(path, found.row.name, "viser", "application/octet-stream")
 
 
 def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[], bytes]:
-    """Makes something of a view of its own: the one that is looked at has other frames at hand."""
+    """Compute from a separate view, as the displayed one caches other frames."""
 
     def made() -> bytes:
         try:
@@ -144,12 +144,12 @@ def _standalone(found: Found, timeline: TimelineView, facts: FoldFacts) -> bytes
 
 
 def _table(found: Found, timeline: TimelineView) -> TableTop | None:
-    """What a fold stands on; None of one that floats."""
+    """Return the table under a fold; None of one that floats."""
     return None if found.row.world == FLOATING else timeline.table()
 
 
 def _edition(facts: FoldFacts) -> str:
-    """Changes with what a standalone page says, and with the program in it."""
+    """Return an edition that changes with a standalone page's content and scripts."""
     told = json.dumps([version("foldback"), standalone_scripts(), facts], sort_keys=True)
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
@@ -162,11 +162,11 @@ async def _finished(request: Request, fold_id: str) -> Found:
     found = await find_fold(request, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
-    if found.row.status not in RUNNING:
+    if found.row.status not in RUNNING_STATUSES:
         await asyncio.to_thread(check, found.directory, TIMELINE, FIGURES)
     timelines = viewing_of(request).timelines
     timeline = await asyncio.to_thread(timelines.get, result(found.directory, TIMELINE))
-    if found.row.status in RUNNING or timeline is None or not len(timeline):
+    if found.row.status in RUNNING_STATUSES or timeline is None or not len(timeline):
         raise Conflict(
             "not-ready",
             f"Nothing to download yet: the fold is {found.row.status}.",

@@ -1,4 +1,4 @@
-"""Static files: style sheets, scripts, pictures, and whatever browsers keep until it changes."""
+"""Static files: style sheets, scripts, pictures, and their caching."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, Response
 
 from server.http.compression import Asset
-from server.http.security import LISTED
+from server.http.security import INDEXED_HEADERS
 from web.static_files import STATIC, VERSIONED, code_of, scripts_version
 
 router = APIRouter(include_in_schema=False)
 
-IMMUTABLE: Final = "public, max-age=31536000, immutable"
-"""Value of `Cache-Control` for what never changes under its address (RFC 8246)."""
-SWAGGER: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
-"""Files of the package ``fastapi_offline``, served from here."""
+IMMUTABLE_CACHE_CONTROL: Final = "public, max-age=31536000, immutable"
+"""Value of ``Cache-Control`` for content that never changes under its address (RFC 8246)."""
+SWAGGER_FILES: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
+"""Files of the package ``fastapi_offline`` that are served from here."""
 
 
-ROBOTS: Final = """\
+ROBOTS_TXT: Final = """\
 # Pages of folds and previews send "noindex, nofollow", because their links are secret.
 # They are not listed here: a crawler that may not read a page cannot see its "noindex".
 User-agent: *
@@ -36,10 +36,10 @@ Disallow: /api/
 @router.get("/robots.txt")
 async def robots() -> Response:
     """Return the rules for search engines; they contain no secret links."""
-    return Response(ROBOTS, media_type="text/plain", headers={"Cache-Control": "no-cache"})
+    return Response(ROBOTS_TXT, media_type="text/plain", headers={"Cache-Control": "no-cache"})
 
 
-MANIFEST: Final = {
+WEB_MANIFEST: Final = {
     "name": "foldback",
     "short_name": "foldback",
     "description": "Turn a shape into a folding motion you can trust.",
@@ -52,20 +52,21 @@ MANIFEST: Final = {
         for size in (192, 512)
     ],
 }
-"""Name and pictures under which a browser or a phone keeps a link to the service."""
+"""Web app manifest: name and icons under which a browser or a phone stores a link to the
+service."""
 
 
 @router.get("/favicon.ico")
 async def favicon(request: Request) -> Response:
     """Return the icon of a browser's tab, for programs that request this fixed name."""
-    return _static("favicon.ico").response(request, LISTED)
+    return _static("favicon.ico").response(request, INDEXED_HEADERS)
 
 
 @router.get("/manifest.webmanifest")
 async def manifest() -> Response:
     """Return the web app manifest."""
-    headers = {"Cache-Control": "public, max-age=86400", **LISTED}
-    return JSONResponse(MANIFEST, media_type="application/manifest+json", headers=headers)
+    headers = {"Cache-Control": "public, max-age=86400", **INDEXED_HEADERS}
+    return JSONResponse(WEB_MANIFEST, media_type="application/manifest+json", headers=headers)
 
 
 @router.get("/static/{name:path}")
@@ -75,11 +76,11 @@ async def static_file(request: Request, name: str) -> Response:
     Browsers keep a script with its version in the address. If the version is another one, as on a
     page that was opened before an update, they get the present script and ask again next time.
     """
-    headers = dict(LISTED)
+    headers = dict(INDEXED_HEADERS)
     if (versioned := re.fullmatch(rf"{VERSIONED}/([0-9a-f]+)/(js/.+\.js)", name)) is not None:
         name = versioned[2]
         if versioned[1] == scripts_version():
-            headers["Cache-Control"] = IMMUTABLE
+            headers["Cache-Control"] = IMMUTABLE_CACHE_CONTROL
     found = _static(name) if name in _paths() else None
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")
@@ -92,7 +93,7 @@ def etag_response(
     """Something that browsers keep until it changes; ``listed`` as of a page."""
     headers = {"ETag": f'"{hashlib.sha256(data).hexdigest()[:20]}"', "Cache-Control": "no-cache"}
     if listed:
-        headers |= LISTED
+        headers |= INDEXED_HEADERS
     if request.headers.get("if-none-match") == headers["ETag"]:
         return Response(status_code=304, headers=headers)
     return Response(data, media_type=kind, headers=headers)
@@ -110,7 +111,7 @@ def _static(name: str) -> Asset:
 
 @cache
 def _paths() -> dict[str, Path]:
-    """Where the files are, by their names in addresses."""
+    """Return the paths of the files by their names in addresses."""
     swagger_dir = Path(str(files("fastapi_offline"))) / "static"
     ours = {path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*.*"))}
-    return {**ours, **{name: swagger_dir / name for name in SWAGGER}}
+    return {**ours, **{name: swagger_dir / name for name in SWAGGER_FILES}}

@@ -29,14 +29,19 @@ from server.processes.confined import confine, confine_thread
 from server.processes.landlock import Allowed, no_new_rights
 from server.processes.limits import memory_words
 
-PATIENT: Final = ("stages", "movies", "retimer")
-"""Kinds of children with a lower priority, as no page waits for them."""
-FULL: Final = (errno.ENOSPC, errno.EDQUOT)
-FAILED: Final = (errno.EROFS, errno.EIO)
-COMPUTING: Final = ("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse.csgraph")
-"""Libraries that the planner loads when it first computes with them."""
-MESHES: Final = "trimesh"
-"""Library that is loaded with the first mesh that a child reads."""
+LOW_PRIORITY_KINDS: Final = ("stages", "movies", "retimer")
+"""Kinds of computing processes with a lower priority, as no page waits for them."""
+FULL_DISK_ERRNOS: Final = (errno.ENOSPC, errno.EDQUOT)
+FAILED_DISK_ERRNOS: Final = (errno.EROFS, errno.EIO)
+COMPUTING_LIBRARIES: Final = (
+    "mujoco",
+    "scipy.interpolate",
+    "scipy.ndimage",
+    "scipy.sparse.csgraph",
+)
+"""Libraries that the planner loads with its first computation."""
+MESH_LIBRARY: Final = "trimesh"
+"""Library that is loaded with the first mesh."""
 Task = Callable[[str, Path, Callable[[Progress], None], Callable[[], bool]], dict[str, Any]]
 
 
@@ -49,7 +54,7 @@ class _Parent:
         self._cancel = threading.Event()
 
     def first_request(self) -> dict[str, Any]:
-        """The first request; waits for it without a thread, which could not be confined later."""
+        """Wait for the first request without a thread, which could not be confined later."""
         line = sys.stdin.buffer.readline()
         if not line:
             os._exit(1)
@@ -60,16 +65,16 @@ class _Parent:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def request(self) -> dict[str, Any]:
-        """The next request; waits for it."""
+        """Wait for the next request and return it."""
         self._cancel.clear()
         return self._requests.get()
 
     def cancelled(self) -> bool:
-        """Whether the request at hand is not wanted any more."""
+        """Return True if the current request is cancelled."""
         return self._cancel.is_set()
 
     def tell(self, event: str, **values: object) -> None:
-        """Sends an event; ends the process when nobody listens."""
+        """Send an event; end the process if the parent is gone."""
         try:
             self._events.write(json.dumps({"event": event, **values}).encode() + b"\n")
             self._events.flush()
@@ -77,7 +82,7 @@ class _Parent:
             os._exit(1)
 
     def progress(self, progress: Progress) -> None:
-        """Sends progress."""
+        """Send progress."""
         self.tell(
             "progress",
             stage=progress.stage,
@@ -100,12 +105,14 @@ class _Parent:
         os._exit(1)
 
 
-MOST_FILES: Final = 512
-LARGEST_FILE_BYTES: Final = 8 * 2**30
+MAX_OPEN_FILES: Final = 512
+"""Maximum number of open files of a computing process (``RLIMIT_NOFILE``). Chosen."""
+MAX_WRITTEN_FILE_BYTES: Final = 8 * 2**30
+"""Maximum size of a file that a computing process writes, in bytes (``RLIMIT_FSIZE``). Chosen."""
 
 
 def _offer() -> None:
-    """When the machine runs out of memory, this process goes before the service does."""
+    """Let the kernel kill this process before the service if memory runs out."""
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text("500")
 
@@ -117,8 +124,8 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
     # What is resident is watched by the parent; this stops one huge request for memory.
     resource.setrlimit(resource.RLIMIT_DATA, (2 * memory_bytes, 2 * memory_bytes))
     for name, most in (
-        (resource.RLIMIT_FSIZE, LARGEST_FILE_BYTES),
-        (resource.RLIMIT_NOFILE, MOST_FILES),
+        (resource.RLIMIT_FSIZE, MAX_WRITTEN_FILE_BYTES),
+        (resource.RLIMIT_NOFILE, MAX_OPEN_FILES),
     ):
         hard = resource.getrlimit(name)[1]
         most = most if hard == resource.RLIM_INFINITY else min(most, hard)
@@ -127,7 +134,7 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
 
 
 def _step_back(niceness: int) -> None:
-    """Lets all others go first."""
+    """Lower this process's priority."""
     os.nice(niceness)
     # Where the sessions share the processor, that counts within one only; this is for all of it.
     with suppress(OSError):
@@ -138,7 +145,7 @@ def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
     from planner.pipeline.stages import run_stage
     from planner.pipeline.warm_up import warm_up
 
-    _load(*COMPUTING, MESHES, "zarr.codecs")
+    _load(*COMPUTING_LIBRARIES, MESH_LIBRARY, "zarr.codecs")
     if warm:
         warm_up(progress, soon=True, directory=directory)
 
@@ -161,7 +168,7 @@ def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
 
 
 def _load(*names: str) -> None:
-    """Loads libraries that the planner loads late; a confined process shall load no more."""
+    """Load libraries that the planner loads late; a confined process cannot load them."""
     for name in names:
         import_module(name)
 
@@ -169,7 +176,7 @@ def _load(*names: str) -> None:
 def _reader(*, warm: bool) -> Task:
     from server.processes.read_task import check, offers, preview, warm_up
 
-    _load(MESHES)
+    _load(MESH_LIBRARY)
     if warm:
         warm_up()
 
@@ -252,7 +259,7 @@ def _movies(*, warm: bool) -> Task:
 def _retimer(*, warm: bool) -> Task:
     from server.processes.retime_task import clearance, motors, retime, warm_up
 
-    _load(*COMPUTING)
+    _load(*COMPUTING_LIBRARIES)
     if warm:
         warm_up()
 
@@ -290,7 +297,7 @@ def _pictures(*, warm: bool) -> Task:
 
 
 def _work(kind: str, directory: Path, folders: Sequence[str]) -> Allowed:
-    """What a child touches from its first request on."""
+    """Load the libraries that a child's requests need."""
     if kind == "movies":
         timeline = json.loads((directory / "request.json").read_bytes())["timeline"]
         return Allowed(readable=(Path(timeline),), writable=(directory,))
@@ -304,7 +311,7 @@ def task_of(kind: str, *, warm: bool, progress: Report, directory: Path | None =
         kind: Kind of child.
         warm: Run each kernel that it needs once.
         progress: Called while kernels are compiled.
-        directory: Where the locks of the compilation are; beside the compiled kernels when None.
+        directory: Directory of the compilation's locks; beside the compiled kernels if None.
     """
     kinds = {
         "stages": partial(_stages, progress, directory),
@@ -318,15 +325,15 @@ def task_of(kind: str, *, warm: bool, progress: Report, directory: Path | None =
 
 
 def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) -> None:
-    """Serves requests until the parent is gone.
+    """Serve requests until the parent is gone.
 
     Args:
-        kind: Of this child.
+        kind: Kind of this child.
         limits: Those of ``ChildLimits``.
-        load: What it does, by whom its progress is told to.
+        load: Loads the task of this kind; reports its progress.
     """
     setproctitle(f"foldback {kind}")
-    if kind in PATIENT:
+    if kind in LOW_PRIORITY_KINDS:
         _step_back(int(limits["niceness"]))
     events = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints must not get between the events
@@ -352,44 +359,44 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
         return
     parent.listen()
     while True:
-        try:
-            result = task(
-                request["task"], Path(request["directory"]), parent.progress, parent.cancelled
-            )
-        except InputError as error:
-            parent.tell("bad-input", code=error.code, detail=error.detail, where=error.where)
-        except MemoryError:
-            parent.tell("problem", code="memory-limit", detail=memory_words(limits["memory_bytes"]))
-        except Exception as error:
-            traceback.print_exc()
-            if isinstance(error, OSError) and error.errno in FULL:
-                parent.tell(
-                    "problem",
-                    code="disk-full",
-                    detail=(
-                        "the disk of the service is full; nothing else was lost. Try again later."
-                    ),
-                )
-            elif isinstance(error, OSError) and error.errno in FAILED:
-                parent.tell(
-                    "problem",
-                    code="disk-failed",
-                    detail=f"the disk of the service cannot be written ({error.strerror}); nothing "
-                    "else was lost. Try again later.",
-                )
-            else:
-                parent.tell(
-                    "problem",
-                    code="internal",
-                    detail=f"the stage '{request['task']}' failed: {type(error).__name__}: {error}",
-                )
-        else:
-            parent.tell("done", result=result)
+        _answer(parent, task, request, limits["memory_bytes"])
         request = parent.request()
 
 
+def _answer(parent: _Parent, task: Task, request: Mapping[str, Any], memory_bytes: int) -> None:
+    """Run the task of a request, and send its result or its error."""
+    try:
+        result = task(
+            request["task"], Path(request["directory"]), parent.progress, parent.cancelled
+        )
+    except InputError as error:
+        parent.tell("bad-input", code=error.code, detail=error.detail, where=error.where)
+    except MemoryError:
+        parent.tell("problem", code="memory-limit", detail=memory_words(memory_bytes))
+    except Exception as error:
+        traceback.print_exc()
+        code, detail = _problem(error, request["task"])
+        parent.tell("problem", code=code, detail=detail)
+    else:
+        parent.tell("done", result=result)
+
+
+def _problem(error: Exception, task: str) -> tuple[str, str]:
+    """Return the code and the detail of an unexpected error of a task."""
+    if isinstance(error, OSError) and error.errno in FULL_DISK_ERRNOS:
+        return "disk-full", (
+            "the disk of the service is full; nothing else was lost. Try again later."
+        )
+    if isinstance(error, OSError) and error.errno in FAILED_DISK_ERRNOS:
+        return "disk-failed", (
+            f"the disk of the service cannot be written ({error.strerror}); nothing "
+            "else was lost. Try again later."
+        )
+    return "internal", f"the stage '{task}' failed: {type(error).__name__}: {error}"
+
+
 def main() -> None:
-    """Loads, and serves requests until the parent is gone."""
+    """Load, and serve requests until the parent is gone."""
     kind, limits = sys.argv[1], json.loads(sys.argv[2])
     serve(kind, limits, lambda progress: task_of(kind, warm=limits["warm"], progress=progress))
 

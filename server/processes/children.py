@@ -30,25 +30,33 @@ from server.processes.limits import ChildLimits, memory_words
 if TYPE_CHECKING:
     from server.limits.quota import Quota
 
-POLL_S: Final = 0.05
+CHILD_POLL_S: Final = 0.05
+"""Time between two checks of a child's limits and of a cancellation, in s. Chosen."""
 CANCEL_GRACE_S: Final = 0.7
-START_CPU_S: Final = 240.0
-START_S: Final = 3600.0
-"""Seconds that a start may take: at a low priority on a busy machine it takes long."""
-ENDING_S: Final = 1.0
-"""Seconds that a child may take to end once it has closed its output."""
-CALLS_A_CHILD: Final = 200
-LARGEST_EVENT_BYTES: Final = 2**20
-MOST_EVENTS: Final = 32
-"""Events of a child that are read ahead; it waits when there are more."""
+"""Time that a child may take to end a cancelled task, in s; then it is killed. Chosen."""
+MAX_START_CPU_S: Final = 240.0
+"""Maximum processor time of a child's start, in s; it includes compilation of kernels. Beyond it
+the child is killed. Chosen."""
+MAX_START_S: Final = 3600.0
+"""Maximum wall time of a child's start, in s: at a low priority on a busy machine it takes long.
+Chosen."""
+CHILD_EXIT_S: Final = 1.0
+"""Time that a child may take to exit once it has closed its output, in s. Chosen."""
+MAX_CALLS_PER_CHILD: Final = 200
+"""Number of tasks after which a child is replaced, since its limit of processor time is for its
+whole life. A smaller value starts processes more often. Chosen."""
+MAX_EVENT_BYTES: Final = 2**20
+"""Maximum size of one event of a child, in bytes. Chosen."""
+MAX_BUFFERED_EVENTS: Final = 32
+"""Maximum number of a child's events that are read ahead; with more it waits. Chosen."""
 LOST: Final = "lost"
-"""Code of the error of a child that ended because the fork server did. It is no fault of its task,
-which another child can do."""
+"""Error code of a child that ended because the fork server did. Its task is not to blame and may be
+repeated."""
 CRASHED: Final = "crashed"
-"""Code of the error of a child that ended by itself, by a signal or by what it sent."""
-LOST_TRIES: Final = 3
-"""Fork servers that may end one after the other during one short task before the task fails. A
-larger value keeps the client waiting longer where they end again and again. Chosen."""
+"""Error code of a child that ended by itself, by a signal or by an invalid event."""
+MAX_LOST_ATTEMPTS: Final = 3
+"""Number of fork servers that may end in succession during one short task before the task fails. A
+larger value lets the client wait longer. Chosen."""
 EVENTS: Final = {
     "ready": set[str](),
     "progress": {
@@ -59,7 +67,7 @@ EVENTS: Final = {
     "bad-input": {"code", "detail", "where"},
     "problem": {"code", "detail"},
 }
-"""Names of a child's events, with the values that each has."""
+"""Names of a child's events, with the fields of each."""
 
 
 class ChildError(Exception):
@@ -67,7 +75,7 @@ class ChildError(Exception):
 
     Attributes:
         code: Short stable word for programs.
-        detail: What happened, and what to do.
+        detail: Description and remedy.
     """
 
     def __init__(self, code: str, detail: str) -> None:
@@ -100,7 +108,7 @@ class _Spawned(subprocess.Popen[bytes]):
         )
 
     def kill_group(self) -> None:
-        """Ends it and what it has started."""
+        """Kill the child and its descendants."""
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGKILL)
 
@@ -109,10 +117,10 @@ class Child:
     """One child process, from its start to its end.
 
     Args:
-        kind: What it does.
-        limits: What it may use.
-        fork_server: What forks it; without one it is started by itself, which takes seconds.
-        environment: Of one that is started by itself, besides that of every child.
+        kind: Kind of its tasks.
+        limits: Its resource limits.
+        fork_server: Server that forks it; without one it is started anew, which takes seconds.
+        environment: Additional environment variables of a child that is not forked.
     """
 
     def __init__(
@@ -124,7 +132,7 @@ class Child:
         environment: Mapping[str, str] | None = None,
     ) -> None:
         self._limits = limits
-        self._events: queue.Queue[bytes | None] = queue.Queue(MOST_EVENTS)
+        self._events: queue.Queue[bytes | None] = queue.Queue(MAX_BUFFERED_EVENTS)
         self._process: Forked | _Spawned = (
             _Spawned(kind, limits, environment or {})
             if fork_server is None
@@ -138,12 +146,12 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """Process id."""
         return self._process.pid
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
+        """True while the process runs."""
         return self._process.poll() is None
 
     def call(
@@ -155,12 +163,12 @@ class Child:
         on_progress: Callable[[dict[str, Any]], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
-        """Has one task done and waits for its result.
+        """Run one task and wait for its result.
 
         Args:
             task: A stage of the planner, or ``check``.
             directory: The fold's directory.
-            wall_s: How long it may take.
+            wall_s: Limit of wall time, s.
             on_progress: Told every progress event.
             cancelled: Asked often; once True, the child is asked to stop, then made to.
 
@@ -176,7 +184,7 @@ class Child:
         stop_at: float | None = None
         while True:
             self._check_memory()
-            event = self._next(POLL_S)
+            event = self._next(CHILD_POLL_S)
             now = time.monotonic()
             if event is not None:
                 match event["event"]:
@@ -205,17 +213,17 @@ class Child:
                 return {"status": "cancelled", "reason": "cancelled"}
 
     def kill(self) -> None:
-        """Ends it at once."""
+        """Kill the child."""
         self._process.kill_group()
         self._process.wait()
 
     def close(self) -> None:
-        """Ends it and lets go of its pipes."""
+        """End the child and close its pipes."""
         self.kill()
         # Who reads may wait for room; or, where nothing is forked yet, until that is done with.
         while self._reading.is_alive() and self._process.begun:
             with contextlib.suppress(queue.Empty):
-                self._events.get(timeout=POLL_S)
+                self._events.get(timeout=CHILD_POLL_S)
         with contextlib.suppress(queue.Full):  # whoever still waits learns of its end
             self._events.put_nowait(None)
         if self._process.stdin is not None:
@@ -227,11 +235,11 @@ class Child:
         on_progress: Callable[[dict[str, Any]], None] | None,
         cancelled: Callable[[], bool] | None,
     ) -> bool:
-        """Waits for imports and compiled kernels; False when cancelled meanwhile."""
-        deadline = time.monotonic() + START_S
+        """Wait for imports and compiled kernels; False when cancelled meanwhile."""
+        deadline = time.monotonic() + MAX_START_S
         told = None
         while not self._ready:
-            event = self._next(2 * POLL_S)
+            event = self._next(2 * CHILD_POLL_S)
             if (now := self._process.told) and now != told and on_progress is not None:
                 on_progress(now)
             told = now
@@ -240,7 +248,9 @@ class Child:
             elif event is not None and event["event"] == "progress":
                 if on_progress is not None:
                     on_progress(event)
-            elif event is not None or time.monotonic() > deadline or self._cpu_s() > START_CPU_S:
+            elif (
+                event is not None or time.monotonic() > deadline or self._cpu_s() > MAX_START_CPU_S
+            ):
                 detail = "took too long" if event is None else str(event["detail"])
                 self.kill()
                 raise ChildError("no-start", f"a computing process did not start: {detail}")
@@ -279,7 +289,7 @@ class Child:
     def _read(self) -> None:
         assert self._process.stdout is not None
         with self._process.stdout as output:
-            while line := output.readline(LARGEST_EVENT_BYTES):
+            while line := output.readline(MAX_EVENT_BYTES):
                 self._events.put(line)
                 if not line.endswith(b"\n"):  # it is too long, or the end
                     break
@@ -296,7 +306,7 @@ class Child:
 
     def _death(self) -> ChildError:
         try:
-            code = self._process.wait(ENDING_S)
+            code = self._process.wait(CHILD_EXIT_S)
         except subprocess.TimeoutExpired:
             self.kill()
             return ChildError(CRASHED, "the computing process stopped responding and was stopped.")
@@ -316,7 +326,7 @@ class Child:
 
 
 def _event(line: bytes) -> dict[str, Any] | None:
-    """The event in a line; None where it is none, as of a child that was taken over."""
+    """Return the event in a line; None where it is none, as of a child that was taken over."""
     try:
         event = json.loads(line)
         told = isinstance(event.get("result", {}), dict) and EVENTS[event["event"]] <= event.keys()
@@ -329,9 +339,9 @@ class Children:
     """Children of one kind, forked by one server where there is any, and ended together.
 
     Args:
-        kind: What they do.
-        limits: What each may use.
-        fork_server: What forks them.
+        kind: Kind of their tasks.
+        limits: Resource limits of each.
+        fork_server: Server that forks them.
     """
 
     def __init__(self, kind: Kind, limits: ChildLimits, fork_server: ForkServer | None) -> None:
@@ -343,7 +353,7 @@ class Children:
         self._closed = False
 
     def take(self) -> Child:
-        """A child of one's own; give it back with ``release``.
+        """Return a child for exclusive use; return it with ``release``.
 
         Raises:
             ChildError: When all were ended.
@@ -356,13 +366,13 @@ class Children:
             return child
 
     def release(self, child: Child) -> None:
-        """Ends a child that was taken."""
+        """End a child that was taken."""
         with self._lock:
             self._all.discard(child)
         child.close()
 
     def close(self) -> None:
-        """Ends them all."""
+        """End all children."""
         with self._lock:
             self._closed = True
             children, self._all = self._all, set()
@@ -392,11 +402,11 @@ class Pool:
     def call(
         self, task: str, directory: Path, *, cancelled: Callable[[], bool] | None = None
     ) -> dict[str, Any]:
-        """Has one task done.
+        """Run one task.
 
         Args:
             task: One that this kind of child knows.
-            directory: Where the input lies.
+            directory: Directory with the input.
             cancelled: Asked often; once True nobody wants the result, and the child is ended.
 
         Returns:
@@ -406,7 +416,7 @@ class Pool:
             InputError: When the input can't be used.
             ChildError: When the child crashed or went beyond a limit.
         """
-        for left in reversed(range(LOST_TRIES)):
+        for left in reversed(range(MAX_LOST_ATTEMPTS)):
             child = self._take()
             try:
                 result = child.call(task, directory, wall_s=self._wall_s, cancelled=cancelled)
@@ -426,7 +436,7 @@ class Pool:
         raise AssertionError("every try returns or raises")
 
     def close(self) -> None:
-        """Ends all children."""
+        """End all children."""
         self._children.close()
 
     def _take(self) -> Child:
@@ -441,7 +451,7 @@ class Pool:
     def _keep(self, child: Child) -> None:
         # Its limit of processor time is for all that it ever does; and it may have been ended,
         # since nobody wanted what it did.
-        if child.calls >= CALLS_A_CHILD or not child.alive:
+        if child.calls >= MAX_CALLS_PER_CHILD or not child.alive:
             self._children.release(child)
             return
         with self._lock:
@@ -449,7 +459,7 @@ class Pool:
 
 
 class Reader:
-    """Reads uploads in a pool of children, of which one visitor has one at a time.
+    """Children that read uploads; one visitor has one at a time.
 
     Args:
         pool: The children.
@@ -461,7 +471,7 @@ class Reader:
         self._quota = quota
 
     def check(self, directory: Path, *, visitor: str) -> dict[str, Any]:
-        """What the input in a directory is: ``name``, ``module``, ``modules``.
+        """Return ``name``, ``module`` and ``modules`` of the input in a directory.
 
         Raises:
             InputError: When it can't be used.
@@ -482,7 +492,7 @@ class Reader:
         visitor: str,
         cancelled: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
-        """Has one task done in the visitor's turn; else as ``Pool.call``.
+        """Run one task when it is the visitor's turn; otherwise like ``Pool.call``.
 
         Raises:
             InputError: When the input can't be used.
@@ -493,5 +503,5 @@ class Reader:
             return self._pool.call(task, directory, cancelled=cancelled)
 
     def close(self) -> None:
-        """Ends the children."""
+        """End the children."""
         self._pool.close()

@@ -18,8 +18,8 @@ from typing import Any, Final
 from server.processes import landlock, seccomp
 from server.processes.landlock import Allowed
 
-PACKAGES: Final = ("planner", "web", "server")
-SYSTEM: Final = (
+OWN_PACKAGES: Final = ("planner", "web", "server")
+SYSTEM_PATHS: Final = (
     *("/usr", "/lib", "/lib32", "/lib64", "/bin", "/sbin"),
     *("/etc/ld.so.cache", "/etc/ld.so.preload", "/etc/localtime", "/etc/alternatives"),
     *("/dev/urandom", "/dev/random", "/dev/zero"),
@@ -27,30 +27,32 @@ SYSTEM: Final = (
     *("/proc/sys/vm/overcommit_memory", "/sys/devices/system"),
 )
 """Paths that programs and libraries of the machine read."""
-DRAWING: Final = (
+OPENGL_PATHS: Final = (
     *("/etc/glvnd", "/etc/egl", "/etc/drirc", "/etc/vulkan", "/etc/OpenCL", "/etc/nvidia"),
     *("/proc/driver/nvidia", "/proc/modules", "/proc/devices", "/sys"),
 )
-"""Paths that OpenGL reads as well."""
-OF_PYTHON: Final = ("bin", "lib", "lib64", "lib32", "share", "pyvenv.cfg")
-DEVICES: Final = ("/dev/dri", "/dev/kfd", "/dev/dxg")
-PLACES: Final = (
+"""Paths that OpenGL reads in addition."""
+PYTHON_PATHS: Final = ("bin", "lib", "lib64", "lib32", "share", "pyvenv.cfg")
+GPU_DEVICES: Final = ("/dev/dri", "/dev/kfd", "/dev/dxg")
+PATH_VARIABLES: Final = (
     *("NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "IMAGEIO_FFMPEG_EXE"),
     *("__EGL_VENDOR_LIBRARY_DIRS", "__EGL_VENDOR_LIBRARY_FILENAMES", "LIBGL_DRIVERS_PATH"),
 )
-"""Variables of the environment that name files to read, with colons between."""
-INSTALLED: Final = ("site-packages", "dist-packages")
-"""Names of directories that hold packages and nothing else."""
-ENDING_S: Final = 5.0
+"""Environment variables that name files to read, separated by colons."""
+PACKAGE_DIRS: Final = ("site-packages", "dist-packages")
+"""Names of directories that hold installed packages only."""
+THREAD_EXIT_S: Final = 5.0
+"""Maximum time to wait for other threads to end before a process is confined, in s: confinement
+applies to the calling thread only. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Held:
-    """What the kernel refuses a confined process.
+    """Access that the kernel denies a confined process.
 
     Attributes:
-        files: All files but those that are allowed.
-        sockets: Sockets of any kind.
+        files: True if all files but the permitted ones are denied.
+        sockets: True if sockets are denied.
     """
 
     files: bool
@@ -58,13 +60,13 @@ class Held:
 
 
 def confine(work: Allowed, *, drawing: bool = False) -> Held:
-    """Lets this process touch its work and its programs only; for threads that start afterwards.
+    """Confine this process to its work and its programs; applies to threads that start later.
 
     What the kernel can't hold stays as it is: ``foldback doctor`` tells it.
 
     Args:
         work: The files of its work. Temporary files go to the first directory that it may write.
-        drawing: Whether it draws.
+        drawing: True if it draws with OpenGL.
     """
     _keep_temporary_files(work.writable[0])
     _keep_no_kernels()
@@ -78,7 +80,7 @@ def confine(work: Allowed, *, drawing: bool = False) -> Held:
 
 
 def confine_thread(place: Path) -> None:
-    """Lets the calling thread of such a process write one directory only.
+    """Confine the calling thread's writes to one directory.
 
     It keeps what reads one upload away from those of others, not what has taken over the process.
     """
@@ -92,7 +94,7 @@ def _keep_temporary_files(place: Path) -> None:
 
 
 def end_threads() -> None:
-    """Ends the threads of libraries, which would not be confined; they begin new ones.
+    """End the threads of libraries, which would not be confined; they start new ones.
 
     Raises:
         RuntimeError: When others are left.
@@ -101,9 +103,9 @@ def end_threads() -> None:
         sys.modules["zarr.core.sync"].cleanup_resources()
     for thread in threading.enumerate():
         if thread is not threading.current_thread():
-            thread.join(ENDING_S)
+            thread.join(THREAD_EXIT_S)
     tasks = Path("/proc/self/task")
-    deadline = time.monotonic() + ENDING_S
+    deadline = time.monotonic() + THREAD_EXIT_S
     while tasks.is_dir() and (left := len(list(tasks.iterdir()))) > 1:
         # One that Python has done with takes the system another moment to end.
         if time.monotonic() > deadline:
@@ -114,11 +116,11 @@ def end_threads() -> None:
 
 
 def _with_programs(work: Allowed, *, drawing: bool) -> Allowed:
-    readable = [Path(place) for place in (*SYSTEM, *(DRAWING if drawing else ()))]
+    readable = [Path(place) for place in (*SYSTEM_PATHS, *(OPENGL_PATHS if drawing else ()))]
     devices = [Path("/dev/null")]
     if drawing:
         readable += _ffmpeg()
-        devices += [*map(Path, DEVICES), *Path("/dev").glob("nvidia*")]
+        devices += [*map(Path, GPU_DEVICES), *Path("/dev").glob("nvidia*")]
     return Allowed(
         readable=(*readable, *_programs(work), *work.readable),
         writable=(*devices, *work.writable),
@@ -126,13 +128,15 @@ def _with_programs(work: Allowed, *, drawing: bool) -> Allowed:
 
 
 def _programs(work: Allowed) -> list[Path]:
-    """Where Python, its packages and ours are, with what is compiled of them."""
+    """Return the paths of Python, its packages, ours, and their compiled files."""
     ours = [
-        Path(str(sys.modules[name].__file__)).parent for name in PACKAGES if name in sys.modules
+        Path(str(sys.modules[name].__file__)).parent for name in OWN_PACKAGES if name in sys.modules
     ]
     prefixes = {sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix}
-    python = [Path(prefix) / part for prefix in prefixes for part in OF_PYTHON]
-    named = [place for name in PLACES for place in os.environ.get(name, "").split(os.pathsep)]
+    python = [Path(prefix) / part for prefix in prefixes for part in PYTHON_PATHS]
+    named = [
+        place for name in PATH_VARIABLES for place in os.environ.get(name, "").split(os.pathsep)
+    ]
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     kernels = Path(caches) / "numba"
     # Ours may lie in a checkout that data lie in, too: not all of that is for it.
@@ -140,7 +144,7 @@ def _programs(work: Allowed) -> list[Path]:
     added = [
         place
         for place in map(Path, filter(None, (*sys.path, *named)))
-        if place.name in INSTALLED or not any(p.is_relative_to(place.resolve()) for p in closed)
+        if place.name in PACKAGE_DIRS or not any(p.is_relative_to(place.resolve()) for p in closed)
     ]
     return [*ours, *python, kernels, *added]
 
@@ -155,7 +159,7 @@ def _ffmpeg() -> list[Path]:
 
 
 def load_kernels() -> None:
-    """Loads all kernels."""
+    """Load all kernels."""
     from planner import kernels
 
     for module in pkgutil.iter_modules(kernels.__path__):
@@ -163,7 +167,7 @@ def load_kernels() -> None:
 
 
 def _keep_no_kernels() -> None:
-    """Keeps no kernel that is compiled from here on, and loads all.
+    """Disable the cache of kernels from here on, and load all.
 
     Kept ones are programs that other processes run. numba asks whether it could keep them as they
     are loaded, so that this comes first.

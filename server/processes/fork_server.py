@@ -24,20 +24,20 @@ from typing import Any, BinaryIO, Final, Literal
 from server.processes.limits import ChildLimits, environment_of_child
 
 Kind = Literal["stages", "reader", "preparer", "movies", "retimer", "pictures"]
-USUAL: Final = {
+CHILD_ENVIRONMENT: Final = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "MUJOCO_GL": "off",
     "SPT_NOENV": "1",
 }
-"""Threads of linear algebra cost memory and bring nothing at these sizes. Only movies are drawn; to
-others MuJoCo need not bring what opens windows. Who looks at a child's environment sees it, and not
-the name that the child goes by in its place."""
+"""Environment variables of every computing process. Threads of linear algebra cost memory and bring
+nothing at these sizes. Only movies are drawn; for others MuJoCo's OpenGL is not loaded.
+``SPT_NOENV`` keeps a process's title out of its environment."""
 
 
 def environment_with(more: Mapping[str, str]) -> dict[str, str]:
-    """What a computing process, or what forks it, has for its environment; ``more`` besides."""
-    return {**environment_of_child(os.environ), **USUAL, **more}
+    """Return the environment of a computing process or its fork server, with ``more``."""
+    return {**environment_of_child(os.environ), **CHILD_ENVIRONMENT, **more}
 
 
 class Forked:
@@ -55,25 +55,25 @@ class Forked:
 
     @property
     def pid(self) -> int:
-        """Its process id; the fork server's for as long as it is not forked."""
+        """Process id; the fork server's until the child is forked."""
         return self._server.pid if self._pid is None else self._pid
 
     @property
     def begun(self) -> bool:
-        """Whether it is forked."""
+        """True once the process is forked."""
         return self._pid is not None
 
     @property
     def told(self) -> dict[str, Any] | None:
-        """What the fork server is about while the child has to wait for it; a progress event."""
+        """Progress event of the fork server while the child waits for it."""
         return self._server.told
 
     def poll(self) -> int | None:
-        """Its exit code, a signal's as a negative number; None while it runs."""
+        """Return the exit code, negative for a signal; None while it runs."""
         return self._code
 
     def wait(self, timeout: float | None = None) -> int:
-        """Waits for its end.
+        """Wait for its end.
 
         Raises:
             subprocess.TimeoutExpired: When it does not end in time.
@@ -84,7 +84,7 @@ class Forked:
         return self._code
 
     def kill_group(self) -> None:
-        """Ends it and what it has started. One that is not forked yet ends as it begins."""
+        """Kill the child and its descendants. One that is not forked yet ends at its start."""
         if self._pid is None:
             self.stdin.close()
             self.end(-signal.SIGKILL)
@@ -92,11 +92,11 @@ class Forked:
             self._server.kill(self._pid)
 
     def begin(self, pid: int) -> None:
-        """It is forked."""
+        """Record that the child is forked."""
         self._pid = pid
 
     def end(self, code: int) -> None:
-        """It has ended."""
+        """Record that the child has ended."""
         if self._code is None:
             self._code = code
             self._ended.set()
@@ -138,16 +138,16 @@ class _Running:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """Process id."""
         return self._process.pid
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
+        """True while the process runs."""
         return not self._failed and self._process.poll() is None
 
     def fork(self, kind: Kind, limits: ChildLimits) -> Forked | None:
-        """Asks for a child, and does not wait until it is there; None when there is none to be had.
+        """Request a child without waiting for it; None if none can be forked.
 
         Raises:
             OSError: When the system has no more files.
@@ -170,7 +170,7 @@ class _Running:
             return child
 
     def kill(self, pid: int) -> None:
-        """Ends a child with all that it has started.
+        """End a child with all that it has started.
 
         It is the fork server that does so: it alone knows that the number is still the child's.
         """
@@ -178,7 +178,7 @@ class _Running:
             self._control.sendall(json.dumps({"kill": pid}).encode() + b"\n")
 
     def close(self) -> None:
-        """Ends it, and what it has forked."""
+        """End the fork server and its children."""
         self._process.kill()
         self._process.wait()
 
@@ -220,9 +220,9 @@ class ForkServer:
     """Starts the process when the first child is wanted, and anew when it has ended.
 
     Args:
-        kinds: Of the children that it forks.
-        warm: Whether it runs every compiled loop once, so that no child has to load it.
-        directory: Where the locks of the compilation are; beside the compiled kernels when None.
+        kinds: Kinds of children that it forks.
+        warm: True to run every compiled loop once, so that no child has to load it.
+        directory: Directory of the compilation's locks; beside the compiled kernels if None.
         environment: Variables besides those of every child.
     """
 
@@ -250,7 +250,7 @@ class ForkServer:
 
     @property
     def pid(self) -> int | None:
-        """Its process id; None when it was not started yet."""
+        """Process id; None before the start."""
         return None if self._running is None else self._running.pid
 
     @property
@@ -265,12 +265,12 @@ class ForkServer:
         return running is not None and running.alive and not running.ready
 
     def start(self) -> None:
-        """Starts it ahead of the first child."""
+        """Start the fork server ahead of the first child."""
         with self._lock:
             self._started()
 
     def fork(self, kind: Kind, limits: ChildLimits) -> Forked:
-        """A child of that kind; does not wait until it is there.
+        """Return a child of a kind, without waiting until it is forked.
 
         Raises:
             OSError: When the system has no more processes or files, or the server was closed.
@@ -282,7 +282,7 @@ class ForkServer:
                 return child
 
     def close(self) -> None:
-        """Ends the process, and whatever it has forked."""
+        """End the fork server and its children."""
         with self._lock:
             self._closed = True
             if self._running is not None:

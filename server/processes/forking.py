@@ -28,12 +28,14 @@ from planner.progress import Progress
 from server.processes.child import Task, serve, task_of
 from server.processes.confined import end_threads, load_kernels
 
-MOST_BYTES: Final = 65536
-MOST_PIPES: Final = 64
+MAX_REQUEST_BYTES: Final = 65536
+"""Maximum size of a request to the fork server that is received at once, in bytes. Chosen."""
+MAX_PIPES: Final = 64
+"""Maximum number of file descriptors that come along with it. Chosen."""
 
 
 class _Requests:
-    """What is asked, with the pipes that came along, and the answers."""
+    """Requests to fork, with their pipes, and the answers."""
 
     def __init__(self, control: socket.socket) -> None:
         self._control = control
@@ -41,8 +43,8 @@ class _Requests:
         self._pipes: deque[int] = deque()
 
     def receive(self) -> list[dict[str, Any]]:
-        """What is asked now; ends the process when nobody can ask any more."""
-        data, pipes, _, _ = socket.recv_fds(self._control, MOST_BYTES, MOST_PIPES)
+        """Return the next request; end the process once no further one can come."""
+        data, pipes, _, _ = socket.recv_fds(self._control, MAX_REQUEST_BYTES, MAX_PIPES)
         self._pipes.extend(pipes)
         if not data:
             os._exit(0)
@@ -50,22 +52,22 @@ class _Requests:
         return [json.loads(line) for line in lines]
 
     def pipes(self) -> tuple[int, int]:
-        """Where the next child that is asked for reads, and where it writes."""
+        """Return the input and the output pipe of the next child."""
         return self._pipes.popleft(), self._pipes.popleft()
 
     def answer(self, **values: object) -> None:
-        """Tells something; ends the process when nobody listens."""
+        """Send an answer; end the process if the parent is gone."""
         try:
             self._control.sendall(json.dumps(values).encode() + b"\n")
         except (BrokenPipeError, ConnectionResetError):
             os._exit(1)
 
     def progress(self, progress: Progress) -> None:
-        """Tells what it is about before it is ready."""
+        """Send progress before it is ready."""
         self.answer(progress=asdict(progress))
 
     def refuse(self, why: str) -> NoReturn:
-        """Tells whoever asks that no child can be forked, and why; until nobody can any more."""
+        """Answer all requests with the reason why no child can be forked, until the end."""
         self.answer(failed=why)
         problem = {"event": "problem", "code": "no-start", "detail": why}
         while True:
@@ -77,7 +79,7 @@ class _Requests:
                 os.close(stdout)
 
     def close(self) -> None:
-        """Lets go of it all, in a child."""
+        """Close the sockets in a child."""
         self._control.close()
         while self._pipes:
             os.close(self._pipes.popleft())
@@ -88,7 +90,7 @@ def _wake(number: int, frame: FrameType | None) -> None:
 
 
 class _Forks:
-    """Forks children, and tells how they end."""
+    """Forked children, and how they end."""
 
     def __init__(self, requests: _Requests, tasks: Mapping[str, Task]) -> None:
         self._requests = requests
@@ -101,12 +103,12 @@ class _Forks:
         self._running: set[int] = set()
 
     def serve(self, control: socket.socket) -> None:
-        """Answers requests until nobody can ask any more."""
+        """Answer requests until the parent is gone."""
         while True:
             ready, _, _ = select.select([control, self._woken], [], [])
             if self._woken in ready:
                 with suppress(BlockingIOError):
-                    os.read(self._woken, MOST_BYTES)
+                    os.read(self._woken, MAX_REQUEST_BYTES)
                 self._reap()
             if control in ready:
                 for asked in self._requests.receive():
@@ -140,7 +142,7 @@ class _Forks:
         os.close(stdout)
 
     def _become(self, kind: str, limits: dict[str, Any], stdin: int, stdout: int) -> None:
-        """Goes on as a child."""
+        """Continue as a child."""
         os.setsid()
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -210,7 +212,7 @@ def _tasks(
 
 
 def main() -> None:
-    """Loads, and serves until the parent is gone."""
+    """Load, and serve until the parent is gone."""
     control = socket.socket(fileno=int(sys.argv[1]))
     asked = json.loads(sys.argv[2])
     requests = _Requests(control)

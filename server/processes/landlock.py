@@ -1,4 +1,4 @@
-"""Landlock: has the kernel keep a thread, and all that it starts, away from files and TCP.
+"""Landlock: denies a thread, and what it starts, files and TCP.
 
 Linux 5.13 and newer, without any privilege; see landlock(7). Nothing takes it back.
 """
@@ -16,26 +16,31 @@ from typing import Final
 
 CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446
 RULE_PATH_BENEATH: Final = 1
-VERSION: Final = 1
+"""Type of a rule for a path and all below it (linux/landlock.h)."""
+VERSION_FLAG: Final = 1
+"""Flag by which the kernel returns the version of its interface (linux/landlock.h)."""
 PR_SET_NO_NEW_PRIVS: Final = 38
+"""Option of prctl(2) that forbids gaining privileges, which Landlock requires (linux/prctl.h)."""
 O_PATH: Final = getattr(os, "O_PATH", 0)
 
 EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 MAKE_CHAR, MAKE_SOCK, MAKE_FIFO, MAKE_BLOCK, MAKE_SYM = 1 << 6, 1 << 9, 1 << 10, 1 << 11, 1 << 12
 TRUNCATE, IOCTL_DEV = 1 << 14, 1 << 15
-READ: Final = EXECUTE | READ_FILE | READ_DIR
-MISLEADING: Final = MAKE_CHAR | MAKE_SOCK | MAKE_FIFO | MAKE_BLOCK | MAKE_SYM
-"""Rights to make devices, sockets, pipes and links, which mislead who opens them; never granted."""
-OF_FILES: Final = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
-"""Rights that a rule on a file may have; the others are of directories."""
+READ_RIGHTS: Final = EXECUTE | READ_FILE | READ_DIR
+REFUSED_RIGHTS: Final = MAKE_CHAR | MAKE_SOCK | MAKE_FIFO | MAKE_BLOCK | MAKE_SYM
+"""Rights to create devices, sockets, pipes and links, which mislead readers; never granted."""
+FILE_RIGHTS: Final = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
+"""Rights that a rule for a file may have; the others are for directories."""
 ALL_FILE_RIGHTS: Final = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1, 5: (1 << 16) - 1}
-"""Rights on files that the kernel knows, from which version of its interface on."""
-TCP: Final = 0b11
-"""Rights to bind and to connect, from version 4 on."""
+"""All rights on files that the kernel knows, by the version of its interface that added them."""
+TCP_RIGHTS: Final = 0b11
+"""Rights to bind and to connect, known from version 4 on."""
 SCOPES: Final = 0b11
-"""Bits that keep a process from abstract sockets and signals of others, from version 6 on."""
-OLDEST: Final = 2
-"""The first version in which files may be renamed from one directory into another."""
+"""Bits that isolate a process from abstract sockets and signals of others, known from version 6
+on."""
+MIN_LANDLOCK_VERSION: Final = 2
+"""First version of Landlock's interface in which files may be renamed from one directory into
+another; older kernels are not confined by it."""
 
 
 class _Ruleset(ctypes.Structure):
@@ -64,32 +69,32 @@ class Allowed:
 
 
 def version() -> int:
-    """The version of the kernel's interface; 0 where there is none, or none that is of use."""
+    """Return the version of the kernel's interface; 0 if there is none that suffices."""
     if sys.platform != "linux":
         return 0
     try:
-        found = _call(CREATE_RULESET, None, 0, VERSION)
+        found = _call(CREATE_RULESET, None, 0, VERSION_FLAG)
     except OSError:  # the kernel is older, or was told to start without it
         return 0
-    return found if found >= OLDEST else 0
+    return found if found >= MIN_LANDLOCK_VERSION else 0
 
 
 def restrict(allowed: Allowed) -> None:
-    """Refuses the calling thread, and what it starts from now on, all other files, and TCP.
+    """Deny the calling thread, and what it starts later, all other files, and TCP.
 
     Raises:
         OSError: When the kernel does not do so.
     """
     found = version()
     handled = max(rights for since, rights in ALL_FILE_RIGHTS.items() if since <= found)
-    ruleset = _Ruleset(handled, TCP if found >= 4 else 0, SCOPES if found >= 6 else 0)
+    ruleset = _Ruleset(handled, TCP_RIGHTS if found >= 4 else 0, SCOPES if found >= 6 else 0)
     size = 8 if found < 4 else 16 if found < 6 else 24
     rules = _call(CREATE_RULESET, ctypes.byref(ruleset), size, 0)
     try:
         for path in allowed.readable:
-            _allow(rules, path, READ & handled)
+            _allow(rules, path, READ_RIGHTS & handled)
         for path in allowed.writable:
-            _allow(rules, path, handled & ~MISLEADING)
+            _allow(rules, path, handled & ~REFUSED_RIGHTS)
         no_new_rights()
         _call(RESTRICT_SELF, rules, 0)
     finally:
@@ -109,7 +114,7 @@ def _allow(rules: int, path: Path, rights: int) -> None:
         return
     try:
         if not stat.S_ISDIR(os.fstat(place).st_mode):
-            rights &= OF_FILES
+            rights &= FILE_RIGHTS
         rule = _PathBeneath(rights, place)
         _call(ADD_RULE, rules, RULE_PATH_BENEATH, ctypes.byref(rule), 0)
     finally:

@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChildLimits:
-    """What one computing process may use, and how readily it lets others go first.
+    """Resources of one computing process, and its priority.
 
     Attributes:
         memory_bytes: Memory.
         cpu_s: Processor time in all, in seconds.
-        niceness: As of ``nice``.
+        niceness: Niceness (POSIX).
         folders: Directories that it works in, one request after the other; when there are none, the
             directory of its first request.
-        warm: Whether it runs every compiled loop once before it takes a request.
+        warm: True to run every compiled loop once before its first request.
     """
 
     memory_bytes: int
@@ -35,7 +35,7 @@ class ChildLimits:
 
     @classmethod
     def of(cls, settings: Settings, *, awaited: bool = False) -> ChildLimits:
-        """The limits that the settings say.
+        """Return the limits that the settings say.
 
         Args:
             settings: The settings.
@@ -46,36 +46,41 @@ class ChildLimits:
         return cls(
             memory_bytes=settings.child_memory_bytes,
             cpu_s=settings.stage_cpu_seconds,
-            niceness=min(settings.niceness, AWAITED_NICENESS) if awaited else settings.niceness,
+            niceness=min(settings.niceness, INTERACTIVE_NICENESS) if awaited else settings.niceness,
             folders=folders if awaited else (),
             warm=settings.prewarm,
         )
 
 
-AWAITED_NICENESS: Final = 5
+INTERACTIVE_NICENESS: Final = 5
+"""Maximum niceness (POSIX) of a computing process that a page waits for; a smaller value takes more
+of the processor from other processes. Chosen."""
 READERS: Final = 2
-"""Children that read uploads, and that prepare previews; a visitor has one of each at a time."""
-AWAITED_CHILDREN: Final = 2 * READERS + 2
-"""Number of children of a web process: readers, preparers, one retimer, one for pictures."""
+"""Number of processes that read uploads, and of those that prepare previews; a visitor has one of
+each at a time. More take more memory. Chosen."""
+INTERACTIVE_CHILDREN: Final = 2 * READERS + 2
+"""Number of computing processes of the web process: readers, preparers, one for retiming, one for
+pictures."""
 PR_SET_DUMPABLE: Final = 4
+"""Option of prctl(2) that decides whether others may read a process's memory (linux/prctl.h)."""
 CHILD_VARIABLES: Final = re.compile(
     r"PATH|HOME|USER|LOGNAME|LANG|LANGUAGE|LC_[A-Z]+|TZ|TMPDIR|TEMP|TMP|VIRTUAL_ENV|DISPLAY"
     r"|(PYTHON|LD|DYLD|XDG|CONDA|NUMBA|MUJOCO|IMAGEIO|FFMPEG|COVERAGE"
     r"|PYOPENGL|MESA|LIBGL|GALLIUM|GBM|EGL|__EGL|__GLX|CUDA|NVIDIA)_?[A-Z0-9_]*"
 )
-"""Names of environment variables that a computing process gets to see."""
+"""Pattern of the environment variables that a computing process gets."""
 
 
 def environment_of_child(environment: Mapping[str, str]) -> dict[str, str]:
-    """What a computing process needs of an environment.
+    """Return the environment variables that a computing process needs.
 
-    It reads strangers' files, so that it gets no keys of databases and storage to see.
+    It reads strangers' files, so it must not see keys of databases and storage.
     """
     return {name: value for name, value in environment.items() if CHILD_VARIABLES.fullmatch(name)}
 
 
 def keep_secrets() -> None:
-    """Has the kernel keep other processes of the same user from looking into this one.
+    """Keep other processes of the same user from reading this one's memory.
 
     Without it a computing process could read in ``/proc`` what its environment was cleared of.
     Files and sockets that are created from now on are closed to other users.
@@ -86,7 +91,7 @@ def keep_secrets() -> None:
 
 
 def memory_words(limit_bytes: int) -> str:
-    """What is said when a fold would need more memory than it may use."""
+    """Return the message for a fold that would exceed its memory."""
     return (
         f"the fold needs more than {limit_bytes // 2**20} MiB of memory, its limit; try a smaller "
         "shape."

@@ -13,9 +13,9 @@ from planner.parameters.parameters import FLOATING
 from server.processes.children import Child, ChildError
 from server.processes.limits import ChildLimits
 
-BACKENDS: Final = ("egl", "osmesa")
+GL_BACKENDS: Final = ("egl", "osmesa")
 GL_SETTING: Final = "MUJOCO_GL"
-OFF: Final = ("disable", "disabled", "off", "false", "0")
+OFF_WORDS: Final = ("disable", "disabled", "off", "false", "0")
 NO_GL: Final = (
     "there is no OpenGL that draws without a screen. Install it on the service's machine: on "
     "Debian or Ubuntu 'apt-get install libegl1 libgl1 libgl1-mesa-dri' (or 'libosmesa6')"
@@ -27,21 +27,21 @@ NO_FFMPEG: Final = (
 
 
 def is_on_table(directory: Path) -> bool:
-    """Whether the fold of a directory is one on a table; not where nobody knows."""
+    """Return True if a directory's fold is on a table; False if unknown."""
     return json_of(directory / "request.json").get("world", FLOATING) != FLOATING
 
 
 def ask_for_movie(
     place: Path, wishes: Mapping[str, Any], timeline: Path, part: str, *, on_table: bool
 ) -> None:
-    """Writes the ``request.json`` that ``run_movie`` reads.
+    """Write the ``request.json`` that ``run_movie`` reads.
 
     Args:
         place: Its directory.
         wishes: Fields of a ``web.movies.movie.Movie``.
         timeline: The timeline's directory.
         part: Name of the file there that is to be made.
-        on_table: Whether the chain folds on a table.
+        on_table: True if the chain folds on a table.
     """
     request = {"movie": wishes, "timeline": str(timeline), "part": part, "on_table": on_table}
     (place / "request.json").write_text(json.dumps(request))
@@ -55,7 +55,7 @@ def run_movie(
     on_progress: Callable[[dict[str, Any]], None],
     cancelled: Callable[[], bool],
 ) -> bool:
-    """Makes the movie that ``request.json`` in a directory asks for; False when cancelled.
+    """Make the movie that ``request.json`` in a directory asks for; False when cancelled.
 
     Each backend of OpenGL gets a process of its own: they cannot be changed within one.
 
@@ -89,8 +89,8 @@ def run_movie(
 
 
 def backends() -> tuple[str, ...]:
-    """Those to try: the one that the operator has set, or all."""
+    """Return the backends to try: the one that the operator has set, or all."""
     chosen = os.environ.get(GL_SETTING, "").lower().strip()
-    if chosen in OFF:
+    if chosen in OFF_WORDS:
         return ()
-    return (chosen,) if chosen in BACKENDS else BACKENDS
+    return (chosen,) if chosen in GL_BACKENDS else GL_BACKENDS

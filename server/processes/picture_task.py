@@ -12,10 +12,10 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
 from planner.motion.timeline import chain_from_attributes
-from server.processes.scratch import CHAIN, MOMENT, PICTURE
+from server.processes.scratch import CHAIN, MOMENT_FILE, PICTURE
 from web.pictures.caption import Caption
 from web.pictures.picture_view import PictureView
-from web.pictures.social_picture import FOLDED, Moment, social_picture
+from web.pictures.social_picture import FOLDED_VIEW, Moment, social_picture
 
 
 def warm_up() -> None:
@@ -33,7 +33,7 @@ def draw(directory: Path) -> dict[str, Any]:
         chain = chain_from_attributes(json.loads((directory / CHAIN).read_bytes()))
     except (ValueError, KeyError, TypeError) as error:
         raise InputError("not-a-chain", f"{CHAIN}: got {error!r}, expected a chain.") from error
-    (directory / PICTURE).write_bytes(_picture(chain, directory / MOMENT))
+    (directory / PICTURE).write_bytes(_picture(chain, directory / MOMENT_FILE))
     return {}
 
 
@@ -53,6 +53,6 @@ def _picture(chain: Chain, path: Path) -> bytes:
     return social_picture(
         chain,
         caption=Caption(**asked["caption"]),
-        view=PictureView.from_short(asked["view"] or "") or FOLDED,
+        view=PictureView.from_short(asked["view"] or "") or FOLDED_VIEW,
         moment=moment,
     )

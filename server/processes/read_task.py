@@ -24,10 +24,13 @@ from planner.shapes.shape import Shape
 if TYPE_CHECKING:
     from planner.pathfinding.options import PathOptions
 
-LARGEST_DRAWING: Final = 4000
-OFFERS_FACTOR: Final = 2.0
-"""Time for offers, in times for the search of one path. Together with the last shape, which is not
-interrupted, it stays below the wall time of a preview. Chosen."""
+MAX_STORED_CELLS: Final = 4000
+"""Maximum number of cells that are stored for a page's drawing (``MAX_DRAWN_MODULES`` of
+``server.pages.fold``). Chosen."""
+OFFERS_TIME_FACTOR: Final = 2.0
+"""Time for finding variants of a shape that can fold on a table, as a multiple of the time limit of
+one path search. With the last variant, which is not interrupted, it stays below the wall time of a
+preview. Chosen."""
 PATH_OPTIONS: Final = (
     "module",
     "modules",
@@ -46,7 +49,7 @@ def warm_up() -> None:
 
 
 def options_of(request: dict[str, Any]) -> PathOptions:
-    """The options in a request; those that are not there are as usual."""
+    """Return the options in a request; missing ones have their defaults."""
     from planner.pathfinding.options import PathOptions
 
     values = {name: request[name] for name in PATH_OPTIONS if name in request}
@@ -58,12 +61,12 @@ def options_of(request: dict[str, Any]) -> PathOptions:
 
 
 def check(directory: Path) -> dict[str, Any]:
-    """Whether the input in a directory can become a fold: ``name``, ``module``, ``modules``.
+    """Check that a directory's input can become a fold; return ``name``, ``module``, ``modules``.
 
-    Paths are searched for later, when the fold's turn has come; only what is sure by now is said.
+    The path search follows when it is the fold's turn; only certain refusals are made here.
 
     Raises:
-        InputError: When it can't.
+        InputError: The input cannot become a fold.
     """
     request = json.loads((directory / "request.json").read_bytes())
     if request.get("smooth"):
@@ -102,7 +105,7 @@ def check(directory: Path) -> dict[str, Any]:
 
 
 def _begins(directory: Path) -> Chain:
-    """The chain of a refold as it is folded at the beginning.
+    """Return the initially folded chain of a refold.
 
     Raises:
         InputError: When its plan does not lead there.
@@ -113,7 +116,7 @@ def _begins(directory: Path) -> Chain:
 
 
 def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
-    """The same for a plan that is to be smoothed."""
+    """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
     from planner.pipeline.request import Request
     from planner.plan.plan import Plan
     from planner.robot import RECORDED_PLAN
@@ -128,7 +131,7 @@ def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
 
 
 def preview(directory: Path) -> dict[str, Any]:
-    """Writes ``report.json`` beside a preview's ``request.json``.
+    """Write ``report.json`` beside a preview's ``request.json``.
 
     Raises:
         InputError: When the input above it can't be used.
@@ -172,7 +175,7 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     found = read(data, filename=request["filename"], as_voxels=options.as_voxels)
     made: list[dict[str, Any]] = []
     if not isinstance(found, Chain | CellPath):
-        limit = OFFERS_FACTOR * request["time_limit_s"]
+        limit = OFFERS_TIME_FACTOR * request["time_limit_s"]
         search = table_offers(
             found, options, seed=request["seed"], time_limit_s=limit, cancelled=cancelled
         )
@@ -185,6 +188,6 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
 
 
 def _note(directory: Path, cells: NDArray[Any]) -> None:
-    """Keeps cells for a drawing, so that nobody else has to read the upload for one."""
-    if len(cells) <= LARGEST_DRAWING:
+    """Store cells for a drawing, so that no other process has to read the upload for it."""
+    if len(cells) <= MAX_STORED_CELLS:
         (directory / "cells.json").write_text(json.dumps(cells.astype(int).tolist()))

@@ -9,18 +9,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.exports.trajectory import TOUCHING, sufficient_rate
+from planner.exports.trajectory import MAX_TOUCH_DEPTH_PITCH, sufficient_rate
 from planner.exports.trajectory import clearance as clearance_of_rows
 from planner.plan.plan import Plan
 from planner.robot.motors import Build, motor_table
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.retiming import retimed
 from planner.robot.trajectory import Trajectory
-from server.processes.scratch import MOTORS, PLAN
+from server.processes.scratch import MOTORS_FILE, PLAN
 
-CLEARANCE_CPU_S: Final = 5.0
-"""Processor seconds for the clearance of an export's rows. Beyond it the clearance counts as not
-proved: a chain of 160 modules takes less than one second, one of 1000 about fifteen. Chosen."""
+MAX_CLEARANCE_CPU_S: Final = 5.0
+"""Maximum processor time for the clearance of an export's rows, in s. Beyond it the clearance
+counts as not proved: a chain of 160 modules takes less than one second, one of 1000 about fifteen.
+Chosen."""
 
 
 def warm_up() -> None:
@@ -40,7 +41,7 @@ def warm_up() -> None:
 
 
 def retime(directory: Path) -> dict[str, Any]:
-    """Writes the trajectory that ``request.json`` asks for; facts of its plan.
+    """Write the trajectory that ``request.json`` asks for; return facts of its plan.
 
     Raises:
         InputError: When the plan cannot be retimed.
@@ -61,25 +62,25 @@ def clearance(directory: Path) -> dict[str, Any]:
     request = _request(directory)
     plan, trajectory = _retimed(directory, request)
     size, rate_hz = plan.certificate.module_size, request["rate_hz"]
-    end = time.process_time() + CLEARANCE_CPU_S
+    end = time.process_time() + MAX_CLEARANCE_CPU_S
 
     def late() -> bool:
         return time.process_time() > end
 
     found = clearance_of_rows(trajectory, plan.chain, size=size, rate_hz=rate_hz, cancelled=late)
     enough = None
-    if found.clearance < -TOUCHING and rate_hz is not None:
+    if found.clearance < -MAX_TOUCH_DEPTH_PITCH and rate_hz is not None:
         enough = sufficient_rate(trajectory, plan.chain, size=size, rate_hz=rate_hz, cancelled=late)
     return {
         "min_clearance": found.clearance,
         "clearance_bound": found.bound,
-        "overlap": found.clearance < -TOUCHING,
+        "overlap": found.clearance < -MAX_TOUCH_DEPTH_PITCH,
         "sufficient_rate_hz": enough,
     }
 
 
 def motors(directory: Path) -> dict[str, Any]:
-    """Writes the table of motors that it asks for, as JSON or CSV.
+    """Write the table of motors that it asks for, as JSON or CSV.
 
     Raises:
         InputError: When the plan cannot be retimed, or the motors cannot be built.
@@ -95,7 +96,7 @@ def motors(directory: Path) -> dict[str, Any]:
     )
     table = motor_table(chain, trajectory, build, motor_torque_nm=request["motor_torque_nm"])
     text = table.as_csv() if request["form"] == "csv" else json.dumps(table.as_dict())
-    (directory / MOTORS).write_text(text)
+    (directory / MOTORS_FILE).write_text(text)
     return {}
 
 

@@ -1,4 +1,4 @@
-"""Scratch: directories for what is being made; those of processes that died are swept."""
+"""Scratch directories of computations; those of processes that died are removed."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Final
 
 PLAN: Final = "plan.npz"
-"""File of the plan that is retimed in such a directory."""
-MOTORS: Final = "motors"
-"""File of its table of motors."""
+"""File of the plan that is retimed in a scratch directory."""
+MOTORS_FILE: Final = "motors"
+"""File with its table of motors."""
 CHAIN: Final = "chain.json"
-"""File of the chain whose picture is drawn in such a directory."""
-MOMENT: Final = "moment.json"
-"""File that says what is written into the picture, from where it is seen, and at which frame."""
+"""File of the chain whose picture is drawn in a scratch directory."""
+MOMENT_FILE: Final = "moment.json"
+"""File with the picture's caption, view and frame."""
 PICTURE: Final = "picture.png"
 """File of that picture."""
 
@@ -54,7 +54,7 @@ class Scratch:
             os.close(lock)
 
     def sweep(self) -> None:
-        """Removes what processes have left that died."""
+        """Remove directories of processes that died."""
         if not self._root.is_dir():
             return
         with _locked(self._root):
@@ -68,7 +68,7 @@ class Scratch:
 
 @contextmanager
 def _locked(path: Path, *, at_once: bool = False) -> Generator[None]:
-    """Holds the lock of a directory; BlockingIOError when another does and there is no waiting."""
+    """Hold the lock of a directory; raise BlockingIOError if another process holds it."""
     handle = os.open(path, os.O_RDONLY)
     try:
         flock(handle, LOCK_EX | (LOCK_NB if at_once else 0))

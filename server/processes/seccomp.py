@@ -18,8 +18,9 @@ from typing import Final
 from server.processes.landlock import no_new_rights
 
 ARCHITECTURES: Final = {"x86_64": (0xC000003E, 317, 0), "aarch64": (0xC00000B7, 277, 1)}
-"""Mark of the calls of an architecture, the number of seccomp(2), column in ``REFUSED``."""
-REFUSED: Final[dict[str, tuple[int, int | None]]] = {
+"""By architecture: its audit number, the number of seccomp(2), and its column in
+``REFUSED_CALLS``."""
+REFUSED_CALLS: Final[dict[str, tuple[int, int | None]]] = {
     "socket": (41, 198),
     "connect": (42, 203),
     "bind": (49, 200),
@@ -75,18 +76,20 @@ REFUSED: Final[dict[str, tuple[int, int | None]]] = {
     "request_key": (249, 218),
     "keyctl": (250, 219),
 }
-"""Calls that are refused: their numbers on each architecture; None where it has no such call."""
-PRLIMIT: Final = (302, 261)
-"""Call numbers of prlimit: a process may lower and ask its own limits, not those of others."""
-SOCKETPAIR: Final = (53, 199)
-"""Call numbers of socketpair: event loops use a pair of streams; other kinds are refused."""
-X32: Final = 0x40000000
-"""First number of the x32 calls, which repeat those of x86_64."""
+"""Refused system calls: their numbers on each architecture; None if it has no such call."""
+PRLIMIT_CALLS: Final = (302, 261)
+"""Numbers of prlimit(2): a process may read and lower its own limits, not those of others."""
+SOCKETPAIR_CALLS: Final = (53, 199)
+"""Numbers of socketpair(2): event loops use a pair of streams; other kinds are refused."""
+FIRST_X32_CALL: Final = 0x40000000
+"""First number of the x32 calls, which repeat those of x86_64; all are refused."""
 
 LOAD, AND, EQUAL, AT_LEAST, RETURN = 0x20, 0x54, 0x15, 0x35, 0x06
 NUMBER_AT, MARK_AT, FIRST_ARGUMENT_AT, SECOND_ARGUMENT_AT = 0, 4, 16, 24
-ALLOW: Final = 0x7FFF0000
-REFUSE: Final = 0x00050000 | errno.EACCES
+RETURN_ALLOW: Final = 0x7FFF0000
+"""Return value of the filter that permits a call (linux/seccomp.h)."""
+RETURN_REFUSE: Final = 0x00050000 | errno.EACCES
+"""Return value of the filter that makes a call fail with ``EACCES`` (linux/seccomp.h)."""
 SET_FILTER, ALL_THREADS = 1, 1
 
 
@@ -95,7 +98,7 @@ class _Program(ctypes.Structure):
 
 
 def refuse_calls() -> bool:
-    """Refuses them to this process and all that it starts; False where that isn't known.
+    """Deny them to this process and its descendants; False on an unknown architecture.
 
     Raises:
         OSError: When the kernel does not do so.
@@ -116,32 +119,32 @@ def refuse_calls() -> bool:
 
 
 def program(mark: int, column: int) -> bytes:
-    """The filter, as instructions of classic BPF."""
-    numbers = [number for pair in REFUSED.values() if (number := pair[column]) is not None]
+    """Return the filter, as instructions of classic BPF."""
+    numbers = [number for pair in REFUSED_CALLS.values() if (number := pair[column]) is not None]
     # Jumps count the instructions that are left out, when so and when not so.
     own = [
         (LOAD, 0, 0, FIRST_ARGUMENT_AT),
         (EQUAL, 0, 1, 0),
-        (RETURN, 0, 0, ALLOW),
-        (RETURN, 0, 0, REFUSE),
+        (RETURN, 0, 0, RETURN_ALLOW),
+        (RETURN, 0, 0, RETURN_REFUSE),
     ]
     stream = [
         (LOAD, 0, 0, SECOND_ARGUMENT_AT),
         (AND, 0, 0, 0xF),
         (EQUAL, 0, 1, int(socket.SOCK_STREAM)),
-        (RETURN, 0, 0, ALLOW),
-        (RETURN, 0, 0, REFUSE),
+        (RETURN, 0, 0, RETURN_ALLOW),
+        (RETURN, 0, 0, RETURN_REFUSE),
     ]
     last = len(numbers) + 4
     head = [
         (LOAD, 0, 0, MARK_AT),
         (EQUAL, 0, last + 1, mark),
         (LOAD, 0, 0, NUMBER_AT),
-        (AT_LEAST, last - 1, 0, X32),
+        (AT_LEAST, last - 1, 0, FIRST_X32_CALL),
         *((EQUAL, last - 2 - i, 0, number) for i, number in enumerate(numbers)),
-        (EQUAL, 3 + len(own), 0, SOCKETPAIR[column]),
-        (EQUAL, 2, 0, PRLIMIT[column]),
-        (RETURN, 0, 0, ALLOW),
-        (RETURN, 0, 0, REFUSE),
+        (EQUAL, 3 + len(own), 0, SOCKETPAIR_CALLS[column]),
+        (EQUAL, 2, 0, PRLIMIT_CALLS[column]),
+        (RETURN, 0, 0, RETURN_ALLOW),
+        (RETURN, 0, 0, RETURN_REFUSE),
     ]
     return b"".join(struct.pack("HBBI", *one) for one in [*head, *own, *stream])

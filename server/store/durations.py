@@ -12,25 +12,27 @@ import sqlalchemy as sa
 from server.store.folds import Store, cost_of
 from server.store.tables import FoldRow
 
-LATEST: Final = 100
-"""Folds of one kind that are looked at."""
-NEAR: Final = 1.5
-"""Factor in modules by which the weight of another fold falls to 0.6."""
-FARTHEST: Final = 4.0
-"""Factor in modules from which on another fold says nothing."""
+MAX_COMPARED_FOLDS: Final = 100
+"""Maximum number of latest folds of one kind whose durations are read for an estimate. Chosen."""
+SIMILAR_SIZE_RATIO: Final = 1.5
+"""Ratio of the numbers of modules at which the weight of another fold falls to 0.61 (one standard
+deviation of a Gaussian in the logarithm). A larger value counts folds of other sizes more.
+Chosen."""
+MAX_SIZE_RATIO: Final = 4.0
+"""Largest ratio of the numbers of modules at which another fold counts at all. Chosen."""
 
-MIN_SAMPLES: Final = 3
+MIN_SIMILAR_FOLDS: Final = 3
 """Minimum number of similar folds for an estimate. With a smaller value one slow fold decides it;
-with a larger one new kinds of folds stay without an estimate for longer. Chosen."""
+with a larger one new kinds of folds stay without an estimate longer. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Duration:
-    """How long one fold took.
+    """Computing time of one fold.
 
     Attributes:
-        modules: Of its chain.
-        stage_s: Seconds by stage; of one that was gone through again, all together.
+        modules: Number of modules of its chain.
+        stage_s: Seconds by stage, summed if a stage was repeated.
     """
 
     modules: int
@@ -38,7 +40,7 @@ class Duration:
 
 
 def durations_like(store: Store, row: FoldRow) -> list[Duration]:
-    """Of the latest verified folds that were computed in the same way, whatever their modules."""
+    """Return durations of the latest verified folds computed the same way, of any size."""
     alike = (
         FoldRow.module == row.module,
         FoldRow.preset == row.preset,
@@ -53,7 +55,7 @@ def durations_like(store: Store, row: FoldRow) -> list[Duration]:
         sa.select(FoldRow.modules, FoldRow.progress)
         .where(FoldRow.status == "verified", *alike)
         .order_by(FoldRow.created_at.desc())
-        .limit(LATEST)
+        .limit(MAX_COMPARED_FOLDS)
     )
     with store.reading() as session:
         found = session.execute(query).all()
@@ -65,10 +67,10 @@ def durations_like(store: Store, row: FoldRow) -> list[Duration]:
 
 
 def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | None:
-    """Return the expected seconds of each stage; None below ``MIN_SAMPLES`` folds of its size.
+    """Return the expected seconds of each stage; None if fewer than ``MIN_SIMILAR_FOLDS``.
 
-    Of each stage it is the median over other folds, those of nearly as many modules counting most,
-    each stretched by what a chain of so many modules is expected to cost.
+    Of each stage it is the median over other folds, weighted by the similarity of their sizes, each
+    scaled by the expected costs of the two chains.
     """
     if row.modules <= 0:
         return None
@@ -76,9 +78,9 @@ def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | Non
     weighed: list[tuple[float, Duration]] = []
     for duration in known:
         apart = abs(math.log(row.modules / duration.modules))
-        if apart <= math.log(FARTHEST):
-            weighed.append((math.exp(-0.5 * (apart / math.log(NEAR)) ** 2), duration))
-    if len(weighed) < MIN_SAMPLES:
+        if apart <= math.log(MAX_SIZE_RATIO):
+            weighed.append((math.exp(-0.5 * (apart / math.log(SIMILAR_SIZE_RATIO)) ** 2), duration))
+    if len(weighed) < MIN_SIMILAR_FOLDS:
         return None
     typical: dict[str, float] = {}
     for stage in sorted({name for _, duration in weighed for name in duration.stage_s}):
@@ -97,7 +99,7 @@ def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | Non
 
 
 def _median(weighed: list[tuple[float, float]]) -> float:
-    """The value that half of the weight lies below."""
+    """Return the weighted median."""
     half = 0.5 * sum(weight for _, weight in weighed)
     so_far = 0.0
     for value, weight in sorted(weighed):

@@ -19,18 +19,19 @@ from server.store.durations import Duration, durations_like, typical_s
 from server.store.folds import Store, cost_of
 from server.store.tables import FoldRow
 
-MEASURED_KEPT_S: Final = 5.0
-"""Seconds for which measured durations are not read again. Chosen."""
-MAX_KINDS: Final = 1024
-"""Kinds of folds whose durations are cached."""
-USUAL_SHARES: Final = {
+DURATIONS_CACHE_S: Final = 5.0
+"""Time for which measured durations are cached, in s. A larger value includes the newest folds
+later. Chosen."""
+MAX_CACHED_KINDS: Final = 1024
+"""Maximum number of kinds of folds whose durations are cached. Chosen."""
+DEFAULT_STAGE_FRACTIONS: Final = {
     "read": 0.05,
     "explode": 0.15,
     "play_back": 0.6,
     "certify": 0.15,
     "export": 0.05,
 }
-"""Fractions of a fold's time by stage where none was measured. A stage with too small a fraction
+"""Fractions of a fold's time by stage if none were measured. A stage with too small a fraction
 counts as late too early. Tori of 160 cubes took 0.5 to 2.5 s, 5 to 10 s and 1 to 2 s."""
 
 Expected = Callable[[FoldRow], float]
@@ -76,7 +77,7 @@ class Estimates:
         self._store = store
         self._lock = threading.Lock()
         self._measured: TTLCache[tuple[object, ...], list[Duration]] = TTLCache(
-            MAX_KINDS, MEASURED_KEPT_S, timer=clock
+            MAX_CACHED_KINDS, DURATIONS_CACHE_S, timer=clock
         )
 
     def stages_s(self, row: FoldRow) -> dict[str, float] | None:
@@ -87,7 +88,7 @@ class Estimates:
         if measured is not None:
             return measured
         whole_s = expected_of_cost(row)
-        return {stage: share * whole_s for stage, share in USUAL_SHARES.items()}
+        return {stage: share * whole_s for stage, share in DEFAULT_STAGE_FRACTIONS.items()}
 
     def total_s(self, row: FoldRow) -> float:
         """Return the expected seconds of a whole fold without its wait; 0 without modules."""

@@ -24,21 +24,25 @@ from planner.files import temporary_path, write_whole
 from planner.pipeline.fold_layout import TIMELINE, result
 from server.errors import NoSuch
 from server.settings import Settings
-from server.store.object_store import INDEX, Storage, open_storage
+from server.store.object_store import FETCHED_INDEX, Storage, open_storage
 from server.store.tables import FoldRow
 
-LOOK_EVERY_S: Final = 0.4
-"""Seconds that a copy of what still grows may be old."""
-TIDY_EVERY_S: Final = 60.0
-IN_USE_S: Final = 600.0
-EPOCH: Final = ".epoch"
-GOING: Final = ".going-"
-"""Prefix of copies that are being removed."""
+COPY_CACHE_S: Final = 0.4
+"""Maximum age of the local copy of a growing fold, in s, before the object store is asked again. A
+larger value shows frames later. Chosen."""
+CACHE_SWEEP_S: Final = 60.0
+"""Minimum time between two sweeps of the local copies, in s. Chosen."""
+MIN_COPY_AGE_S: Final = 600.0
+"""Time since its last use for which a local copy is not removed, in s, as somebody may be reading
+it. Chosen."""
+EPOCH_FILE: Final = ".epoch"
+REMOVED_PREFIX: Final = ".going-"
+"""Prefix of directories that are being removed."""
 MOVIES: Final = "movies"
 EXPORTS_DIR: Final = "exports"
-"""Folder for what is made of a fold's files when somebody asks, beside them."""
-DERIVED: Final = (EXPORTS_DIR, MOVIES)
-"""Folders that count apart from the fold's own files."""
+"""Directory, beside a fold's own files, for files that are computed from them on request."""
+DERIVED_DIRS: Final = (EXPORTS_DIR, MOVIES)
+"""Directories that count separately from the fold's own files."""
 
 
 class NoSuchFoldError(NoSuch):
@@ -72,17 +76,17 @@ class Folders:
                 directory.mkdir(parents=True, exist_ok=True)
 
     def close(self) -> None:
-        """Lets go of the storage."""
+        """Close the storage."""
         if self.storage is not None:
             self.storage.close()
 
     def check(self) -> None:
-        """Raises StorageError when the storage does not answer."""
+        """Raise StorageError when the storage does not answer."""
         if self.storage is not None:
             self.storage.check()
 
     def place(self, fold_id: str) -> Path:
-        """Where a fold is computed; ids are checked before they become a path.
+        """Return a fold's work directory; ids are checked before they become a path.
 
         Raises:
             NoSuchFoldError: When this is not an id.
@@ -95,7 +99,7 @@ class Folders:
     # For readers
 
     def shown(self, row: FoldRow) -> Path:
-        """The files of a fold as readers see them, brought here if they are kept elsewhere.
+        """Return the directory of a fold as readers see it; fetch it if it is stored elsewhere.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -104,11 +108,11 @@ class Folders:
             return self.place(row.id)
         copy = self._settings.cache_dir / f"{row.id}-{row.kept}"
         with self._lock_of(copy.name):
-            at, whole = self._looked.get(copy.name, (-LOOK_EVERY_S, False))
+            at, whole = self._looked.get(copy.name, (-COPY_CACHE_S, False))
             now = time.monotonic()
             # A copy from before the end lacks files; of one that grows, a recent copy will do.
-            enough = whole if row.over else now - at < LOOK_EVERY_S
-            if not (enough and (copy / INDEX).is_file()):
+            enough = whole if row.over else now - at < COPY_CACHE_S
+            if not (enough and (copy / FETCHED_INDEX).is_file()):
                 self.storage.fetch(_key(row.id, row.kept), copy)
                 self._looked[copy.name] = (now, row.over)
             with suppress(OSError):
@@ -117,7 +121,7 @@ class Folders:
         return copy
 
     def movie(self, fold_id: str, name: str) -> Path | None:
-        """The file of a movie, brought here if it is kept elsewhere; None when there is none.
+        """Return the file of a movie, fetched if it is stored elsewhere; None if there is none.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -136,7 +140,7 @@ class Folders:
         return path
 
     def copied(self) -> set[str]:
-        """The folds of whose files there are copies on this machine."""
+        """Return the folds with local copies of their files."""
         if self.storage is None:
             return set()
         names = {copy.name for copy in self._settings.cache_dir.iterdir()}
@@ -145,7 +149,7 @@ class Folders:
     # For who takes an upload in
 
     def adopt(self, aside: Path, fold_id: str) -> None:
-        """Puts the directory of a new fold in its place, whole or not at all.
+        """Move the directory of a new fold into place, whole or not at all.
 
         Raises:
             OSError: When there is no room.
@@ -161,7 +165,7 @@ class Folders:
             self.storage.forget(key)
 
     def remove(self, fold_id: str) -> None:
-        """Removes all files of a fold.
+        """Remove all files of a fold.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -176,7 +180,7 @@ class Folders:
     # For who makes a movie of it
 
     def keep_movie(self, fold_id: str, name: str, path: Path) -> None:
-        """Puts a file that is whole to where readers find it.
+        """Store a complete movie file for readers.
 
         Raises:
             NoSuchFoldError: When there is no such fold any more.
@@ -201,7 +205,7 @@ class Folders:
                 aside.unlink(missing_ok=True)
 
     def remove_movie(self, fold_id: str, name: str) -> None:
-        """Removes the file of a movie, if there is one.
+        """Remove the file of a movie, if there is one.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -215,7 +219,7 @@ class Folders:
     # For who makes room
 
     def remove_exports(self, fold_id: str, *, before: float) -> tuple[int, int]:
-        """Removes what was made of a fold's files on this machine before a time.
+        """Remove a fold's derived files on this machine that are older than a time.
 
         Args:
             fold_id: The fold.
@@ -238,15 +242,15 @@ class Folders:
     # For who computes it
 
     def bring(self, fold_id: str, known: int, epoch: int) -> Path:
-        """Where a fold is computed under an epoch, with all that was kept under an earlier one.
+        """Return a fold's work directory for an epoch, with all files of the earlier one.
 
         Args:
             fold_id: The fold.
-            known: The epoch under which the last stage that is over was computed.
-            epoch: The one that holds now.
+            known: Epoch of the last stage that has ended.
+            epoch: Current epoch.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: The storage does not answer.
         """
         place = self.place(fold_id)
         if self.storage is None:
@@ -257,22 +261,22 @@ class Folders:
                 shutil.rmtree(place, ignore_errors=True)
                 self.storage.fetch(_key(fold_id, known), place)
             place.mkdir(parents=True, exist_ok=True)
-            write_whole(place / EPOCH, str(epoch).encode())
+            write_whole(place / EPOCH_FILE, str(epoch).encode())
         return place
 
     def keep(self, fold_id: str, epoch: int) -> int:
-        """Keeps what a fold's directory holds now; the bytes of it, without what was made of it.
+        """Store the files in a fold's directory; return their size, without derived files.
 
         Raises:
             StorageError: When the storage does not answer.
         """
         place = self.place(fold_id)
         if self.storage is None:
-            return size_of(place, but=DERIVED)
+            return size_of(place, but=DERIVED_DIRS)
         return self.storage.keep(_key(fold_id, epoch), place)
 
     def leave(self, fold_id: str, epoch: int) -> None:
-        """Clears up after a fold that is over, but for what was kept under its last epoch.
+        """Clean up after an ended fold, except for the files of its last epoch.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -287,10 +291,10 @@ class Folders:
             return self._locks.setdefault(name, threading.Lock())
 
     def _tidy(self) -> None:
-        """Drops the copies that nobody looked at for longest when there are too many."""
+        """Remove the least recently used copies if there are too many."""
         now = time.time()
         with self._lock:
-            if 0 <= now - self._tidied < TIDY_EVERY_S:
+            if 0 <= now - self._tidied < CACHE_SWEEP_S:
                 return
             self._tidied = now
         copies: list[tuple[float, int, Path]] = []
@@ -303,13 +307,13 @@ class Folders:
         for used, size, copy in copies:
             if total <= self._settings.cache_bytes:
                 return
-            if now - used > IN_USE_S:
+            if now - used > MIN_COPY_AGE_S:
                 self._drop(copy)
                 total -= size
 
     def _drop(self, copy: Path) -> None:
-        """Drops a copy at once: nobody sees half of it, or brings files into what is going."""
-        going = copy.with_name(f"{GOING}{copy.name}-{secrets.token_hex(4)}")
+        """Remove a copy atomically, so that no reader sees half of it or writes into it."""
+        going = copy.with_name(f"{REMOVED_PREFIX}{copy.name}-{secrets.token_hex(4)}")
         with self._lock_of(copy.name):
             self._looked.pop(copy.name, None)
             with suppress(OSError):
@@ -318,7 +322,7 @@ class Folders:
 
 
 def size_of(directory: Path, *, but: Collection[str] = ()) -> int:
-    """Bytes of all files in a directory, but for those in some of its folders."""
+    """Return the size of all files in a directory, without some of its subdirectories."""
     total = 0
     for path in directory.rglob("*"):
         if path.relative_to(directory).parts[0] in but:
@@ -330,7 +334,7 @@ def size_of(directory: Path, *, but: Collection[str] = ()) -> int:
 
 
 def sync(path: Path) -> None:
-    """Has a directory, or a file, reach the disk."""
+    """Flush a directory, or a file, to the disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -348,7 +352,7 @@ def _movie_key(fold_id: str, name: str) -> str:
 
 def _epoch_of(place: Path) -> int | None:
     try:
-        return int((place / EPOCH).read_bytes())
+        return int((place / EPOCH_FILE).read_bytes())
     except (OSError, ValueError):
         return None
 

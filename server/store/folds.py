@@ -24,7 +24,14 @@ from planner.pipeline.expected_cost import ExpectedCost, expected_cost
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.pipeline.request import Request
 from planner.progress import COMPILING
-from server.limits.fair_queue import QUICK_S, is_quick, network_of, slice_s, ticks, turn_of
+from server.limits.fair_queue import (
+    QUICK_FOLD_S,
+    is_quick,
+    network_of,
+    slice_s,
+    ticks,
+    virtual_finish_time,
+)
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
 from server.store.shown import Found, ShownFold
@@ -40,31 +47,37 @@ from server.store.tables import (
 
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token", "rows_of"]
 
-WAITING = ("queued", "running")
-LOOKED_EVERY_S: Final = 900.0
-"""Seconds to which the time of the last look at a fold is exact. A smaller value writes more."""
-TURN: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
-SOON_S: Final = 1.0
-"""Seconds in which a fold whose slice is over makes room: a look at the queue and a step's end."""
-DROPPED_S: Final = 3600.0
+UNFINISHED_STATUSES = ("queued", "running")
+ACCESS_RESOLUTION_S: Final = 900.0
+"""Resolution of the time of the last access to a fold, in s. A smaller value writes more often.
+Chosen."""
+TURN_COUNTER: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
+SLICE_END_S: Final = 1.0
+"""Time in which a fold whose slice has ended makes room, in s: a look at the queue and the end of a
+step. Estimates of waiting times use it. Measured."""
+CANCELLATION_MEMORY_S: Final = 3600.0
+"""Time for which a visitor who has cancelled a gallery fold loses the first place for the next one,
+in s. Chosen."""
 DAY_S: Final = 86400.0
-DURATION_SAMPLES: Final = 40
-"""Latest folds from which it is estimated how fast this machine is."""
+"""Seconds in a day."""
+PACE_SAMPLES: Final = 40
+"""Number of latest folds from which this machine's speed is estimated. A larger value is steadier
+and follows changes later. Chosen."""
 
 
 def new_id() -> str:
-    """An id that nobody can guess: 100 random bits in letters and digits."""
+    """Return an id that cannot be guessed: 100 random bits in letters and digits."""
     alphabet = "abcdefghijkmnpqrstuvwxyz23456789"
     return "".join(secrets.choice(alphabet) for _ in range(20))
 
 
 def new_token() -> str:
-    """A token that proves ownership."""
+    """Return a token that proves ownership."""
     return secrets.token_urlsafe(24)
 
 
 def hash_of(token: str) -> str:
-    """What is kept of a token."""
+    """Return the stored hash of a token."""
     return hashlib.sha256(token.encode()).hexdigest()
 
 
@@ -91,7 +104,7 @@ class Store:
     """Rows in a database, files in folders. Safe to use from many threads.
 
     Attributes:
-        folders: Where the files are.
+        folders: Files of the folds.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -105,17 +118,17 @@ class Store:
         self._sessions = sessionmaker(self._engine, expire_on_commit=False)
 
     def close(self) -> None:
-        """Lets go of all connections."""
+        """Close all connections."""
         self._engine.dispose()
         self.folders.close()
 
     def check(self) -> None:
-        """Raises when the database does not answer."""
+        """Raise an error if the database does not answer."""
         with self._engine.connect() as connection:
             connection.execute(sa.select(1))
 
     def directory(self, fold_id: str) -> Path:
-        """Where the files of a fold are, as readers see them.
+        """Return the directory with a fold's files as readers see them.
 
         Raises:
             NoSuchFoldError: When this is not an id, or, where files are kept elsewhere, when there
@@ -140,7 +153,7 @@ class Store:
     # Reading
 
     def fold(self, fold_id: str) -> FoldRow:
-        """The row of a fold.
+        """Return the row of a fold.
 
         Raises:
             NoSuchFoldError: When there is none.
@@ -152,7 +165,7 @@ class Store:
         return row
 
     def find(self, fold_id: str) -> Found | None:
-        """The fold of that id, which somebody looks at now; None when there is none."""
+        """Return a fold by its id, and record the access; None if there is none."""
         try:
             row = self.fold(fold_id)
         except NoSuchFoldError:
@@ -165,7 +178,7 @@ class Store:
         return Found(ShownFold.of(row), self.folders.shown(row), recorded)
 
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
-        """Folds of gallery shapes that nobody has cancelled, newest first."""
+        """Return the gallery folds that are not cancelled, newest first."""
         with self._sessions() as session:
             return session.scalars(
                 sa.select(FoldRow)
@@ -175,7 +188,7 @@ class Store:
             ).all()
 
     def list_owned(self, token: str, limit: int = 100) -> Sequence[FoldRow]:
-        """Folds that the holder of a token has asked for, newest first."""
+        """Return the folds of a token, newest first."""
         with self._sessions() as session:
             return session.scalars(
                 sa.select(FoldRow)
@@ -185,20 +198,22 @@ class Store:
             ).all()
 
     def kept_until(self, row: FoldRow) -> float | None:
-        """When a fold is forgotten if nobody looks at it; None when there is no such time."""
+        """Return when a fold expires without further access; None if it does not expire."""
         if self._keep_days is None or row.pinned or row.public or not row.over:
             return None
         return (row.seen_at or row.ended_at or row.created_at) + self._keep_days * DAY_S
 
     def owns(self, fold_id: str, token: str) -> bool:
-        """Whether a fold is the token's holder's own; one of the gallery is nobody's."""
+        """Return True if a token owns a fold; a gallery fold has no owner."""
         with self._sessions() as session:
             row = session.get(FoldRow, fold_id)
         return row is not None and not row.public and row.owner == hash_of(token)
 
     def waiting(self) -> list[tuple[str, float]]:
         """Return the visitor and the expected cost of each fold that is queued or running."""
-        query = sa.select(FoldRow.visitor, FoldRow.cost_s).where(FoldRow.status.in_(WAITING))
+        query = sa.select(FoldRow.visitor, FoldRow.cost_s).where(
+            FoldRow.status.in_(UNFINISHED_STATUSES)
+        )
         with self._sessions() as session:
             return [(visitor, cost_s) for visitor, cost_s in session.execute(query)]
 
@@ -235,9 +250,11 @@ class Store:
         return slice_s(cost_s, pauses, first_s, for_cheaper=True), slice_s(cost_s, pauses, first_s)
 
     def unfinished(self) -> Sequence[FoldRow]:
-        """All folds that are queued or running."""
+        """Return all folds that are queued or running."""
         with self._sessions() as session:
-            return session.scalars(sa.select(FoldRow).where(FoldRow.status.in_(WAITING))).all()
+            return session.scalars(
+                sa.select(FoldRow).where(FoldRow.status.in_(UNFINISHED_STATUSES))
+            ).all()
 
     def ahead(self, row: FoldRow) -> Ahead:
         """Return what a queued fold waits for, in its lane."""
@@ -262,7 +279,7 @@ class Store:
                 cheaper = row.cost_s < cost_s
                 room_s = slice_s(cost_s, pauses, self._first_slice_s, for_cheaper=cheaper) - spent_s
                 expected_s = max(0.2 * factor * cost_s, factor * cost_s - spent_s)
-                left += min(expected_s, max(SOON_S, room_s))
+                left += min(expected_s, max(SLICE_END_S, room_s))
         compiled = [
             float(told["fraction"])
             for *_, told in computed
@@ -278,12 +295,12 @@ class Store:
 
     @staticmethod
     def _duration_factor(session: Session) -> float:
-        """How much longer recent folds took than they were expected to; 1 when nobody knows."""
+        """Return the median ratio of actual and expected time of recent folds; 1 if unknown."""
         recent_folds = (
             sa.select(FoldRow.ended_at - FoldRow.started_at, FoldRow.cost_s)
             .where(FoldRow.status == "verified", FoldRow.cost_s > 0, FoldRow.pauses == 0)
             .order_by(FoldRow.created_at.desc())
-            .limit(DURATION_SAMPLES)
+            .limit(PACE_SAMPLES)
         )
         taken = cost = 0.0
         for took, expected in session.execute(recent_folds):
@@ -300,7 +317,7 @@ class Store:
     # Writing, on the side of the visitors
 
     def add(self, row: FoldRow, token: str) -> bool:
-        """Adds a fold with its owner; False when its content key is taken by another.
+        """Add a fold with its owner; False if another fold has its content key.
 
         Its turn in the queue is settled here.
         """
@@ -325,10 +342,10 @@ class Store:
     @staticmethod
     def _turn(session: Session, row: FoldRow) -> int:
         waiting = session.execute(
-            sa.select(FoldRow.visitor, FoldRow.turn).where(FoldRow.status.in_(WAITING))
+            sa.select(FoldRow.visitor, FoldRow.turn).where(FoldRow.status.in_(UNFINISHED_STATUSES))
         ).all()
         if not waiting:
-            session.execute(TURN.values(value=0))  # virtual time begins anew
+            session.execute(TURN_COUNTER.values(value=0))  # virtual time begins anew
         now = session.scalar(sa.select(CounterRow.value).where(CounterRow.name == "turn")) or 0
         network = network_of(row.visitor)
         sharers = {visitor for visitor, _ in waiting if network_of(visitor) == network}
@@ -340,10 +357,10 @@ class Store:
                     FoldRow.public,
                     FoldRow.visitor == row.visitor,
                     FoldRow.status == "cancelled",
-                    FoldRow.created_at > row.created_at - DROPPED_S,
+                    FoldRow.created_at > row.created_at - CANCELLATION_MEMORY_S,
                 )
             )
-        return turn_of(
+        return virtual_finish_time(
             now=now,
             last_own=max((turn for who, turn in waiting if who == row.visitor), default=None),
             cost_s=row.cost_s,
@@ -352,7 +369,7 @@ class Store:
         )
 
     def secret(self, name: str, made: bytes) -> bytes:
-        """A secret of the service; ``made`` becomes it when there is none yet."""
+        """Return a secret of the service; store ``made`` if there is none yet."""
         with self.reading() as session:
             known = session.get(SecretRow, name)
         if known is None:
@@ -367,14 +384,14 @@ class Store:
         return known.value
 
     def looked(self, row: FoldRow) -> None:
-        """Notes that somebody looks at a fold, now and then; no harm is done when it fails."""
+        """Record an access to a fold, at a coarse resolution; errors are ignored."""
         now = time.time()
-        if abs(now - (row.seen_at or 0.0)) > LOOKED_EVERY_S:
+        if abs(now - (row.seen_at or 0.0)) > ACCESS_RESOLUTION_S:
             with suppress(SQLAlchemyError):
                 self._change(row.id, seen_at=now)
 
     def ask(self, content_key: str, token: str) -> FoldRow | None:
-        """The fold with this content key, which somebody wants; None when there is none.
+        """Join the existing fold with a content key; None if there is none.
 
         One of the gallery that somebody else has asked for too is nobody's from now on, so that
         nobody stops it for the other. It counts as looked at just now.
@@ -391,7 +408,7 @@ class Store:
             return session.scalar(wanted)
 
     def cancel(self, fold_id: str, token: str) -> bool:
-        """Cancels a fold that is not over, a running one as soon as its worker sees this.
+        """Cancel an unfinished fold; a running one stops as soon as its worker sees this.
 
         Returns:
             False when the token is not its owner's.
@@ -401,7 +418,7 @@ class Store:
         with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
-                .where(*own, FoldRow.status.in_(WAITING))
+                .where(*own, FoldRow.status.in_(UNFINISHED_STATUSES))
                 .values(
                     status=sa.case((queued, "cancelled"), else_=FoldRow.status),
                     ended_at=sa.case((queued, time.time()), else_=FoldRow.ended_at),
@@ -413,7 +430,7 @@ class Store:
             return session.scalar(sa.select(FoldRow.id).where(*own)) is not None
 
     def expire(self, fold_id: str, seen: float | None) -> bool:
-        """Forgets a fold that nobody has looked at since, unless somebody wants it after all."""
+        """Delete a fold that has not been accessed since, unless it is wanted again."""
         gone = sa.delete(FoldRow).where(
             FoldRow.id == fold_id,
             FoldRow.pinned.is_(False),
@@ -424,7 +441,7 @@ class Store:
             return bool(rows_of(session.execute(gone)))
 
     def delete(self, fold_id: str, token: str | None = None) -> bool:
-        """Forgets a fold, whose directory is the caller's to remove.
+        """Delete a fold's row; the caller removes its directory.
 
         Args:
             fold_id: The fold.
@@ -441,23 +458,22 @@ class Store:
             return bool(rows_of(session.execute(gone)))
 
     def add_derived(self, fold_id: str, size: int) -> None:
-        """Counts so many bytes more, or less, of what was made of a fold."""
+        """Add to the size of a fold's derived files."""
         self._change(fold_id, derived_bytes=FoldRow.derived_bytes + size)
 
     def set_derived(self, fold_id: str, size: int) -> None:
-        """Notes how many bytes of what was made of a fold there are."""
+        """Store the size of a fold's derived files."""
         self._change(fold_id, derived_bytes=size)
 
     # Writing, on the side of the workers
 
     def begin(self, fold_id: str, stage: str, worker: str) -> int | None:
-        """Marks a stage as running.
+        """Mark a stage as running.
 
         Args:
             fold_id: The fold.
-            stage: What is computed now.
-            worker: Who computes it, by a name that nobody had before: whoever held the fold until
-                now loses it.
+            stage: Stage that starts.
+            worker: Name of the execution, never used before: any earlier one loses the fold.
 
         Returns:
             The epoch in which it is computed; None when it is cancelled, over or deleted.
@@ -468,7 +484,7 @@ class Store:
                 sa.update(FoldRow)
                 .where(
                     FoldRow.id == fold_id,
-                    FoldRow.status.in_(WAITING),
+                    FoldRow.status.in_(UNFINISHED_STATUSES),
                     FoldRow.cancel_requested.is_(False),
                 )
                 .values(
@@ -483,7 +499,7 @@ class Store:
             ).first()
             if begun is None:
                 return None
-            session.execute(TURN.where(CounterRow.value < begun[1]).values(value=begun[1]))
+            session.execute(TURN_COUNTER.where(CounterRow.value < begun[1]).values(value=begun[1]))
             return begun[0]
 
     def pause(self, fold_id: str, epoch: int, *, spent_s: float) -> bool:
@@ -514,7 +530,7 @@ class Store:
             return True
 
     def show(self, fold_id: str, epoch: int) -> None:
-        """Has readers see what was kept in an epoch, if it lasts."""
+        """Publish the files of an epoch to readers, unless a later one owns the fold."""
         with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
@@ -523,7 +539,7 @@ class Store:
             )
 
     def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
-        """Notes what the chain of a fold is; a name of the gallery or of its owner stays."""
+        """Store the facts of a fold's chain; a name from the gallery or the owner stays."""
         unnamed = sa.and_(FoldRow.shape.is_(None), FoldRow.renamed.is_(False))
         shown = sa.case((unnamed, name[:200]), else_=FoldRow.name)
         self._change(fold_id, modules=modules, module=module, name=shown)
@@ -535,7 +551,7 @@ class Store:
         return {}
 
     def report(self, fold_id: str, epoch: int, progress: dict[str, Any] | None = None) -> bool:
-        """Notes progress, when there is news; False when the fold shall not go on here."""
+        """Store changed progress; False if the fold must not continue here."""
         going = (
             FoldRow.id == fold_id,
             FoldRow.epoch == epoch,
@@ -559,14 +575,14 @@ class Store:
         kept: int | None = None,
         size: int | None = None,
     ) -> bool:
-        """Ends a fold, once; False when it was deleted. One that was cancelled before ends so.
+        """End a fold, once; False if it was deleted. A cancelled one stays cancelled.
 
         Args:
             fold_id: The fold.
             status: One of ``ENDED``.
-            summary: What came out.
+            summary: Figures of the result.
             error: ``code``, ``detail``, ``where`` of what went wrong, or None.
-            repeatable: Whether the same upload would end the same way. If not, the next one is
+            repeatable: True if the same upload would end the same way. If not, the next one is
                 computed anew.
             kept: The epoch whose files readers see from now on; as before when None.
             size: Bytes of its files; as before when None.
@@ -615,9 +631,9 @@ def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
 
 def _in_lane(cost_s: float) -> sa.ColumnElement[bool]:
     """Return the condition that a fold is in the lane of one with this expected cost."""
-    return FoldRow.cost_s <= QUICK_S if is_quick(cost_s) else FoldRow.cost_s > QUICK_S
+    return FoldRow.cost_s <= QUICK_FOLD_S if is_quick(cost_s) else FoldRow.cost_s > QUICK_FOLD_S
 
 
 def rows_of(result: sa.Result[Any]) -> int:
-    """How many rows a statement has changed."""
+    """Return the number of rows that a statement has changed."""
     return result.rowcount if isinstance(result, sa.CursorResult) else 0

@@ -14,13 +14,18 @@ from typing import Final
 from planner.chain.module import CUBE, module_named
 from planner.errors import InputError
 
-MOST_NEAREST: Final = 4
-MOST_FITTING: Final = 6
-ALIKE: Final = 0.5
+MAX_SUGGESTED_NAMES: Final = 4
+"""Maximum number of similar names that the error about an unknown example suggests. Chosen."""
+MAX_LISTED_EXAMPLES: Final = 6
+"""Maximum number of suitable examples that an error lists; the rest is counted. Chosen."""
+MIN_NAME_SIMILARITY: Final = 0.5
+"""Minimum similarity of a suggested name, from 0 to 1 (``difflib``). Larger values suggest fewer
+names. Chosen."""
 TABLE_RESULTS: Final = "table_results.json"
-"""Written by ``examples/run_gallery.py --world table``."""
-UNTAGGED: Final = ("paper",)
-"""Tags of shapes that have none of their own: those of the paper."""
+"""File with the results of folding the examples on a table, written by ``examples/run_gallery.py
+--world table``."""
+DEFAULT_TAGS: Final = ("paper",)
+"""Tags of shapes without tags of their own: those of the paper."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,11 +34,11 @@ class GalleryShape:
 
     Attributes:
         name: Its stem, as ``POST /api/folds`` takes it.
-        title: What people call it.
+        title: Title for people.
         modules: Modules of its chain.
-        module: What they are: ``cube`` or ``tetrahedron``.
+        module: Kind of modules: ``cube`` or ``tetrahedron``.
         data: The bytes of its path or chain file.
-        tags: What kind of shape it is: ``animal``, ``tool``, ``letter`` …
+        tags: Kinds of shapes: ``animal``, ``tool``, ``letter`` …
         rests_within: Torque in w·p within which it is known to rest on a table, without friction;
             None where nothing of the kind is known.
     """
@@ -54,7 +59,7 @@ class GalleryShape:
 
 @cache
 def gallery() -> tuple[GalleryShape, ...]:
-    """All example shapes, shortest chain first; read once."""
+    """Return all example shapes, shortest chain first; read once."""
     resting = _resting()
     found = [
         _shape(entry, resting)
@@ -68,36 +73,44 @@ class Gallery:
     """The example shapes, as a service has them."""
 
     def shapes(self) -> tuple[GalleryShape, ...]:
-        """All of them, shortest chain first."""
+        """Return all examples, shortest chain first."""
         return gallery()
 
     def shape(self, name: str) -> GalleryShape | None:
-        """The one of this name, if there is one."""
+        """Return the example of this name, or None."""
         return next((shape for shape in self.shapes() if shape.name == name), None)
 
     def nearest(self, name: str) -> str:
-        """How many examples there are, and which are called much like this, in words."""
+        """Return the number of examples and those with similar names, in words."""
         names = [shape.name for shape in self.shapes()]
-        near = ", ".join(get_close_matches(name.lower(), names, n=MOST_NEAREST, cutoff=ALIKE))
+        near = ", ".join(
+            get_close_matches(
+                name.lower(), names, n=MAX_SUGGESTED_NAMES, cutoff=MIN_NAME_SIMILARITY
+            )
+        )
         return f"{len(names)} examples" + (f", such as {near}" if near else "")
 
     def fitting(self, module: str, modules: int) -> tuple[GalleryShape, ...]:
-        """Those that a chain of so many modules of a kind folds into."""
+        """Return the examples that a chain of a kind and length folds into."""
         return tuple(s for s in self.shapes() if (s.module, s.modules) == (module, modules))
 
     def advised(self, error: InputError, module: str, modules: int) -> InputError:
-        """The refusal to refold such a chain into a shape that differs, with some that don't."""
+        """Return the refusal to refold a chain into an unsuitable shape, with suitable ones."""
         if error.code != "refold-differs":
             return error
         names = [shape.name for shape in self.fitting(module, modules)]
-        more = f" and {len(names) - MOST_FITTING} more" if len(names) > MOST_FITTING else ""
-        fit = f"examples that fit: {', '.join(names[:MOST_FITTING])}{more}"
+        more = (
+            f" and {len(names) - MAX_LISTED_EXAMPLES} more"
+            if len(names) > MAX_LISTED_EXAMPLES
+            else ""
+        )
+        fit = f"examples that fit: {', '.join(names[:MAX_LISTED_EXAMPLES])}{more}"
         detail = f"{error.detail.removesuffix('.')}; {fit if names else 'no example fits'}."
         return InputError(error.code, detail, where=error.where)
 
 
 def shapes_directory() -> Traversable:
-    """Where the path files of the example shapes are."""
+    """Return the directory with the path files of the example shapes."""
     package = files("server")
     checkout = Path(str(package)).parent / "examples" / "shapes"
     return checkout if checkout.is_dir() else package / "shapes"
@@ -132,7 +145,7 @@ def _shape(entry: Traversable, resting: dict[str, float]) -> GalleryShape:
         title=title.removesuffix(f", {modules} modules"),
         modules=modules,
         module=module.name,
-        tags=tuple(map(str, content.get("tags", UNTAGGED))),
+        tags=tuple(map(str, content.get("tags", DEFAULT_TAGS))),
         data=data,
         rests_within=resting.get(name),
     )

@@ -23,14 +23,16 @@ from server.store.folds import Store, rows_of
 from server.store.tables import CounterRow, WorkerRow
 from server.store.worker_identity import WorkerIdentities
 
-PREPARED: Final = 1000
-"""Value of a worker's counter when all is compiled."""
-MIN_PREPARED: Final = 0.05
-"""Fraction compiled before the time left is estimated from the pace so far. Chosen."""
-PREPARING_KEPT_S: Final = 0.4
-"""Seconds for which what is known of preparing workers is not asked for again. Chosen."""
-STARTING_S: Final = 60.0
-"""Seconds after the start of a service for which its workers count as starting, not as absent."""
+COMPILED_COUNT: Final = 1000
+"""Value of a worker's counter once all kernels are compiled; smaller ones are thousandths."""
+MIN_COMPILED_FRACTION: Final = 0.05
+"""Compiled fraction from which on the remaining time is estimated from the pace so far. Smaller
+values estimate earlier and less reliably. Chosen."""
+COMPILING_CACHE_S: Final = 0.4
+"""Time for which the state of compiling workers is cached, in s. Chosen."""
+SERVICE_START_S: Final = 60.0
+"""Time after the start of the service for which its workers count as starting rather than absent,
+in s. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,14 +54,14 @@ def _preparing_key(name: str) -> str:
 
 
 class Leases:
-    """Looks at the workers' rows. Safe to use from many threads.
+    """Rows of the workers. Thread-safe.
 
     Args:
-        store: Where the rows are.
+        store: Store with the rows.
         identities: The workers of this machine.
-        lease_s: How long a worker may be silent.
+        lease_s: Time without a heartbeat after which a worker counts as dead, s.
         clock: Seconds that only rise.
-        expects_workers: Whether workers start with this process.
+        expects_workers: True if workers start with this process.
     """
 
     def __init__(
@@ -84,12 +86,12 @@ class Leases:
 
     @classmethod
     def of(cls, settings: Settings, store: Store) -> Leases:
-        """Those of a service with these settings."""
+        """Return the leases of a service with these settings."""
         identities = WorkerIdentities(settings)
         return cls(store, identities, settings.lease_s, expects_workers=settings.workers > 0)
 
-    def beat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
-        """Says that a worker lives."""
+    def heartbeat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
+        """Increment the heartbeat counter of a worker."""
         about = {"host": host, "pid": pid, "folds_at_once": folds_at_once}
         with self._store.changing() as session:
             again = sa.update(WorkerRow).where(WorkerRow.name == name, WorkerRow.pid == pid)
@@ -107,8 +109,8 @@ class Leases:
                 )
             )
 
-    def leave(self, name: str) -> None:
-        """Says that a worker has ended."""
+    def deregister(self, name: str) -> None:
+        """Deregister a worker."""
         with self._store.changing() as session:
             session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
             session.execute(sa.delete(CounterRow).where(CounterRow.name == _preparing_key(name)))
@@ -118,17 +120,17 @@ class Leases:
         with self._store.changing() as session:
             session.execute(sa.delete(CounterRow).where(CounterRow.name == _preparing_key(name)))
             if fraction is not None:
-                value = round(PREPARED * min(max(fraction, 0.0), 1.0))
+                value = round(COMPILED_COUNT * min(max(fraction, 0.0), 1.0))
                 session.add(CounterRow(name=_preparing_key(name), value=value))
 
     def preparing(self) -> Preparing | None:
         """Return how far the workers are that compile kernels; None where one can compute.
 
-        Nothing else says so for ``PREPARING_KEPT_S``: all who look share one query.
+        Nothing else says so for ``COMPILING_CACHE_S``: all who look share one query.
         """
         with self._lock:
             at, known = self._prepared
-            if self._clock() - at < PREPARING_KEPT_S:
+            if self._clock() - at < COMPILING_CACHE_S:
                 return known
         found = self._look_at_preparing()
         with self._lock:
@@ -138,7 +140,7 @@ class Leases:
     def _look_at_preparing(self) -> Preparing | None:
         workers = self.workers()
         if not workers:
-            starting = self._expects_workers and self._clock() - self._made_at < STARTING_S
+            starting = self._expects_workers and self._clock() - self._made_at < SERVICE_START_S
             return Preparing(fraction=0.0, remaining_s=None) if starting else None
         keys = {_preparing_key(row.name): row for row in workers}
         with self._store.reading() as session:
@@ -146,20 +148,20 @@ class Leases:
         if len(rows) < len(workers):
             return None
         best = max(rows, key=lambda row: row.value)
-        fraction, spent_s = best.value / PREPARED, time.time() - keys[best.name].started_at
-        told = fraction >= MIN_PREPARED and spent_s > 0.0
+        fraction, spent_s = best.value / COMPILED_COUNT, time.time() - keys[best.name].started_at
+        told = fraction >= MIN_COMPILED_FRACTION and spent_s > 0.0
         left_s = spent_s * (1.0 - fraction) / fraction if told else None
         return Preparing(fraction=fraction, remaining_s=left_s)
 
     def workers(self) -> list[WorkerRow]:
-        """The workers that live, as far as anybody knows."""
+        """Return the workers that are not known to be dead."""
         with self._store.reading() as session:
             rows = list(session.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)))
         silent = self._silent({row.name: row.beat for row in rows})
         return [row for row in rows if row.name not in silent]
 
-    def dead(self, holders: Iterable[str]) -> set[str]:
-        """The workers that are gone: of those with a row, and of ``holders``, who hold folds.
+    def expired(self, holders: Iterable[str]) -> set[str]:
+        """Return the expired workers among those with a row and ``holders`` of folds.
 
         It must be asked several times a lease: after a longer pause, as when the database was away
         and nobody's beat could reach it, silence begins anew.
@@ -177,7 +179,7 @@ class Leases:
         return self._silent(beats)
 
     def at_once(self) -> int:
-        """Folds that all living workers compute at once."""
+        """Return the number of folds that all live workers compute at the same time."""
         return sum(row.folds_at_once for row in self.workers())
 
     def _silent(self, beats: dict[str, int | None]) -> set[str]:

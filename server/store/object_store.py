@@ -1,4 +1,4 @@
-"""Storage: where the files of folds are kept when they are not kept on this machine.
+"""Object store: files of folds that are not stored on this machine.
 
 It holds copies of directories under keys such as ``folds/<id>/<epoch>``. Machines work on local
 directories: ``keep`` brings what changed in one to the storage, ``fetch`` brings a copy up to date.
@@ -24,13 +24,16 @@ from server.settings import Settings
 if TYPE_CHECKING:  # the extra `storage`
     from obstore.store import ObjectStore
 
-HEAD: Final = "timeline.zarr/zarr.json"
-"""File that tells a timeline's length: stored last, fetched last."""
-PRIVATE: Final = frozenset({"exports"})
-"""Directories that each machine makes for itself."""
-INDEX: Final = ".fetched.json"
-AT_ONCE: Final = 8
-TRIES: Final = 5
+TIMELINE_HEAD: Final = "timeline.zarr/zarr.json"
+"""File with a timeline's length: stored last, and fetched last."""
+LOCAL_DIRS: Final = frozenset({"exports"})
+"""Directories that are not stored, as each machine computes its own."""
+FETCHED_INDEX: Final = ".fetched.json"
+TRANSFERS_AT_ONCE: Final = 8
+"""Number of files that are transferred to or from the object store at the same time. Chosen."""
+MAX_FETCH_ATTEMPTS: Final = 5
+"""Maximum number of attempts to fetch a consistent state of a timeline that changes meanwhile.
+Chosen."""
 log = logging.getLogger("foldback.storage")
 Answer = TypeVar("Answer")
 
@@ -53,7 +56,7 @@ class Storage:
 
     Args:
         store: The object store.
-        name: What people call it.
+        name: Name for people.
     """
 
     def __init__(self, store: ObjectStore, name: str) -> None:
@@ -64,10 +67,10 @@ class Storage:
         self._name = name
         self._lock = threading.Lock()
         self._known: dict[str, dict[str, tuple[int, int]]] = {}
-        self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="storage")
+        self._threads = ThreadPoolExecutor(TRANSFERS_AT_ONCE, thread_name_prefix="storage")
 
     def check(self) -> None:
-        """Writes, reads, lists and removes a small file.
+        """Write, read, list and remove a small file.
 
         Raises:
             StorageError: When one of these fails.
@@ -83,7 +86,7 @@ class Storage:
                 self._obstore.delete(self._store, name)
 
     def keep(self, key: str, directory: Path) -> int:
-        """Brings what changed in a directory since the last time to the storage.
+        """Upload the changes in a directory since the last call.
 
         Returns:
             Bytes of all its files.
@@ -94,15 +97,19 @@ class Storage:
         with self._lock:
             known = self._known.setdefault(key, {})
         # Read before all else: what it promises is there by the time it is kept.
-        head = _read(directory / HEAD)
+        head = _read(directory / TIMELINE_HEAD)
         found = dict(_files(directory))
-        changed = [name for name, mark in found.items() if known.get(name) != mark and name != HEAD]
+        changed = [
+            name
+            for name, mark in found.items()
+            if known.get(name) != mark and name != TIMELINE_HEAD
+        ]
         with self._storage_errors():
             self._each(changed, lambda name: self._put(key, name, _read(directory / name)))
             known.update({name: found[name] for name in changed})
-            if head is not None and known.get(HEAD) != (mark := (hash(head), len(head))):
-                self._put(key, HEAD, head)
-                known[HEAD] = mark
+            if head is not None and known.get(TIMELINE_HEAD) != (mark := (hash(head), len(head))):
+                self._put(key, TIMELINE_HEAD, head)
+                known[TIMELINE_HEAD] = mark
             gone = [name for name in known if name not in found]
             self._each(gone, lambda name: self._delete(f"{key}/{name}"))
         for name in gone:
@@ -110,48 +117,48 @@ class Storage:
         return sum(size for _, size in found.values())
 
     def forget(self, key: str) -> None:
-        """Forgets what was kept of a directory, so that all of it is kept the next time."""
+        """Forget what is stored of a directory, so that the next call uploads all of it."""
         with self._lock:
             self._known.pop(key, None)
 
     def fetch(self, key: str, directory: Path) -> bool:
-        """Brings a local copy up to what the storage has; False when it has nothing.
+        """Update a local copy from the storage; False if the storage has nothing.
 
         Raises:
             StorageError: When the storage does not answer; the copy is as it was, or newer.
         """
-        marks: dict[str, str] = json.loads(_read(directory / INDEX) or b"{}")
+        marks: dict[str, str] = json.loads(_read(directory / FETCHED_INDEX) or b"{}")
         with self._storage_errors():
-            for _ in range(TRIES):
-                head, listed = self._get(f"{key}/{HEAD}"), list(self._list(key))
+            for _ in range(MAX_FETCH_ATTEMPTS):
+                head, listed = self._get(f"{key}/{TIMELINE_HEAD}"), list(self._list(key))
                 if not listed:
                     return False
                 directory.mkdir(parents=True, exist_ok=True)
                 wanted = [
                     file
                     for file in listed
-                    if file.name != HEAD
+                    if file.name != TIMELINE_HEAD
                     and (marks.get(file.name) != file.mark or not (directory / file.name).exists())
                 ]
                 self._each(wanted, lambda file: self._write(key, file.name, directory))
                 marks.update({file.name: file.mark for file in wanted})
-                after = self._get(f"{key}/{HEAD}")
+                after = self._get(f"{key}/{TIMELINE_HEAD}")
                 if _identity(head) == _identity(after):
                     break
             else:
                 raise StorageError(f"{key} in {self._name} changes faster than it can be read.")
         # One that is the same stays as old as it is: things that were made of it are so, too.
-        if head is not None and _read(directory / HEAD) != head:
-            _write_whole(directory / HEAD, head)
+        if head is not None and _read(directory / TIMELINE_HEAD) != head:
+            _write_whole(directory / TIMELINE_HEAD, head)
         names = {file.name for file in listed}
         for name in [name for name in marks if name not in names]:
             _remove(directory / name, directory)
             del marks[name]
-        write_whole(directory / INDEX, json.dumps(marks).encode())
+        write_whole(directory / FETCHED_INDEX, json.dumps(marks).encode())
         return True
 
     def read(self, key: str) -> bytes | None:
-        """One small file; None when there is none.
+        """Return a small file's content; None if there is none.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -160,7 +167,7 @@ class Storage:
             return self._get(key)
 
     def fetch_file(self, key: str, path: Path) -> bool:
-        """Brings one file here, which may be large; False when there is none.
+        """Download one file, which may be large; False if there is none.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -182,7 +189,7 @@ class Storage:
         return True
 
     def keep_file(self, key: str, path: Path) -> None:
-        """Keeps one file.
+        """Upload one file.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -191,7 +198,7 @@ class Storage:
             self._obstore.put(self._store, key, path)
 
     def remove_file(self, key: str) -> None:
-        """Removes one file, if there is one.
+        """Remove one file, if there is one.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -200,7 +207,7 @@ class Storage:
             self._delete(key)
 
     def remove(self, key: str, *, but: str | None = None) -> None:
-        """Removes all below a key, without what is below another one.
+        """Remove all below a key, without what is below another one.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -216,7 +223,7 @@ class Storage:
                     del self._known[known]
 
     def below(self, key: str) -> list[str]:
-        """The names right below a key, as those of directories are.
+        """Return the names directly below a key.
 
         Raises:
             StorageError: When the storage does not answer.
@@ -226,7 +233,7 @@ class Storage:
         return [prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]]
 
     def ages(self, key: str) -> dict[str, tuple[float, int]]:
-        """What there is under each of the names below a key.
+        """Return the last change and the size of everything under a key.
 
         Returns:
             By name: when it last changed, in seconds since 1970, and its bytes.
@@ -245,7 +252,7 @@ class Storage:
         return found
 
     def close(self) -> None:
-        """Ends its threads."""
+        """End its threads."""
         self._threads.shutdown(wait=False, cancel_futures=True)
 
     def _put(self, key: str, name: str, data: bytes | None) -> None:
@@ -298,7 +305,7 @@ class Storage:
 
 
 def open_storage(settings: Settings) -> Storage | None:
-    """The storage that the settings name; None when files are kept on this machine.
+    """Return the object store in the settings; None if files are stored on this machine.
 
     Raises:
         StorageError: If the URL is of no known kind, or obstore is not installed.
@@ -338,11 +345,11 @@ def _remove(path: Path, root: Path) -> None:
 
 
 def _files(directory: Path) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Names of the files that are kept, with what tells a changed one."""
+    """Return the stored files with what changes with their content."""
     for path in sorted(directory.rglob("*")):
         name = path.relative_to(directory).as_posix()
         parts = name.split("/")
-        if parts[0] in PRIVATE or path.suffix == ".partial":
+        if parts[0] in LOCAL_DIRS or path.suffix == ".partial":
             continue
         if any(part.startswith(".") for part in parts):
             continue
@@ -367,5 +374,5 @@ def _write_whole(path: Path, data: bytes) -> None:
 
 
 def _identity(head: bytes | None) -> str | None:
-    """Which timeline a head belongs to."""
+    """Return the id of the timeline that a head belongs to."""
     return None if head is None else json.loads(head)["attributes"].get("id")

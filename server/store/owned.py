@@ -1,4 +1,4 @@
-"""Owned: what the holder of a token has made, in lists, and what he may change of it.
+"""Owned: the folds, previews and movies of a token, and changes to them.
 
 Tokens are looked up by their hashes, so that neither the database nor the time that it takes tells
 anything of one.
@@ -18,18 +18,18 @@ from sqlalchemy.exc import SQLAlchemyError
 from server.store.folds import Store, hash_of, rows_of
 from server.store.tables import FoldRow, MovieRow, PreviewRow
 
-MOST_PREVIEWS: Final = 50
-"""Previews in a list, at most."""
+MAX_LISTED_PREVIEWS: Final = 50
+"""Maximum number of previews in an owner's list; older ones are left out. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoldsMade:
-    """Some of the folds that somebody has made.
+    """One page of an owner's folds.
 
     Attributes:
         rows: The newest first.
-        next: Of which the following ones are told; None when there are none.
-        total: How many he has made.
+        next: Cursor of the next page; None on the last one.
+        total: Number of the owner's folds.
     """
 
     rows: Sequence[FoldRow]
@@ -38,13 +38,13 @@ class FoldsMade:
 
 
 def folds_made(store: Store, token: str, *, before: str | None, limit: int) -> FoldsMade:
-    """Folds that the holder of a token was the first to ask for.
+    """Return the folds that a token was the first to request.
 
     Args:
         store: The rows.
         token: His.
         before: The ``next`` of those that are known already, ``created_at,id``.
-        limit: How many to tell.
+        limit: Maximum number to return.
     """
     made = FoldRow.maker == hash_of(token)
     wanted = sa.select(FoldRow).where(made)
@@ -68,7 +68,7 @@ def folds_made(store: Store, token: str, *, before: str | None, limit: int) -> F
 def change_fold(
     store: Store, fold_id: str, token: str, *, name: str | None, new_token: str | None
 ) -> bool:
-    """Renames a fold or hands it over; False when it is not the token's holder's own.
+    """Rename a fold or hand it over; False if the token does not own it.
 
     The same upload, sent again, is a fold of its own once this one was handed over.
     """
@@ -91,7 +91,7 @@ def change_fold(
 
 
 def replace_token(store: Store, token: str, new_token: str) -> int:
-    """Moves all that is a token's to another one, at once; tells how many folds its holder made.
+    """Move everything of a token to another one atomically; return its number of folds.
 
     An upload that is sent again is a fold of its own then, as after ``change_fold``.
     """
@@ -108,14 +108,14 @@ def replace_token(store: Store, token: str, new_token: str) -> int:
 
 
 def note_preview(store: Store, preview: PreviewRow, *, sent: bool, keep_s: float) -> None:
-    """Notes what an owner looks at; nobody becomes one of what another has sent.
+    """Record an owner's access to a preview; another's upload gets no new owner.
 
     No harm is done when it fails: the preview is there all the same.
 
     Args:
         store: The rows.
-        preview: As it is now.
-        sent: Whether its owner has just sent the upload.
+        preview: Current row of the preview.
+        sent: True if its owner has just sent the upload.
         keep_s: Notes that are older than so many seconds are forgotten.
     """
     old = sa.delete(PreviewRow).where(PreviewRow.seen_at < time.time() - keep_s)
@@ -136,14 +136,14 @@ def previews_made(store: Store, token: str, *, keep_s: float) -> Sequence[Previe
         sa.select(PreviewRow)
         .where(PreviewRow.owner == hash_of(token), PreviewRow.seen_at > time.time() - keep_s)
         .order_by(PreviewRow.seen_at.desc(), PreviewRow.id)
-        .limit(MOST_PREVIEWS)
+        .limit(MAX_LISTED_PREVIEWS)
     )
     with store.reading() as session:
         return session.scalars(wanted).all()
 
 
 def forget_preview(store: Store, preview_id: str, token: str) -> bool:
-    """Takes a preview out of its owner's list; False when it is not in the token's holder's."""
+    """Remove a preview from its owner's list; False if it is not in that list."""
     own = (PreviewRow.id == preview_id, PreviewRow.owner == hash_of(token))
     with store.changing() as session:
         return bool(rows_of(session.execute(sa.delete(PreviewRow).where(*own))))

@@ -18,7 +18,7 @@ class NewerSchemaError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Schema:
-    """What was found.
+    """Versions of the database's tables.
 
     Attributes:
         found: The version of the database's tables; None when it has none yet.
@@ -30,7 +30,7 @@ class Schema:
 
     @classmethod
     def of(cls, connection: sa.Connection) -> Schema:
-        """The schema of a database; nothing is changed.
+        """Return the schema of a database; nothing is changed.
 
         Raises:
             SQLAlchemyError: When the database does not answer.
@@ -47,18 +47,18 @@ class Schema:
 
     @property
     def newer(self) -> bool:
-        """Whether a newer foldback wrote it."""
+        """True if a newer foldback wrote the database."""
         return self.found is not None and self.found not in self.known
 
     @property
     def behind(self) -> int:
-        """How many migrations it lacks."""
+        """The number of missing migrations."""
         if self.found is None:
             return len(self.known)
         return 0 if self.newer else len(self.known) - 1 - self.known.index(self.found)
 
     def check(self) -> None:
-        """Refuses a database that a newer foldback wrote.
+        """Refuse a database that a newer foldback wrote.
 
         Raises:
             NewerSchemaError: Saying what to do.
@@ -72,7 +72,7 @@ class Schema:
 
 
 def config() -> Config:
-    """Where alembic finds the migrations."""
+    """Return alembic's configuration, with the directory of the migrations."""
     made = Config()
     made.set_main_option("script_location", str(files("server") / "migrations"))
     made.set_main_option("path_separator", "os")

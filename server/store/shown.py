@@ -1,4 +1,4 @@
-"""A fold as pages show it, whether a service computes it or somebody looks at its directory."""
+"""A fold as pages show it, from a service or from a directory."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from planner.parameters.parameters import AUTO, FLOATING
 from planner.pipeline.preference import COMPUTING
 from server.store.tables import FoldRow
 
-RUNNING: Final = ("queued", "running")
-"""Statuses of folds that are not over."""
+RUNNING_STATUSES: Final = ("queued", "running")
+"""Statuses of folds that have not ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShownFold:
-    """What pages say of a fold; ``server.store.tables.FoldRow`` tells what each value is."""
+    """Facts of a fold for pages; ``server.store.tables.FoldRow`` explains the values."""
 
     id: str
     name: str
@@ -45,12 +45,12 @@ class ShownFold:
 
     @property
     def called(self) -> str:
-        """Its name as people write it, or as its owner does."""
+        """Name for people, or the owner's name for it."""
         return self.name if self.renamed else shown_name(self.name)
 
     @property
     def title(self) -> str:
-        """What pages call it; a refold, by both shapes, unless its owner calls it otherwise."""
+        """Name on pages: of both shapes for a refold, unless the owner has renamed it."""
         if self.renamed:
             return self.name
         name = shown_name(self.name) or "New fold"
@@ -60,7 +60,7 @@ class ShownFold:
 
     @classmethod
     def of(cls, row: FoldRow) -> ShownFold:
-        """Of what a service has noted."""
+        """Return the facts in a row of the database."""
         return cls(**{each.name: getattr(row, each.name) for each in fields(cls)})
 
 
@@ -69,9 +69,9 @@ class Found:
     """A fold, and the directory of its files.
 
     Attributes:
-        row: What is known of it.
-        directory: Where its files are.
-        recorded: Of a smoothed fold, the id of the one that was smoothed, while that is there.
+        row: Facts of the fold.
+        directory: Directory with its files.
+        recorded: Id of the fold whose plan was smoothed, while it exists.
         alternative_to: Id of the fold of which this is another plan; None for a fold.
     """
 
@@ -82,15 +82,15 @@ class Found:
 
 
 class FoldSource(Protocol):
-    """Where pages find folds."""
+    """Source of folds for pages."""
 
     def find(self, fold_id: str) -> Found | None:
-        """The fold of that id, which somebody looks at now; None when there is none."""
+        """Return a fold by its id, and record the access; None if there is none."""
         ...
 
 
 def shown_name(name: str) -> str:
-    """A name as people write it: ``wrench-160`` is a wrench, its size is told beside it."""
+    """Return a name for people: ``wrench-160`` is a wrench, its size stands beside it."""
     if (sized := re.fullmatch(r"([a-z]+)-(\d+)", name)) is not None:
         return sized[1].capitalize()
     if (box := re.fullmatch(r"([a-z]+)-(\d+)x(\d+)x(\d+)", name)) is not None:
@@ -104,5 +104,5 @@ def id_of_fold(shown_id: str) -> str:
 
 
 def has_motion(summary: Mapping[str, object] | None) -> bool:
-    """Whether a plan of this summary has frames."""
+    """Return True if a plan of this summary has frames."""
     return bool((summary or {}).get("playback"))

@@ -15,26 +15,32 @@ from server.settings import Settings
 from server.store.leases import Leases
 from server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_of
 
-KEPT_S: Final = 2.0
-SUM_KEPT_S: Final = 60.0
-"""Seconds that the one figure is cached for which all rows have to be read."""
+FIGURES_CACHE_S: Final = 2.0
+"""Time for which an operator's figures are cached, in s. A larger value reads the database less
+often. Chosen."""
+SIZE_CACHE_S: Final = 60.0
+"""Time for which the total size of all files is cached, in s, as it takes reading all rows.
+Chosen."""
 RECENT_WINDOW_S: Final = 3600.0
-LONGEST_S: Final = 86400.0
-"""Seconds from asking for a fold to its end, at most: bounds the search for those that ended."""
-MOST_ENDED: Final = 500
+"""Age up to which an ended fold counts as recent, in s. Chosen."""
+MAX_FOLD_AGE_S: Final = 86400.0
+"""Largest time from the request of a fold to its end, in s, that the search for recently ended
+folds assumes; folds that took longer are missed. Chosen."""
+MAX_ENDED_FOLDS: Final = 500
+"""Maximum number of recently ended folds whose durations are read. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figures:
-    """What was counted at one moment.
+    """Counts at one moment.
 
     Attributes:
         folds: Number of folds by status, of all ``STATUSES``.
         movies: Number of movies by status.
-        oldest_queued_s: Age of the fold that waits for longest; 0 when none does.
-        storage_bytes: What the files of all folds take, with what was made of them.
-        workers: Workers that live.
-        computed_s: How long each of the folds took that ended lately, the least first.
+        oldest_queued_s: Age of the fold that waits longest, in s; 0 if none waits.
+        storage_bytes: Size of the files of all folds, with derived ones.
+        workers: Number of live workers.
+        computed_s: Computing time in s of each fold that ended recently, in ascending order.
     """
 
     folds: Mapping[str, int]
@@ -46,7 +52,7 @@ class Figures:
 
 
 class Stats:
-    """Counts, at most every ``KEPT_S``.
+    """Counts for operators, cached for ``FIGURES_CACHE_S``.
 
     It has a connection of its own: when a crowd holds all others, operators want to see it.
 
@@ -63,18 +69,18 @@ class Stats:
         self._bytes: tuple[float, int] | None = None
 
     def close(self) -> None:
-        """Lets go of the connection."""
+        """Close the connection."""
         self._engine.dispose()
 
     def figures(self) -> Figures:
-        """The figures, at most ``KEPT_S`` old.
+        """Return the figures, at most ``FIGURES_CACHE_S`` old.
 
         Raises:
             SQLAlchemyError: When the database does not answer.
         """
         with self._lock:
             now = time.monotonic()
-            if self._kept is None or now - self._kept[0] >= KEPT_S:
+            if self._kept is None or now - self._kept[0] >= FIGURES_CACHE_S:
                 self._kept = (now, self._count())
             return self._kept[1]
 
@@ -103,12 +109,12 @@ class Stats:
                 sa.select(took)
                 .where(
                     FoldRow.status.in_(ENDED),
-                    FoldRow.created_at > now - RECENT_WINDOW_S - LONGEST_S,
+                    FoldRow.created_at > now - RECENT_WINDOW_S - MAX_FOLD_AGE_S,
                     FoldRow.started_at.is_not(None),
                     FoldRow.ended_at > now - RECENT_WINDOW_S,
                 )
                 .order_by(FoldRow.ended_at.desc())
-                .limit(MOST_ENDED)
+                .limit(MAX_ENDED_FOLDS)
             ).all()
             taken = self._taken(session)
         return Figures(
@@ -122,7 +128,7 @@ class Stats:
 
     def _taken(self, session: Session) -> int:
         now = time.monotonic()
-        if self._bytes is None or now - self._bytes[0] >= SUM_KEPT_S:
+        if self._bytes is None or now - self._bytes[0] >= SIZE_CACHE_S:
             folds = sa.select(sa.func.sum(FoldRow.bytes + FoldRow.derived_bytes))
             movies = sa.select(sa.func.sum(MovieRow.bytes))
             self._bytes = (now, sum(int(session.scalar(each) or 0) for each in (folds, movies)))

@@ -102,12 +102,12 @@ class FoldRow(Base):
 
     @property
     def created(self) -> datetime:
-        """When it was asked for, with its time zone."""
+        """Time of the request, with its time zone."""
         return datetime.fromtimestamp(self.created_at, UTC)
 
     @property
     def over(self) -> bool:
-        """Whether it has come to its end, good or bad."""
+        """True if the fold has ended, verified or not."""
         return self.status in ENDED
 
 
@@ -134,7 +134,7 @@ class WorkerRow(Base):
 
 
 class MovieRow(Base):
-    """A movie of a fold that somebody asked for.
+    """A requested movie of a fold.
 
     ``id`` is the key of its options, which are ``wishes``; ``job`` the name of what makes it, whose
     end is that of its file; ``status`` one of ``queued``, ``running``, ``ready`` and ``failed``;
@@ -161,21 +161,21 @@ class MovieRow(Base):
 
     @property
     def file(self) -> str:
-        """What its file is called."""
+        """Name of its file."""
         return movie_file(self.job)
 
 
-MAKING = ("queued", "running")
-"""Statuses of movies that are not over."""
+UNFINISHED_MOVIE_STATUSES = ("queued", "running")
+"""Statuses of movies that have not ended."""
 
 
 def movie_file(job: str) -> str:
-    """What the file is called that a job makes: no other job's has the same name."""
+    """Return the name of a job's movie file, unique among all jobs."""
     return job.partition(".")[2]
 
 
 class PreviewRow(Base):
-    """A preview in the list of who has sent its upload, with what he looked at last.
+    """A preview in the list of its upload's owner, with the options last viewed.
 
     ``owner`` is the hash of his token; ``key`` stands for the options, which are the ``query`` of
     the page's address. Its files may be gone before: see ``server/files/previews.py``.
@@ -204,7 +204,7 @@ class CounterRow(Base):
 
 
 class SecretRow(Base):
-    """What all processes of the service know and nobody else."""
+    """Secret shared by all processes of the service."""
 
     __tablename__ = "secrets"
 
@@ -212,11 +212,11 @@ class SecretRow(Base):
     value: Mapped[bytes] = mapped_column(sa.LargeBinary)
 
 
-READ_ONLY: Final = "mode=ro&uri=true"
-"""Parameters of a SQLite database that is only read."""
-NO_LOG: Final = ("unable to open", "readonly database")
-"""Words of SQLite's error where a read-only directory lacks the files of a write-ahead log."""
-MIGRATING = 0x666F6C65
+READ_ONLY_QUERY: Final = "mode=ro&uri=true"
+"""URL parameters of a SQLite database that is only read."""
+MISSING_LOG_ERRORS: Final = ("unable to open", "readonly database")
+"""Texts in SQLite's error if a read-only directory lacks the files of a write-ahead log."""
+MIGRATION_LOCK = 0x666F6C65
 """Key of PostgreSQL's advisory lock under which tables are migrated."""
 
 
@@ -230,16 +230,16 @@ def engine_of(settings: Settings) -> sa.Engine:
 def read_only_engine(url: str) -> sa.Engine:
     """Return an engine that writes nothing, not even the write-ahead log of a SQLite database."""
     path = quote(sa.make_url(url).database or "")
-    engine = sa.create_engine(f"sqlite:///file:{path}?{READ_ONLY}", hide_parameters=True)
+    engine = sa.create_engine(f"sqlite:///file:{path}?{READ_ONLY_QUERY}", hide_parameters=True)
     try:
         with engine.connect() as connection:
             connection.exec_driver_sql("SELECT count(*) FROM sqlite_master")
     except OperationalError as error:
-        if not any(words in str(error.orig) for words in NO_LOG):
+        if not any(words in str(error.orig) for words in MISSING_LOG_ERRORS):
             return engine
         engine.dispose()
         return sa.create_engine(
-            f"sqlite:///file:{path}?{READ_ONLY}&immutable=1", hide_parameters=True
+            f"sqlite:///file:{path}?{READ_ONLY_QUERY}&immutable=1", hide_parameters=True
         )
     return engine
 
@@ -250,7 +250,7 @@ def is_read_only(engine: sa.Engine) -> bool:
 
 
 def engine_for(url: str) -> sa.Engine:
-    """An engine; SQLite gets a write-ahead log, patience with locks, and foreign keys.
+    """Return an engine; SQLite gets a write-ahead log, a lock timeout, and foreign keys.
 
     Its connections are enough for all threads of a web process where they cost little; those to a
     server are fewer, and one that is silent is given up.
@@ -290,7 +290,7 @@ def engine_for(url: str) -> sa.Engine:
 
 
 def migrate(engine: sa.Engine) -> None:
-    """Brings the tables to the newest schema; does nothing when they are.
+    """Migrate the tables to the newest schema, if they are older.
 
     Raises:
         NewerSchemaError: When a newer foldback wrote them.
@@ -305,7 +305,7 @@ def migrate(engine: sa.Engine) -> None:
             connection.exec_driver_sql("BEGIN IMMEDIATE")
         elif engine.dialect.name == "postgresql":
             connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
-            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MIGRATING)))
+            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MIGRATION_LOCK)))
         schema = Schema.of(connection)
         schema.check()
         if not schema.behind:
@@ -318,7 +318,7 @@ def migrate(engine: sa.Engine) -> None:
 
 
 def passes(error: BaseException) -> bool:
-    """Whether an error may be over soon: the database is away, locked, or has no room."""
+    """Return True if an error may be transient: the database is away, locked or full."""
     return isinstance(error, OperationalError | InterfaceError | PoolTimeoutError) or (
         isinstance(error, DBAPIError) and error.connection_invalidated
     )

@@ -19,9 +19,10 @@ from typing import IO, Final
 from planner.files import write_whole
 from server.settings import Settings
 
-MOST_WORKERS: Final = 256
-WHOLE_FILE: Final = struct.pack("hhqqi0q", F_WRLCK, os.SEEK_SET, 0, 0, 0)
-"""The kernel's ``struct flock`` for all of a file: type, whence, start, length, pid."""
+MAX_WORKERS_PER_MACHINE: Final = 256
+"""Maximum number of workers on one machine; another one fails to start. Chosen."""
+WHOLE_FILE_LOCK: Final = struct.pack("hhqqi0q", F_WRLCK, os.SEEK_SET, 0, 0, 0)
+"""The kernel's ``struct flock`` for a whole file: type, whence, start, length, pid."""
 
 
 class WorkerIdentities:
@@ -41,21 +42,21 @@ class WorkerIdentities:
         self._prefix = f"{socket.gethostname()[:100]}/{here}/"
 
     def take(self) -> WorkerIdentity:
-        """The identity of the lowest number whose lock nobody holds.
+        """Take the identity of the lowest free number.
 
         Raises:
             RuntimeError: When all are taken.
         """
-        for number in range(MOST_WORKERS):
+        for number in range(MAX_WORKERS_PER_MACHINE):
             lock = _lock(self._path(number))
             if lock is not None:
                 return WorkerIdentity(f"{self._prefix}{number}", lock)
         raise RuntimeError(
-            f"found {MOST_WORKERS} workers on {self._directory}, which is the limit."
+            f"found {MAX_WORKERS_PER_MACHINE} workers on {self._directory}, which is the limit."
         )
 
     def dead(self, names: Iterable[str]) -> set[str]:
-        """Those of the names that are of this machine and that no living worker holds."""
+        """Return the names of this machine that no living worker holds."""
         found: set[str] = set()
         for name in names:
             number = name.removeprefix(self._prefix)
@@ -77,14 +78,14 @@ class WorkerIdentity:
         self._lock = lock
 
     def close(self) -> None:
-        """Gives the name back."""
+        """Release the name."""
         self._lock.close()
 
 
 def _lock(path: Path) -> IO[str] | None:
     file = open(path, "w")  # noqa: SIM115 (the lock is held for the life of the process)
     try:
-        fcntl(file, F_OFD_SETLK, WHOLE_FILE)
+        fcntl(file, F_OFD_SETLK, WHOLE_FILE_LOCK)
     except OSError as error:
         file.close()
         if error.errno in (errno.EAGAIN, errno.EACCES):
@@ -94,10 +95,10 @@ def _lock(path: Path) -> IO[str] | None:
 
 
 def _locked(path: Path) -> bool:
-    """Whether a living process holds the lock of a file; it is not taken meanwhile."""
+    """Return True if a living process holds the lock of a file; the lock is not taken."""
     try:
         with open(path) as file:
-            found = fcntl(file, F_OFD_GETLK, WHOLE_FILE)
+            found = fcntl(file, F_OFD_GETLK, WHOLE_FILE_LOCK)
     except FileNotFoundError:
         return False
     return struct.unpack_from("h", found)[0] != F_UNLCK

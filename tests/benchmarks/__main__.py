@@ -26,6 +26,7 @@ from tests.benchmarks.service.views import views
 from tests.benchmarks.service.weights import weights
 from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.speed import speed
+from tests.benchmarks.success_map.published import published
 from tests.benchmarks.success_map.seeds import seeds
 from tests.benchmarks.sweeps import sweeps
 from tests.benchmarks.table.folds import table_folds, table_long_folds
@@ -70,6 +71,7 @@ SECTIONS = {
     "views": views,
     "direct": direct,
     "paper": paper,
+    "published": published,
 }
 
 

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.snake import snake_path
 from server.store.gallery import Gallery
@@ -303,8 +303,8 @@ def _large(directory: Path) -> Iterator[str]:
     chain = Chain.from_path(CellPath.from_cells(snake_path(LARGE), name="block"))
     share = np.linspace(0.0, 1.0, LARGE_FRAMES)
     poses = chain.folded_poses
-    frames = Frames.of_phase(
-        "playback",
+    frames = Motion.from_frames(
+        phase="playback",
         time_s=np.arange(LARGE_FRAMES) * 0.05,
         joint_angles_rad=share[:, None] * chain.folded_rad,
         root_position=np.tile(poses.positions[chain.root], (LARGE_FRAMES, 1)),

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from planner.motion.angle_steps import snapped
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan
 from tests.benchmarks.tables import Section
@@ -63,8 +63,8 @@ def _plan() -> Plan:
     knots = np.arange(0, FRAMES + KNOTS_EVERY, KNOTS_EVERY)
     walk = random.normal(scale=STEP_RAD, size=(len(knots), len(chain.folded_rad))).cumsum(axis=0)
     angles = snapped(CubicSpline(knots, np.clip(walk, -1.5, 1.5))(np.arange(FRAMES)))
-    frames = Frames.of_phase(
-        "playback",
+    frames = Motion.from_frames(
+        phase="playback",
         time_s=0.02 * np.arange(FRAMES),
         joint_angles_rad=angles,
         root_position=random.normal(size=(FRAMES, 3)),

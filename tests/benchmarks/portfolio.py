@@ -16,7 +16,6 @@ from typing import Any
 import trimesh
 from rich.console import Console
 
-from planner.motion.motion import motion_arrays
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
@@ -74,7 +73,7 @@ def _run(name: str, workers: int) -> dict[str, Any]:
             "seconds of each": " ".join(f"{seconds:.1f}" for seconds in tried),
             "wall s": wall,
             "cpu s": cpu,
-            "plan": [value.tobytes() for value in motion_arrays(plan.motion).values()],
+            "plan": [value.tobytes() for value in plan.motion.columns().values()],
         }
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from examples.run_gallery import SHAPES
 from planner.chain.chain import Chain
 from planner.clearance.sweep import Sweep, sweep
+from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.motion.windows import Windows
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
@@ -75,7 +75,7 @@ def _recorded() -> tuple[Chain, NDArray[np.float64]]:
 
 
 def _row(
-    section: Section, name: str, chain: Chain, motion: NDArray[Any] | Windows, size: float
+    section: Section, name: str, chain: Chain, motion: NDArray[Any] | Motion, size: float
 ) -> float:
     """Adds a row and returns its seconds, the least of some runs."""
     found, seconds = _timed(chain, motion, size)
@@ -96,7 +96,7 @@ def _row(
     return seconds
 
 
-def _timed(chain: Chain, motion: NDArray[Any] | Windows, size: float) -> tuple[Sweep, float]:
+def _timed(chain: Chain, motion: NDArray[Any] | Motion, size: float) -> tuple[Sweep, float]:
     begun = time.perf_counter()
     found = sweep(chain, motion, size=size)
     return found, time.perf_counter() - begun

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,13 +12,13 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
 from server.store.folds import new_token
-from tests.server.files.test_preview import stl
+from tests.server.files.test_preview import CROSS, stl, voxels
 from tests.server.service import SNAKE, Service, bearer, owner
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 Visit = Callable[..., Page]
 
-SIZES = {"phone": (390, 844), "laptop": (1440, 900)}
+SIZES = {"phone": (390, 844), "laptop": (1366, 768)}
 SCHEMES: dict[Any, dict[str, list[str]]] = {"light": {}, "dark": {"runOnly": ["color-contrast"]}}
 """The rules to run in each: only colours differ in the dark."""
 
@@ -59,6 +60,15 @@ def findings(page: Page) -> dict[str, list[str]]:
 )
 def test_pages_that_need_no_fold(visit: Visit, path: str) -> None:
     assert findings(visit(path)) == {}
+
+
+def test_the_api_with_an_operation_open(visit: Visit) -> None:
+    page = visit("/docs")
+    page.locator(".opblock").first.wait_for()
+    found = findings(page)
+    page.locator(".opblock-summary-control").first.click()
+    page.locator(".opblock-body").first.wait_for()
+    assert (found, findings(page)) == ({}, {})
 
 
 def test_the_paper_with_a_film_open(visit: Visit) -> None:
@@ -133,7 +143,7 @@ def test_landing_with_all_its_parts_open(visit: Visit) -> None:
 
 
 def test_preview(visit: Visit) -> None:
-    page = visit("/")
+    page = visit("/", view=False)
     page.locator("#file").set_input_files(
         {"name": "brick.stl", "mimeType": "application/octet-stream", "buffer": stl()}
     )
@@ -143,17 +153,29 @@ def test_preview(visit: Visit) -> None:
     page.locator(".more > summary").click()
     page.locator("#preset").select_option("paper")
     page.locator("#paper-settings > summary").click()
+    floating = findings(page)
+    page.locator("[name=world][value=table]").check(force=True)
+    page.locator("body:not(.busy-now)").wait_for()
+    expect(page.locator("#table-settings")).to_be_visible()
+    assert (floating, findings(page)) == ({}, {})
+
+
+def test_preview_without_a_path(visit: Visit, service: Service) -> None:
+    cross = ("cross.json", voxels(CROSS, name="Cross"))
+    preview = service.http.post("/api/shapes/preview", files={"file": cross}).json()
+    page = visit(preview["links"]["page"], view=False)
+    page.locator("#repairs .button").first.wait_for()
     assert findings(page) == {}
 
 
-def test_folds_that_are_verified_and_failed(visit: Visit, service: Service) -> None:
+def test_folds_that_are_verified_and_failed(visit: Visit, service: Service, tmp_path: Path) -> None:
     folds = {
         "good": service.fold(shape="wrench-24"),
         "bad": service.fold(shape="wrench-80", module_size=1.0),
     }
     for tone, fold in folds.items():
         service.wait_over(fold["id"])
-        page = visit(f"/folds/{fold['id']}")
+        page = visit(f"/folds/{fold['id']}", view=False)
         expect(page.locator("#verdict")).to_have_attribute("data-tone", tone)
         page.locator("#cover.gone").wait_for(state="attached")
         page.locator("#details").click()
@@ -173,8 +195,10 @@ def test_folds_that_are_verified_and_failed(visit: Visit, service: Service) -> N
             page.keyboard.press("Escape")
     assert findings(visit("/gallery?status=verified")) == {}
     both = f"a={folds['good']['id']}&b={folds['bad']['id']}"
-    for path in (f"/compare?{both}", f"/embed/{folds['good']['id']}"):
-        page = visit(path)
+    file = tmp_path / "fold.html"
+    file.write_bytes(service.http.get(f"/folds/{folds['good']['id']}/standalone.html").content)
+    for path in (f"/compare?{both}", f"/embed/{folds['good']['id']}", file.as_uri()):
+        page = visit(path, view=False)
         expect(page.locator("#play")).to_be_enabled()
         assert findings(page) == {}
 

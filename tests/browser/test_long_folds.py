@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from planner.chain.kinematics import forward_kinematics
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from tests.benchmarks.command import playing
 from tests.browser.conftest import bytes_fetched, keep
 from tests.planner import peels
@@ -35,12 +35,12 @@ CLICK = """([module, way]) => {
 
 
 @pytest.fixture(scope="module")
-def windows() -> Windows:
+def windows() -> Motion:
     return long_folds.fold(CHAIN, width=140, step=2.36)
 
 
 @pytest.fixture(scope="module")
-def address(windows: Windows, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def address(windows: Motion, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     directory = tmp_path_factory.mktemp("long")
     long_folds.write(directory / "timeline.zarr", CHAIN, windows)
     with playing(directory) as found:
@@ -48,7 +48,7 @@ def address(windows: Windows, tmp_path_factory: pytest.TempPathFactory) -> Itera
 
 
 def test_a_long_fold_opens_with_little_and_is_played(
-    visit: Visit, address: str, windows: Windows
+    visit: Visit, address: str, windows: Motion
 ) -> None:
     page = visit("/")
     fetched = bytes_fetched(page)
@@ -76,7 +76,7 @@ def test_a_long_fold_opens_with_little_and_is_played(
 
 
 def test_every_module_of_a_long_fold_can_be_clicked(
-    visit: Visit, address: str, windows: Windows
+    visit: Visit, address: str, windows: Motion
 ) -> None:
     page = visit("/")
     page.goto(address)

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from planner.certificate.metrics import Figures
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline
 from tests.browser.conftest import OPEN, keep, visits
 from tests.browser.test_accessibility import findings
@@ -33,9 +33,9 @@ def page(service: Service, wrench: str) -> Iterator[Page]:
 
 
 @pytest.fixture(scope="module")
-def frames(service: Service, wrench: str) -> Frames:
+def frames(service: Service, wrench: str) -> Motion:
     frames = Timeline.open(service.directory(wrench) / "timeline.zarr").frames()
-    assert isinstance(frames, Frames)
+    assert not frames.is_windowed
     return frames
 
 
@@ -72,7 +72,7 @@ def test_a_frame_is_typed(page: Page) -> None:
     assert shown_frame(page) == 30
 
 
-def test_keys_step_by_time_and_to_what_one_sees(page: Page, frames: Frames) -> None:
+def test_keys_step_by_time_and_to_what_one_sees(page: Page, frames: Motion) -> None:
     seek(page, 30)
     times = frames.time_s
     for key, seconds in (("Shift+ArrowRight", 0.1), (".", 1.0), (",", -1.0)):

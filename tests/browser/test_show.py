@@ -71,21 +71,21 @@ def whole_chain_in_view(shown: Shown) -> bool:
 
 @pytest.mark.long
 def test_somebody_scrubs_clicks_and_plays(page: Page, shown: Shown) -> None:
-    expect(page.get_by_text(f"Frame 0 of {LAST}")).to_be_visible()
+    expect(page.get_by_text(f"Frame 1 of {LAST + 1}")).to_be_visible()
     expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # a name stays a name
     until(page, lambda: len(shown._cameras._aspects) == 1 and whole_chain_in_view(shown))
     slider = page.get_by_role("slider")
     slider.focus()
     slider.press("End")
     until(page, lambda: shown.frame == LAST)
-    expect(page.get_by_text(f"Frame {LAST} of {LAST}")).to_be_visible()
+    expect(page.get_by_text(f"Frame {LAST + 1} of {LAST + 1}")).to_be_visible()
     until(page, lambda: whole_chain_in_view(shown))
     keep(page, "show")
 
     expect(page.locator("canvas").first).to_be_visible()
     page.mouse.click(295, 230)  # the nearest module
     until(page, lambda: shown._selected is not None)
-    expect(page.get_by_text(f"Module {shown._selected} of {len(SNAKE) - 1}")).to_be_visible()
+    expect(page.get_by_text(f"Module {shown._selected + 1} of {len(SNAKE)}")).to_be_visible()
     keep(page, "show-module")
 
     page.get_by_role("button", name="Play").click()  # from the first frame again

@@ -60,7 +60,7 @@ def test_messages_are_sentences(visit: Visit) -> None:
 def test_the_baseline_is_offered_and_its_failure_is_shown(visit: Visit, service: Service) -> None:
     page = visit("/")
     page.locator("details.options > summary").click()
-    page.locator("#preset").select_option(label="All joints at once (usually fails)")
+    page.locator("#preset").select_option(label="Direct servoing (usually fails)")
     page.locator("[data-shape=wrench-80]").click()
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "bad")
@@ -80,7 +80,7 @@ def test_the_baseline_is_offered_and_its_failure_is_shown(visit: Visit, service:
     keep(page, "fold-direct")
     page.locator("#details").click()
     page.locator("#tab-properties").click()
-    expect(page.locator("#panel-properties")).to_contain_text("All joints at once (usually fails)")
+    expect(page.locator("#panel-properties")).to_contain_text("Direct servoing")
     keep(page, "fold-direct-properties")
     label, value = (page.locator(f"#panel-properties .{part}").first for part in ("above", "below"))
     expect(label).to_have_text("Verdict")

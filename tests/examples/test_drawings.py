@@ -13,7 +13,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 @pytest.mark.parametrize(("name", "shape", "title"), PICTURES)
 def test_the_readme_shows_the_shapes_as_they_are(name: str, shape: str, title: str) -> None:
-    assert (DOCS / name).read_text(encoding="utf-8") == drawn(shape, title)
+    assert (DOCS / "pictures" / name).read_text(encoding="utf-8") == drawn(shape, title)
 
 
 def test_both_wrenches_have_the_same_cells() -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path
-from planner.motion.frames import Frames, Phase
+from planner.motion.motion import Motion, Phase
 from planner.simulation.reduced import State, turned
 
 Array = NDArray[np.float64]
@@ -99,11 +99,11 @@ def knotted(tail: int = 6) -> Chain:
 
 def in_place(
     phase: Phase, angles: Array, *, time_s: Array | None = None, error_rad: Array | None = None
-) -> Frames:
+) -> Motion:
     """Frames of a chain whose module 0 stays upright at the origin, a second apart if not told."""
     count = len(angles)
-    return Frames.of_phase(
-        phase,
+    return Motion.from_frames(
+        phase=phase,
         time_s=np.arange(count, dtype=np.float64) if time_s is None else time_s,
         joint_angles_rad=angles,
         root_position=np.zeros((count, 3)),

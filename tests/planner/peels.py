@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.motion.frames import PHASES
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from planner.pathfinding.snake import snake_path
 
 Array = NDArray[np.float64]
@@ -20,12 +19,12 @@ def snake(sides: tuple[int, int, int]) -> Chain:
     return Chain.from_path(Path.from_cells([tuple(cell) for cell in cells.tolist()], name="snake"))
 
 
-def windows_of(chain: Chain, first: list[int], angles: list[Array]) -> Windows:
+def windows_of(chain: Chain, first: list[int], angles: list[Array]) -> Motion:
     """Windows that begin at the hinges ``first`` and have the ``angles``."""
     count = len(first)
-    return Windows(
+    return Motion.from_windows(
         time_s=np.arange(count, dtype=np.float64),
-        phase=np.full(count, PHASES.index("explosion"), dtype=np.uint8),
+        phase="explosion",
         first=np.array(first, dtype=np.int64),
         offsets=np.concatenate([[0], np.cumsum([len(a) for a in angles])]).astype(np.int64),
         angles_rad=np.concatenate([np.zeros(0), *angles]).astype(np.float32),
@@ -34,7 +33,7 @@ def windows_of(chain: Chain, first: list[int], angles: list[Array]) -> Windows:
     )
 
 
-def peel(chain: Chain, *, width: int, step: float) -> Windows:
+def peel(chain: Chain, *, width: int, step: float) -> Motion:
     """Straightens a chain from its far end, the hinges of a window one after the other.
 
     A hinge has a share of its folded angle that falls evenly along the window, and the window goes

@@ -9,8 +9,7 @@ import numpy as np
 
 from planner.certificate.certificate import certify
 from planner.chain.chain import Chain
-from planner.motion.frames import Frames
-from planner.motion.motion import Motion
+from planner.motion.motion import FRAME_COLUMNS, Motion
 from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan
 
@@ -19,7 +18,7 @@ def changed(plan: Plan, **values: Any) -> Plan:
     """The plan with other values; columns of its frames may be among them."""
     columns = {name: values.pop(name) for name in list(values) if name in FRAME_COLUMNS}
     if columns:
-        values["motion"] = replace(plan.whole(), **columns)
+        values["motion"] = plan.whole().with_columns(**columns)
     return replace(plan, **values)
 
 
@@ -28,6 +27,3 @@ def unverified(chain: Chain, motion: Motion, parameters: Parameters) -> Plan:
     certificate = certify(chain, None, None, parameters)
     plan = Plan.assembled(chain, parameters, 0, None, None, certificate)
     return replace(plan, motion=motion, max_error_rad=np.full(len(motion), np.nan))
-
-
-FRAME_COLUMNS = frozenset(Frames.__dataclass_fields__)

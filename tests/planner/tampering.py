@@ -15,7 +15,7 @@ import zarr
 
 from planner import checked_zarr
 from planner.checked_zarr import checksums_of, open_for_writing
-from planner.pipeline.manifest import WHOLE, write_manifest
+from planner.pipeline.manifest import FILE_CONTENT, write_manifest
 from planner.plan.plan import read_values
 
 JSON = ("plan.json", "certificate.json", "chain.json", "request.json", "attempts.json")
@@ -165,7 +165,7 @@ def json_leaf(place: FilePath, random: Random) -> Change | None:
 
 def field_of(values: Any, key: Any) -> str:
     """What a manifest calls a value in a JSON file."""
-    return str(key) if isinstance(values, dict) else WHOLE
+    return str(key) if isinstance(values, dict) else FILE_CONTENT
 
 
 def json_field_gone(place: FilePath, random: Random) -> Change | None:

@@ -18,7 +18,7 @@ import uvicorn
 from server.cli.serve import server_of
 from server.ops.logs import TextLines
 from server.processes.fork_server import ForkServer
-from server.settings import PREFIX, Settings
+from server.settings import VARIABLE_PREFIX, Settings
 from tests.server.service import PATIENCE_S, Service
 
 NOWHERE = "NO_TEST_SETS_THIS_"
@@ -39,9 +39,9 @@ class ServiceHere(Service):
     def start(self, *arguments: str) -> ServiceHere:
         assert arguments[:1] in ((), ("--first-shape",)), "others are for a process: take a Service"
         given = {
-            name.removeprefix(PREFIX).lower(): value
+            name.removeprefix(VARIABLE_PREFIX).lower(): value
             for name, value in self.environment.items()
-            if name.startswith(PREFIX)
+            if name.startswith(VARIABLE_PREFIX)
         }
         self.settings = Settings(_env_prefix=NOWHERE, **{**given, "workers": 0})  # type: ignore[arg-type]
         self.settings.make_directories()

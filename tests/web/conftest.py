@@ -9,7 +9,7 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.snake import snake_path
 from planner.pipeline.request import Request
@@ -26,19 +26,19 @@ def chain() -> Chain:
     return Chain.from_path(CellPath.from_cells(SNAKE, name="snake"))
 
 
-def unfolding(chain: Chain, count: int) -> Frames:
+def unfolding(chain: Chain, count: int) -> Motion:
     """From folded to straight in even steps."""
     return _between(chain, "explosion", np.linspace(1.0, 0.0, count), 0.0)
 
 
-def folding(chain: Chain, count: int) -> Frames:
+def folding(chain: Chain, count: int) -> Motion:
     """From straight to folded; the error of the middle joint's first hinge grows evenly."""
     share = np.linspace(0.0, 1.0, count)
     frames = _between(chain, "playback", share, 10.0)
     error = np.zeros_like(frames.joint_angles_rad)
     error[:, 2 * (6 - 1)] = ERROR_AT_END * share
-    return Frames.of_phase(
-        "playback",
+    return Motion.from_frames(
+        phase="playback",
         time_s=frames.time_s,
         joint_angles_rad=frames.joint_angles_rad,
         root_position=frames.root_position,
@@ -47,11 +47,11 @@ def folding(chain: Chain, count: int) -> Frames:
     )
 
 
-def _between(chain: Chain, phase: str, share: np.ndarray, start_s: float) -> Frames:
+def _between(chain: Chain, phase: str, share: np.ndarray, start_s: float) -> Motion:
     poses = chain.folded_poses
     count = len(share)
-    return Frames.of_phase(
-        phase,  # type: ignore[arg-type]
+    return Motion.from_frames(
+        phase=phase,  # type: ignore[arg-type]
         time_s=start_s + np.arange(count) * 0.1,
         joint_angles_rad=share[:, None] * chain.folded_rad,
         root_position=np.tile(poses.positions[chain.root], (count, 1)),

@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.motion.frames import PHASES
+from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import TimelineWriter
-from planner.motion.windows import Windows
 from tests.planner import peels
 
 
 def fold(
     chain: Chain, *, width: int, step: float, base_moves: bool = False, off: float = 0.0
-) -> Windows:
+) -> Motion:
     """A chain straightened and folded again, at random a little beside the even way.
 
     With ``off`` its playback was simulated: that is the size of the joint errors.
@@ -26,10 +25,9 @@ def fold(
     noise = rng.normal(0.0, 0.01, len(there.angles_rad)).astype(np.float32)
     there = dataclasses.replace(there, angles_rad=there.angles_rad + noise)
     if base_moves:
-        turns = there.base_wxyz + rng.normal(0.0, 0.05, there.base_wxyz.shape)
-        there = dataclasses.replace(
-            there,
-            base_position=there.base_position + rng.normal(0.0, 0.1, there.base_position.shape),
+        turns = there.anchor_wxyz + rng.normal(0.0, 0.05, there.anchor_wxyz.shape)
+        there = there.with_columns(
+            base_position=there.anchor_position + rng.normal(0.0, 0.1, there.anchor_position.shape),
             base_wxyz=turns / np.linalg.norm(turns, axis=1, keepdims=True),
         )
     back = dataclasses.replace(
@@ -40,10 +38,10 @@ def fold(
     if off:
         errors = np.abs(rng.normal(0.0, off, len(back.angles_rad))).astype(np.float32)
         back = dataclasses.replace(back, errors_rad=errors)
-    return Windows.joined([there, back])
+    return Motion.joined([there, back])
 
 
-def write(path: Path, chain: Chain, windows: Windows) -> Path:
+def write(path: Path, chain: Chain, windows: Motion) -> Path:
     """A complete timeline of them."""
     with TimelineWriter.create(path, chain, windowed=True) as writer:
         for start in range(0, len(windows), 512):

@@ -29,7 +29,7 @@ from planner.chain.path import Path as CellPath
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError
 from planner.motion.timeline import chain_from_attributes
-from server.pages.failures import modules_from_one
+from server.pages.failures import count_from_one
 from server.pages.quantities import number, si
 from tests.planner import peels
 from tests.web import long_folds
@@ -40,7 +40,12 @@ from web.static_files import STATIC, scripts_of
 from web.timeline.columns import encode
 from web.timeline.frame_batch import batch_of
 from web.timeline.view import TimelineView
-from web.timeline.window_columns import PLANES, SHORT, window_columns, windows_of
+from web.timeline.window_columns import (
+    PLANE_COLUMNS,
+    SINGLE_BYTE_COLUMNS,
+    window_columns,
+    windows_of,
+)
 from web.viser.scene_bundle import bundle_of
 
 ROOT = Path(__file__).parents[2]
@@ -176,7 +181,9 @@ def windows() -> list[Vectors]:
             {
                 "name": name,
                 "bundle": text(bundle_of(chain, 40)),
-                "batch": text(encode(header, columns, planes=PLANES, short=SHORT)),
+                "batch": text(
+                    encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
+                ),
                 "frames": frames,
             }
         )
@@ -314,15 +321,18 @@ def quantities() -> list[Vectors]:
 
 
 def module_texts() -> list[list[str]]:
-    """Return texts of the planner, and the same as the server's pages count modules."""
+    """Return texts of the planner, and the same counted as on the server's pages."""
     texts = (
         "in the plan, modules 3 and 7 overlap by 0.02 pitch at module size 0.95",
         "Modules 0, 12, 202, 262 and 12 more",
         "modules 4 to 7, which come next: module 3 against 99, and 12 pairs more",
         "joint of module 9 stays bent by 12°",
         "160 modules, module size 0.95",
+        "cells 3 and 7 are both at (1, 2, 3); a path visits each cell once.",
+        "the link from cell 0 to cell 1 goes down",
+        "got 2 cells, expected at least 3: node 4 is missing",
     )
-    return [[text, modules_from_one(text)] for text in texts]
+    return [[text, count_from_one(text)] for text in texts]
 
 
 def timeline(path: Path) -> Vectors:

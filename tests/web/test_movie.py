@@ -24,7 +24,7 @@ from web.movies.encoding import (
 from web.movies.make_movie import frame_numbers, make_movie
 from web.movies.movie import Movie
 from web.movies.renderer import NoGLError, Stage
-from web.pictures.lighting import TABLES, THEMES
+from web.pictures.lighting import TABLE_THEMES, THEMES
 from web.timeline.view import TimelineView
 
 SMALL = {"width": 320, "height": 180, "seconds": 0.8, "fps": 10}
@@ -107,7 +107,7 @@ def test_dark_stands_on_dark_ground(timeline_path: Path, tmp_path: Path, backend
 def test_a_table_is_the_ground_of_a_fold_on_one(
     timeline_path: Path, tmp_path: Path, backend: str, theme: str
 ) -> None:
-    for on_table, themes in ((False, THEMES), (True, TABLES)):
+    for on_table, themes in ((False, THEMES), (True, TABLE_THEMES)):
         _, (picture, *_) = made(
             timeline_path,
             tmp_path / "fold.mp4",

@@ -10,9 +10,9 @@ from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from tests.web.test_scene_bundle import refused
 from web.pictures.camera import framing
-from web.pictures.colours import ERROR, NEUTRAL
+from web.pictures.colours import LARGEST_ERROR_RGB, NO_ERROR_RGB
 from web.timeline.columns import decode
-from web.viser.preview_scene import SIZE, preview_scene_of
+from web.viser.preview_scene import SCENE_SIZE, preview_scene_of
 
 ROW = [[x, 0, 0] for x in range(4)]
 
@@ -71,8 +71,10 @@ def test_cells_without_a_path_show_what_is_wrong_and_what_would_be_added() -> No
     assert "/added" in nodes
     # They are in the picture, too: the row and the cell beyond it fill the size.
     corners = np.array(header["corners"])
-    assert np.ptp(corners[:, 0]) + np.ptp(hull_of(header)[:, 0]) == pytest.approx(SIZE)
-    assert arrays["colours"].tolist() == [list(c) for c in (NEUTRAL, NEUTRAL, ERROR, NEUTRAL)]
+    assert np.ptp(corners[:, 0]) + np.ptp(hull_of(header)[:, 0]) == pytest.approx(SCENE_SIZE)
+    assert arrays["colours"].tolist() == [
+        list(c) for c in (NO_ERROR_RGB, NO_ERROR_RGB, LARGEST_ERROR_RGB, NO_ERROR_RGB)
+    ]
 
 
 def test_nothing_but_a_solid_is_a_scene_too() -> None:
@@ -88,7 +90,7 @@ def test_the_size_does_not_depend_on_the_number_of_modules(count: int) -> None:
     header, arrays, nodes = opened(report(cells=cells, positions=cells, line=cells))
     at = arrays[nodes["/cells"]["batched_positions"]["column"]].reshape(-1, 3)
     hull = hull_of(header)
-    assert np.ptp(at[:, 0]) + np.ptp(hull[:, 0]) == pytest.approx(SIZE, rel=1e-5)
+    assert np.ptp(at[:, 0]) + np.ptp(hull[:, 0]) == pytest.approx(SCENE_SIZE, rel=1e-5)
     assert np.ptp(np.array(header["corners"])[:, 0]) == pytest.approx(np.ptp(at[:, 0]), rel=1e-5)
     camera = header["camera"]
     view = framing(
@@ -98,7 +100,7 @@ def test_the_size_does_not_depend_on_the_number_of_modules(count: int) -> None:
         elevation_rad=camera["elevation_rad"],
         margin=tuple(camera["margin"]),
     )
-    assert view.distance > SIZE
+    assert view.distance > SCENE_SIZE
 
 
 def test_tetrahedra_lie_as_they_do_when_folded() -> None:

@@ -11,7 +11,7 @@ from viser import _messages as messages
 from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz
 from web.pictures.camera import framing
-from web.pictures.colours import UNKNOWN, instance_colours
+from web.pictures.colours import UNKNOWN_ERROR_RGB, instance_colours
 from web.timeline.view import TimelineView
 from web.viser.recording import look
 from web.viser.scene import Scene
@@ -26,7 +26,7 @@ def server() -> Iterator[viser.ViserServer]:
 
 def grey(chain: Chain) -> np.ndarray:
     """Colours that say that nothing is known."""
-    return np.tile(np.array(UNKNOWN, np.uint8), (len(chain), 1))
+    return np.tile(np.array(UNKNOWN_ERROR_RGB, np.uint8), (len(chain), 1))
 
 
 def sent(server: viser.ViserServer, kind: type) -> list[messages.Message]:
@@ -53,7 +53,7 @@ def test_colours_are_sent_as_linear_light(
     timeline = TimelineView(timeline_path)
     scene = Scene(server, chain)
     scene.show(timeline.snapshot(0), grey(chain))
-    linear = instance_colours(np.array([UNKNOWN], np.uint8))[0]
+    linear = instance_colours(np.array([UNKNOWN_ERROR_RGB], np.uint8))[0]
     assert (np.asarray(scene._modules.batched_colors) == linear).all()
 
 

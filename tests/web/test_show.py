@@ -23,10 +23,10 @@ from planner.progress import Progress
 from tests.planner.peels import snake
 from tests.web.conftest import ERROR_AT_END
 from web.pictures.colours import (
-    ERROR,
-    NEUTRAL,
-    SELECTED,
-    UNKNOWN,
+    LARGEST_ERROR_RGB,
+    NO_ERROR_RGB,
+    SELECTED_RGB,
+    UNKNOWN_ERROR_RGB,
     error_colours,
     instance_colours,
     ramp_colours,
@@ -34,7 +34,7 @@ from web.pictures.colours import (
 from web.timeline.moments import MotionMoments
 from web.timeline.view import TimelineView
 from web.viser import Live, Shown, show
-from web.viser.shown import ALONG
+from web.viser.shown import COLOUR_ALONG_CHAIN
 
 PATIENCE_S = 60.0
 
@@ -83,19 +83,19 @@ def test_a_frame_is_where_the_timeline_has_it(shown: Shown, timeline_path: Path)
     for frame in (0, 40, 199):
         shown.frame = frame
         assert np.allclose(positions(shown), view.snapshot(frame).positions, atol=1e-6)
-        assert shown._slider.value == frame
-        assert f"Frame {frame} of 199" in shown._text.content
+        assert shown._slider.value == frame + 1  # people count from 1
+        assert f"Frame {frame + 1} of 200" in shown._text.content
 
 
 @pytest.mark.parametrize(("asked", "got"), [(-5, 0), (10**12, 199)])
 def test_frames_that_are_not_there_are_the_nearest(shown: Shown, asked: int, got: int) -> None:
     shown.frame = asked
-    assert shown.frame == shown._slider.value == got
+    assert shown.frame == shown._slider.value - 1 == got
 
 
 def test_colours_tell_joint_errors_or_where_a_module_is(shown: Shown, chain: Chain) -> None:
     shown.frame = 50
-    assert (colours(shown) == linear(UNKNOWN)).all()  # nothing is off while it explodes
+    assert (colours(shown) == linear(UNKNOWN_ERROR_RGB)).all()  # nothing is off while it explodes
     assert "No joint error recorded" in shown._text.content
     shown.frame = 199
     carries = 6
@@ -103,9 +103,9 @@ def test_colours_tell_joint_errors_or_where_a_module_is(shown: Shown, chain: Cha
         colours(shown)[carries].tolist()
         == instance_colours(error_colours(np.array([ERROR_AT_END]), 5e-3))[0].tolist()
     )
-    assert colours(shown)[carries - 2].tolist() == linear(NEUTRAL) != linear(ERROR)
+    assert colours(shown)[carries - 2].tolist() == linear(NO_ERROR_RGB) != linear(LARGEST_ERROR_RGB)
     assert "0.003 rad" in shown._text.content
-    shown._colours.value = ALONG
+    shown._colours.value = COLOUR_ALONG_CHAIN
     ramp = instance_colours(ramp_colours(np.linspace(0.0, 1.0, len(chain))))
     assert (colours(shown) == ramp).all()
 
@@ -113,8 +113,8 @@ def test_colours_tell_joint_errors_or_where_a_module_is(shown: Shown, chain: Cha
 def test_a_module_that_is_clicked_on_tells_of_itself(shown: Shown) -> None:
     shown.frame = 199
     shown._select(6)
-    assert colours(shown)[6].tolist() == linear(SELECTED)
-    assert "**Module 6** of 15" in shown._module.content
+    assert colours(shown)[6].tolist() == linear(SELECTED_RGB)
+    assert "**Module 7** of 16" in shown._module.content
     assert "joint_6_z: " in shown._module.content
     assert f"error {ERROR_AT_END} rad" in shown._module.content
     shown._select(0)
@@ -183,9 +183,9 @@ def test_what_grows_is_followed(
 ) -> None:
     path, writer, add = growing
     with show(Timeline.open(path), port=0) as shown:
-        assert shown._slider.max == 9
+        assert shown._slider.max == 10
         add(5)
-        until(lambda: shown._slider.max == 14)
+        until(lambda: shown._slider.max == 15)
         assert shown.frame == 0
     writer.close()
 
@@ -198,7 +198,7 @@ def test_the_newest_frame_is_shown_until_somebody_looks_back(
         assert live._text.content == "Nothing to show yet."
         live(Progress(stage="play_back", fraction=0.25, directory=str(path.parent)))
         until(lambda: live.frame == 9)
-        until(lambda: live._text.content.startswith("Play back, 25%\n\n**Frame 9 of 9**"))
+        until(lambda: live._text.content.startswith("Play back, 25%\n\n**Frame 10 of 10**"))
         live.frame = 3
         add(5)
         until(lambda: live._last == 14)
@@ -228,7 +228,7 @@ def test_a_plan_is_posed_as_its_timeline(folded: tuple[Plan, Path]) -> None:
     with show(plan, port=0) as shown, show(directory, port=0) as whole:
         first = int(np.argmax(Timeline.open(directory / "timeline.zarr").frames().phase))
         assert whole._last == first + shown._last
-        assert shown._text.content.startswith("**Frame 0 of")
+        assert shown._text.content.startswith("**Frame 1 of")
         for frame in (0, shown._last // 2, shown._last):
             shown.frame, whole.frame = frame, first + frame
             # The plan has what the hinges should be, the timeline what a robot made of it.
@@ -241,7 +241,7 @@ def test_a_plan_from_a_file_has_no_errors_to_colour_by(folded: tuple[Plan, Path]
     assert np.isfinite(plan.motion.joint_error_rad).any()
     with show(Plan.load(directory / "plan.npz"), port=0) as shown:
         shown.frame = shown._last
-        assert (colours(shown) == linear(UNKNOWN)).all()
+        assert (colours(shown) == linear(UNKNOWN_ERROR_RGB)).all()
 
 
 def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:

@@ -7,7 +7,7 @@ from difflib import SequenceMatcher
 
 import pytest
 
-from web.static_files import COMMENT, STATIC, code_of, scripts_of, text_of
+from web.static_files import COMMENT_LINES, STATIC, code_of, scripts_of, text_of
 
 SCRIPTS = sorted(path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js"))
 MAX_SCRIPTS = {"compare": 22, "editor": 7, "embed": 25, "fold": 34, "landing": 17, "preview": 10}
@@ -40,7 +40,7 @@ export function say(text) {
 
 
 def test_only_lines_that_are_comments_go() -> None:
-    assert COMMENT.sub("", WRITTEN) == SENT
+    assert COMMENT_LINES.sub("", WRITTEN) == SENT
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

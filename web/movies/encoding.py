@@ -19,22 +19,26 @@ from web.movies.movie import Movie
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-QUALITY: Final = 19
-"""Constant rate factor of x264, at which no coding can be seen."""
-PRESET: Final = "veryfast"
-"""Preset of x264: twice as quick as the next, files no larger with pictures as plain as these."""
+X264_CRF: Final = 19
+"""Constant rate factor of x264, from 0 (lossless) to 51. A larger value makes smaller files; at
+this one no loss can be seen. Chosen."""
+X264_PRESET: Final = "veryfast"
+"""Speed preset of x264: twice as fast as the next slower one, and files no larger for pictures as
+plain as these. Measured."""
 FFMPEG_SETTING: Final = "IMAGEIO_FFMPEG_EXE"
-"""Environment variable with the path of an ffmpeg that goes before that on PATH."""
+"""Environment variable with the path of an ffmpeg that is preferred to the one on PATH."""
 MAX_PALETTE_COLOURS: Final = 255
-"""Colours of a GIF. A picture can have 256; one is left to Pillow for unchanged pixels."""
+"""Maximum number of colours of a GIF. The format permits 256; one is left to Pillow for unchanged
+pixels."""
 PALETTE_STRIDE: Final = 4
-"""Step between the rows, columns and pictures that the palette of a GIF is chosen from. Chosen."""
+"""Every so many rows, columns and pictures are sampled to choose the palette of a GIF. A larger
+value is faster and may miss colours. Chosen."""
 DITHER_AMPLITUDE: Final = 8.0
-"""Width of the pattern that is added before the colours of a GIF are rounded, in levels of 256.
-
-Larger values hide the borders between colours better, and show the pattern more. Chosen.
-"""
+"""Amplitude of the ordered dither that is added before the colours of a GIF are rounded, in levels
+of 256. A larger value hides borders between colours better, and makes the pattern more visible.
+Chosen."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
+"""Thresholds of the ordered dither: the 4×4 Bayer matrix."""
 
 
 class EncodingError(Exception):
@@ -46,7 +50,7 @@ class NoEncoderError(EncodingError):
 
 
 class Encoder(Protocol):
-    """Takes the pictures of a movie one by one; its file is whole once it is closed in order."""
+    """Encoder of a movie's pictures, one by one; its file is complete once it is closed."""
 
     def add(self, picture: NDArray[np.uint8]) -> None:
         """Add a picture.
@@ -102,7 +106,7 @@ class Mp4Encoder:
     """Encode an MP4 file by ffmpeg, as ``Encoder`` has it."""
 
     def __init__(self, movie: Movie, out: Path) -> None:
-        """Starts ffmpeg.
+        """Start ffmpeg.
 
         Raises:
             EncodingError: If it cannot be started.
@@ -225,7 +229,7 @@ def _options(movie: Movie) -> list[str]:
         *("-hide_banner", "-loglevel", "error", "-nostats", "-y"),
         *("-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", f"{movie.width}x{movie.height}"),
         *("-framerate", str(movie.fps), "-i", "-", "-an"),
-        *("-c:v", "libx264", "-preset", PRESET, "-crf", str(QUALITY)),
+        *("-c:v", "libx264", "-preset", X264_PRESET, "-crf", str(X264_CRF)),
         # What all players read, in the colours that they take such a file to have.
         *("-vf", "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p"),
         *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),

@@ -1,4 +1,4 @@
-"""Makes a movie of a timeline, picture by picture, without simulating anything."""
+"""Movies of a timeline, picture by picture, without a simulation."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from web.movies.renderer import Shot, Stage
 from web.pictures.camera import few_points
 from web.pictures.camera_path import CameraPath, camera_path
 from web.pictures.colours import error_colours
-from web.pictures.lighting import TABLES, THEMES
-from web.pictures.visible import MOST_DRAWN, visible_modules
+from web.pictures.lighting import TABLE_THEMES, THEMES
+from web.pictures.visible import MAX_FULLY_DRAWN_MODULES, visible_modules
 from web.timeline.view import Snapshot, TimelineView
 
 Array = NDArray[np.float64]
 
-REST: Final = ((0.4, 0.05), (1.2, 0.15))
-"""(seconds, share of the movie) that it stands still at the beginning, and at the end, at most."""
+STILL_S: Final = ((0.4, 0.05), (1.2, 0.15))
+"""Still time at the beginning and at the end of a movie: (seconds, and at most this fraction of the
+movie). Larger values leave less time for the motion. Chosen."""
 
 
 def make_movie(
@@ -36,13 +37,13 @@ def make_movie(
     progress: Callable[[int], None],
     cancelled: Callable[[], bool],
 ) -> bool:
-    """Makes a movie.
+    """Make a movie.
 
     Args:
         directory: The timeline's.
-        movie: What it is to be.
+        movie: Options of the movie.
         out: The file to write.
-        on_table: Whether the chain folds on a table, whose top is the ground then.
+        on_table: True if the chain folds on a table, whose top is the ground then.
         backend: ``egl`` or ``osmesa``.
         progress: Told the number of pictures that are done.
         cancelled: Asked often whether it is not wanted any more.
@@ -63,10 +64,10 @@ def make_movie(
     frames = frame_numbers(timeline, movie)
     with Stage(
         timeline.chain.module,
-        min(len(timeline.chain), MOST_DRAWN),
+        min(len(timeline.chain), MAX_FULLY_DRAWN_MODULES),
         width=movie.width,
         height=movie.height,
-        theme=(TABLES if on_table else THEMES)[movie.theme],
+        theme=(TABLE_THEMES if on_table else THEMES)[movie.theme],
         backend=backend,
     ) as stage:
         path = _path(timeline, movie, frames)
@@ -83,14 +84,14 @@ def make_movie(
 
 
 def frame_numbers(timeline: TimelineView, movie: Movie) -> Array:
-    """(K,) the frame of the timeline that each picture shows, not whole between two.
+    """Return (K,) the frame of the timeline that each picture shows, not whole between two.
 
     The movie rests a moment at both ends, so that the eye has time for them.
     """
     phases = timeline.outline(1)["phases"]
     playback = next((p["from"] for p in phases if p["name"] == "playback"), 0)
     first, last = movie.frames(len(timeline), playback)
-    still = [min(seconds, share * movie.seconds) * movie.fps for seconds, share in REST]
+    still = [min(seconds, share * movie.seconds) * movie.fps for seconds, share in STILL_S]
     moving = max(movie.count - 1 - sum(still), 1e-9)
     share = np.clip((np.arange(movie.count) - still[0]) / moving, 0.0, 1.0)
     return np.asarray(first + (last - first) * share, np.float64)

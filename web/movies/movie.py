@@ -1,4 +1,4 @@
-"""Movie: what somebody wants a movie of a fold to be, and the bounds of that."""
+"""Movie: options of a movie, and their bounds."""
 
 from __future__ import annotations
 
@@ -13,20 +13,30 @@ from planner.errors import InputError
 Format = Literal["mp4", "gif"]
 Theme = Literal["light", "dark"]
 FORMATS: Final = ("mp4", "gif")
-THEMES: Final = ("light", "dark")
-PLAIN: Final[dict[str, dict[str, float]]] = {
+MOVIE_THEMES: Final = ("light", "dark")
+DEFAULT_OPTIONS: Final[dict[str, dict[str, float]]] = {
     "mp4": {"width": 1280, "height": 720, "fps": 30, "seconds": 10.0},
     "gif": {"width": 640, "height": 360, "fps": 15, "seconds": 6.0},
 }
-"""Width, height and frames per second of each format, if nothing else is asked for."""
-SMALLEST: Final = 64
-LARGEST: Final[dict[str, tuple[int, int]]] = {"mp4": (1920, 1080), "gif": (960, 720)}
-"""Longer and shorter side: a movie may stand upright as well."""
-MOST_FPS: Final[dict[str, int]] = {"mp4": 60, "gif": 25}
-SHORTEST_S: Final = 0.1
-LONGEST_S: Final[dict[str, float]] = {"mp4": 60.0, "gif": 20.0}
-ELEVATIONS: Final = (-10.0, 85.0)
-MOST_TURN: Final = 720.0
+"""Width and height in pixels, frames per second and duration in s of each format, if nothing else
+is asked for. Chosen."""
+MIN_SIDE_PX: Final = 64
+"""Minimum width and height of a movie, in pixels. Chosen."""
+MAX_SIDES_PX: Final[dict[str, tuple[int, int]]] = {"mp4": (1920, 1080), "gif": (960, 720)}
+"""Maximum of the longer and the shorter side of a movie by format, in pixels; a movie may be
+upright as well. Larger values take more time and memory to draw. Chosen."""
+MAX_FPS: Final[dict[str, int]] = {"mp4": 60, "gif": 25}
+"""Maximum number of frames per second by format. Larger values take longer to draw and make larger
+files. Chosen."""
+MIN_MOVIE_S: Final = 0.1
+"""Minimum duration of a movie, in s. Chosen."""
+MAX_MOVIE_S: Final[dict[str, float]] = {"mp4": 60.0, "gif": 20.0}
+"""Maximum duration of a movie by format, in s. A larger value takes a worker longer. Chosen."""
+ELEVATION_RANGE_DEG: Final = (-10.0, 85.0)
+"""Smallest and largest elevation of a movie's camera above the horizon, in degrees. Chosen."""
+MAX_TURN_DEG: Final = 720.0
+"""Maximum angle by which the camera goes around the chain in the course of a movie, in degrees.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,13 +45,13 @@ class Movie:
 
     Attributes:
         format: ``mp4``, or ``gif``.
-        width: Of a picture in pixels, even.
-        height: Of a picture in pixels, even.
+        width: Width of a picture, pixels; even.
+        height: Height of a picture, pixels; even.
         fps: Pictures a second.
-        seconds: How long it lasts.
+        seconds: Duration, s.
         azimuth_deg: Direction that the end is seen from; chosen from the shape when None.
-        elevation_deg: How far above the ground the camera looks from.
-        turn_deg: How far the camera goes around the chain during the movie.
+        elevation_deg: Elevation of the camera above the horizon, degrees.
+        turn_deg: Angle by which the camera goes around the chain, degrees.
         theme: ``light``, or ``dark``.
         first_frame: Frame of the timeline to begin with; of the playback's first when None.
         last_frame: Frame to end with; the timeline's last when None. Before the first one, it runs
@@ -62,13 +72,13 @@ class Movie:
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> Self:
-        """A movie with what was wished for, the rest as is plain for its format.
+        """Return a movie with what was wished for, the rest as is plain for its format.
 
         Raises:
             InputError: When it is beyond the bounds.
         """
         given = {name: value for name, value in options.items() if value is not None}
-        plain = PLAIN.get(str(given.get("format", "mp4")), PLAIN["mp4"])
+        plain = DEFAULT_OPTIONS.get(str(given.get("format", "mp4")), DEFAULT_OPTIONS["mp4"])
         movie = cls(**{**plain, **given})  # pyright: ignore[reportArgumentType]
         movie.check()
         return movie
@@ -85,16 +95,16 @@ class Movie:
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
     def check(self) -> None:
-        """Checks the bounds.
+        """Check the bounds.
 
         Raises:
             InputError: Saying what was got and what is expected.
         """
         _one_of("format", self.format, FORMATS)
-        _one_of("theme", self.theme, THEMES)
-        longer, shorter = LARGEST[self.format]
+        _one_of("theme", self.theme, MOVIE_THEMES)
+        longer, shorter = MAX_SIDES_PX[self.format]
         for name, value in (("width", self.width), ("height", self.height)):
-            _within(name, value, SMALLEST, longer, " pixels")
+            _within(name, value, MIN_SIDE_PX, longer, " pixels")
             if value % 2:
                 raise InputError(
                     "bad-movie", f"got {value} pixels, expected an even number.", where=name
@@ -106,15 +116,15 @@ class Movie:
                 f"(or {shorter}×{longer}) for {self.format.upper()}.",
                 where="height",
             )
-        _within("fps", self.fps, 1, MOST_FPS[self.format], " pictures per second")
-        _within("seconds", self.seconds, SHORTEST_S, LONGEST_S[self.format], " s")
+        _within("fps", self.fps, 1, MAX_FPS[self.format], " pictures per second")
+        _within("seconds", self.seconds, MIN_MOVIE_S, MAX_MOVIE_S[self.format], " s")
         if self.azimuth_deg is not None:
             _within("azimuth_deg", self.azimuth_deg, -360, 360, "°")
-        _within("elevation_deg", self.elevation_deg, *ELEVATIONS, "°")
-        _within("turn_deg", self.turn_deg, -MOST_TURN, MOST_TURN, "°")
+        _within("elevation_deg", self.elevation_deg, *ELEVATION_RANGE_DEG, "°")
+        _within("turn_deg", self.turn_deg, -MAX_TURN_DEG, MAX_TURN_DEG, "°")
 
     def frames(self, total: int, playback: int) -> tuple[int, int]:
-        """The first and the last frame of a timeline that it shows.
+        """Return the first and the last frame of a timeline that it shows.
 
         Args:
             total: Frames that there are.

@@ -1,4 +1,4 @@
-"""Stage: draws a chain offscreen with MuJoCo's renderer, in the look of the page.
+"""Stage: a chain drawn offscreen by MuJoCo's renderer, in the look of the page.
 
 Nothing is simulated: the modules are put into MuJoCo's scene where the timeline says they are.
 """
@@ -16,11 +16,11 @@ from planner.chain.module import Module
 from planner.chain.rotations import matrix_from_wxyz
 from planner.simulation.mujoco import mujoco
 from web.pictures.camera import FIELD_OF_VIEW_RAD, View
-from web.pictures.colours import FIRST, LAST
-from web.pictures.ground_shadow import CELLS, ground_shadow
+from web.pictures.colours import FIRST_MODULE_RGB, LAST_MODULE_RGB
+from web.pictures.ground_shadow import SHADOW_CELLS, ground_shadow
 from web.pictures.lighting import (
-    LEAN,
-    UP,
+    SHADOW_SHIFT_PER_HEIGHT,
+    UPWARD,
     Theme,
     fill_light,
     key_light,
@@ -28,14 +28,15 @@ from web.pictures.lighting import (
     share_left,
     unit,
 )
-from web.pictures.meshes import SHOWN_SIZE, stud_mesh
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE, stud_mesh
 from web.pictures.module_faces import module_faces
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
-SAMPLES: Final = 4
-"""Samples of a pixel. Software GL has at most 4; without them edges crawl as modules turn."""
+SAMPLES_PER_PIXEL: Final = 4
+"""Samples of each pixel (OpenGL multisampling). Without them edges flicker as modules turn; OpenGL
+in software has at most 4."""
 
 
 class NoGLError(Exception):
@@ -44,7 +45,7 @@ class NoGLError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Shot:
-    """What one picture shows.
+    """Content of one picture.
 
     Attributes:
         positions: (m, 3) centres in pitches of the modules that are drawn.
@@ -64,16 +65,16 @@ class Shot:
 
 
 class Stage:
-    """Holds the OpenGL context and what it draws; use it in one thread and close it there."""
+    """OpenGL context with the drawn chain; use it in one thread and close it there."""
 
     def __init__(
         self, module: Module, modules: int, *, width: int, height: int, theme: Theme, backend: str
     ) -> None:
-        """Opens an offscreen window.
+        """Open an offscreen window.
 
         Args:
             module: The kind of module.
-            modules: How many are drawn at most.
+            modules: Maximum number of drawn modules.
             width: Width of a picture in pixels.
             height: Its height.
             theme: The colours of the ground and the light.
@@ -97,7 +98,7 @@ class Stage:
         self._mesh_at = self._model.mesh_pos.copy()
         self._mesh_turn = matrix_from_wxyz(self._model.mesh_quat)
         self._ends = [self._mesh(len(self._pieces)) for _ in range(2)]
-        for end, colour in zip(self._ends, (FIRST, LAST), strict=True):
+        for end, colour in zip(self._ends, (FIRST_MODULE_RGB, LAST_MODULE_RGB), strict=True):
             end.rgba[:3] = np.array(colour) / 255.0
         self._shade, self._ground = self._plane(0), self._plane(1)
         # They come last: what a picture does not need is cut off.
@@ -168,7 +169,7 @@ class Stage:
 
     def _place_ends(self, ends: Array) -> None:
         """Studs on the free faces: behind the first module, before the last one."""
-        reach = SHOWN_SIZE * float(np.abs(self._module.vertices[:, 0]).max())
+        reach = DISPLAYED_MODULE_SIZE * float(np.abs(self._module.vertices[:, 0]).max())
         for geom, end, turn in zip(self._ends, ends, (_HALF_TURN, np.eye(3)), strict=True):
             frame = matrix_from_wxyz(end[3:]) @ turn
             geom.pos = end[:3] + reach * frame[:, 0] + frame @ self._mesh_at[-1]
@@ -176,7 +177,9 @@ class Stage:
 
     def _place_ground(self, shot: Shot) -> None:
         shadow = ground_shadow(
-            shot.positions, ground=shot.ground, lean=-LEAN * key_light(shot.view)[:2]
+            shot.positions,
+            ground=shot.ground,
+            lean=-SHADOW_SHIFT_PER_HEIGHT * key_light(shot.view)[:2],
         )
         self._paint(shade_colours(shadow, self._theme))
         half = shadow.side / 2
@@ -202,7 +205,7 @@ class Stage:
 
     def _look(self, view: View) -> None:
         forward = unit(view.target - view.position)
-        right = unit(np.cross(forward, UP))
+        right = unit(np.cross(forward, UPWARD))
         near = 0.02 * view.distance
         half = near * float(np.tan(FIELD_OF_VIEW_RAD / 2))
         for camera in self._scene.camera:
@@ -225,17 +228,17 @@ def _shine(light: Any, towards: Array, diffuse: Array) -> None:
 
 
 def _model(module: Module, theme: Theme, *, width: int, height: int) -> Any:
-    """A model of nothing but what is drawn: meshes and textures."""
+    """Return a model of nothing but what is drawn: meshes and textures."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-    spec.visual.quality.offsamples = SAMPLES
+    spec.visual.quality.offsamples = SAMPLES_PER_PIXEL
     spec.visual.headlight.active = 0
     for k, piece in enumerate(module_faces(module)):
         added = _add_mesh(spec, f"face_{k}", piece.vertices, piece.triangles)
         added.usernormal = piece.normals.ravel()
     stud = stud_mesh()
     _add_mesh(spec, "end", stud.vertices, stud.faces)
-    for name, cells in (("shade", CELLS), ("ground", 2)):
+    for name, cells in (("shade", SHADOW_CELLS), ("ground", 2)):
         texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D)
         texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
         texture.width = texture.height = cells

@@ -13,16 +13,25 @@ from planner.chain.chain import Chain
 Array = NDArray[np.float64]
 
 FIELD_OF_VIEW_RAD: Final = np.deg2rad(32.0)
+"""Field of view of all cameras, from bottom to top, in rad. A larger value shows more and
+exaggerates perspective. Chosen."""
 AZIMUTH_RAD: Final = np.deg2rad(-62.0)
+"""Default direction of the camera around the vertical, in rad from the x axis. Chosen."""
 ELEVATION_RAD: Final = np.deg2rad(24.0)
-TURN_RAD_S: Final = np.deg2rad(5.0)
-MOST_POINTS: Final = 600
-WIDE: Final = 1.6
-LEAST_STRETCH: Final = 40
-"""Straight modules of a long fold that stay in view, at least."""
+"""Default elevation of the camera above the horizon, in rad. Chosen."""
+ORBIT_SPEED_RAD_S: Final = np.deg2rad(5.0)
+"""Angular speed of the camera around the chain while a page plays by itself, in rad/s. Chosen."""
+MAX_FRAMED_POINTS: Final = 600
+"""Maximum number of module centres from which a camera's distance is computed; of longer chains a
+sample is taken. A larger value frames more exactly and takes longer. Chosen."""
+DEFAULT_ASPECT: Final = 1.6
+"""Width of a picture divided by its height, if it is not known. Chosen."""
+MIN_STRAIGHT_MODULES: Final = 40
+"""Minimum number of straight modules that stay in view beside the folded part of a long chain. A
+larger value shows the folded part smaller. Chosen."""
 
 
-_WAYS: Final = np.array(
+_DIRECTIONS_13: Final = np.array(
     [
         *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
         *((0, 1, 1), (0, 1, -1), (1, 0, 1), (1, 0, -1), (1, 1, 0), (1, -1, 0)),
@@ -34,7 +43,7 @@ _WAYS: Final = np.array(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class View:
-    """Where a camera stands and looks: ``target`` (3,), direction angles and distance."""
+    """Position and direction of a camera: ``target`` (3,), direction angles and distance."""
 
     target: Array
     azimuth_rad: float
@@ -50,25 +59,25 @@ class View:
 def few_points(points: NDArray[np.floating[Any]]) -> Array:
     """Up to some hundreds of points that stand for (n, 3) points.
 
-    They are every so many-th, and where all end, either way, along each of ``_WAYS``.
+    They are every so many-th, and where all end, either way, along each of ``_DIRECTIONS_13``.
     """
-    by = max(1, len(points) // MOST_POINTS)
+    by = max(1, len(points) // MAX_FRAMED_POINTS)
     some = points[::by].astype(np.float64)
     if by == 1:
         return some
-    along = points.astype(np.float64) @ _WAYS.T
+    along = points.astype(np.float64) @ _DIRECTIONS_13.T
     ends = np.stack([along.argmin(axis=0), along.argmax(axis=0)], axis=1).ravel()
     return np.concatenate([some, points[ends].astype(np.float64)])
 
 
 def straight_stretch(chain: Chain) -> int:
-    """How many straight modules a camera keeps in view beside what is folded, in a long fold."""
+    """Return the number of straight modules kept in view beside a long fold's folded part."""
     extent = float(np.ptp(chain.folded_poses.positions, axis=0).max())
-    return max(LEAST_STRETCH, round(1.5 * extent))
+    return max(MIN_STRAIGHT_MODULES, round(1.5 * extent))
 
 
 def modules_framed(chain: Chain, last: int, stretch: int) -> int:
-    """How many modules, from the first on, a camera should show of a chain that is long.
+    """Return the number of modules, from the first on, that a camera shows of a long chain.
 
     A chain of ten thousand that is shown whole is a line thinner than a pixel: the camera keeps to
     what is folded or moves, and to a stretch of what is straight.
@@ -76,7 +85,7 @@ def modules_framed(chain: Chain, last: int, stretch: int) -> int:
     Args:
         chain: The chain.
         last: The hinge from which on all are straight.
-        stretch: What ``straight_stretch`` says of the chain.
+        stretch: Result of ``straight_stretch`` for the chain.
     """
     module = chain.module
     bent = module.rigid_links + -(-last // module.hinges_per_joint) + 1
@@ -87,18 +96,18 @@ def framing(
     points: Array,
     *,
     radius: float,
-    aspect: float = WIDE,
+    aspect: float = DEFAULT_ASPECT,
     azimuth_rad: float | None = None,
     elevation_rad: float = ELEVATION_RAD,
     margin: tuple[float, float] = (0.9, 0.72),
 ) -> View:
-    """The nearest view that shows all points.
+    """Return the nearest view that shows all points.
 
     A long chain is looked at from its side, on a tall window from nearer its end.
 
     Args:
         points: (n, 3) centres.
-        radius: How far a module reaches from its centre.
+        radius: Radius of a module around its centre, pitches.
         aspect: Width of the window by its height.
         azimuth_rad: Direction to look from; chosen from the points when None.
         elevation_rad: Angle above the ground to look from.
@@ -136,7 +145,7 @@ def framing(
 
 
 def distance_needed(points: Array, view: View, *, radius: float, aspect: float) -> float:
-    """The least distance from which a view cuts nothing off, for the target that it has."""
+    """Return the least distance from which a view cuts nothing off, for the target that it has."""
     out = _outward(view.azimuth_rad, view.elevation_rad)
     right = np.array([-np.sin(view.azimuth_rad), np.cos(view.azimuth_rad), 0.0])
     off = few_points(points) - view.target

@@ -1,4 +1,4 @@
-"""Camera path: the camera of a whole movie, which knows what comes and what was.
+"""Camera path: the camera of a whole movie, smoothed over past and future.
 
 A camera that follows a live view can only lag behind. This one is smoothed over the whole movie at
 once, the same forwards and backwards in time, and never cuts anything off.
@@ -18,24 +18,31 @@ from web.pictures.camera import View, distance_needed, framing
 
 Array = NDArray[np.float64]
 
-SMOOTH_S: Final = 0.5
-"""Standard deviation, in seconds of the movie, of the filter that smooths a camera's way."""
-TURNING_S: Final = 1.2
-"""Standard deviation of the filter that smooths its direction."""
-LONGEST_SHARE: Final = 0.05
-"""Share of the movie that a standard deviation may be, so that short ones still zoom in."""
-REACH: Final = 3.0
-"""Standard deviations at which the filters are cut off."""
-MARGIN: Final = (0.88, 0.82)
-"""Shares of the width and the height of a picture that are filled."""
-ROOM: Final = 1.12
-"""Factor of the distance at which all would just fit in."""
-GROUND_GAP: Final = 0.35
+POSITION_SMOOTHING_S: Final = 0.5
+"""Standard deviation of the Gaussian filter that smooths a camera's target and distance, in seconds
+of the movie. A larger value makes it calmer, and follow later. Chosen."""
+DIRECTION_SMOOTHING_S: Final = 1.2
+"""Standard deviation of the Gaussian filter that smooths a camera's direction, in seconds of the
+movie. Chosen."""
+MAX_SMOOTHING_FRACTION: Final = 0.05
+"""Maximum of ``POSITION_SMOOTHING_S`` as a fraction of the movie, and half of that of the
+direction, so that the camera of a short movie still zooms in. Chosen."""
+FILTER_TRUNCATION_SIGMA: Final = 3.0
+"""Standard deviations at which these filters are cut off (scipy's ``truncate``). Chosen."""
+MOVIE_FILL: Final = (0.88, 0.82)
+"""Fractions of a movie's width and height that the chain fills. Smaller values leave a wider
+margin. Chosen."""
+DISTANCE_RESERVE: Final = 1.12
+"""Distance of the camera as a multiple of that at which the chain just fits into the picture. A
+larger value shows it smaller. Chosen."""
+GROUND_GAP_PITCH: Final = 0.35
+"""Height of the lowest module above the ground in movies and pictures of floating chains, in
+pitches. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CameraPath:
-    """Where the camera and the ground are in each picture.
+    """Camera and height of the ground in each picture of a movie.
 
     Attributes:
         views: K cameras, in pitches.
@@ -57,21 +64,21 @@ def camera_path(
     elevation_rad: float,
     turn_rad: float,
 ) -> CameraPath:
-    """The camera of a movie.
+    """Return the camera of a movie.
 
     Args:
         pictures: K times (n, 3) centres of some or all modules.
         lows: (K,) heights of the lowest centre of all.
-        radius: How far a module reaches from its centre.
+        radius: Radius of a module around its centre, pitches.
         aspect: Width of a picture by its height.
         fps: Pictures a second.
         azimuth_rad: Direction that the last picture is seen from; chosen from the points when None.
         elevation_rad: Angle above the ground to look from.
-        turn_rad: How far the camera goes around on its way.
+        turn_rad: Angle by which the camera goes around, rad.
     """
     count = len(pictures)
-    smooth = min(SMOOTH_S * fps, LONGEST_SHARE * count)
-    turning = min(TURNING_S * fps, 2 * LONGEST_SHARE * count)
+    smooth = min(POSITION_SMOOTHING_S * fps, MAX_SMOOTHING_FRACTION * count)
+    turning = min(DIRECTION_SMOOTHING_S * fps, 2 * MAX_SMOOTHING_FRACTION * count)
     azimuths = np.full(count, azimuth_rad or 0.0)
     if azimuth_rad is None:
         wished = [framing(p, radius=radius, aspect=aspect).azimuth_rad for p in pictures]
@@ -84,14 +91,17 @@ def camera_path(
             aspect=aspect,
             azimuth_rad=float(azimuth),
             elevation_rad=elevation_rad,
-            margin=MARGIN,
+            margin=MOVIE_FILL,
         )
         for points, azimuth in zip(pictures, azimuths, strict=True)
     ]
     targets = _smooth(np.array([view.target for view in wanted]), smooth)
     aimed = [replace(view, target=t) for view, t in zip(wanted, targets, strict=True)]
     needed = [
-        max(view.distance, ROOM * distance_needed(points, view, radius=radius, aspect=aspect))
+        max(
+            view.distance,
+            DISTANCE_RESERVE * distance_needed(points, view, radius=radius, aspect=aspect),
+        )
         for points, view in zip(pictures, aimed, strict=True)
     ]
     # In the logarithm, so that coming nearer looks as even as going away.
@@ -100,17 +110,19 @@ def camera_path(
         views=tuple(
             replace(view, distance=float(d)) for view, d in zip(aimed, distances, strict=True)
         ),
-        grounds=-_above(0.5 + GROUND_GAP - lows, smooth),
+        grounds=-_above(0.5 + GROUND_GAP_PITCH - lows, smooth),
     )
 
 
 def _smooth(values: Array, deviation: float) -> Array:
     """(K, …) values smoothed along the first axis; at rest at both ends."""
-    return gaussian_filter1d(values, deviation, axis=0, mode="nearest", truncate=REACH)
+    return gaussian_filter1d(
+        values, deviation, axis=0, mode="nearest", truncate=FILTER_TRUNCATION_SIGMA
+    )
 
 
 def _above(values: Array, deviation: float) -> Array:
-    """(K,) smooth values that are nowhere below those given."""
-    reach = int(REACH * deviation + 0.5)
+    """Return (K,) smooth values that are nowhere below those given."""
+    reach = int(FILTER_TRUNCATION_SIGMA * deviation + 0.5)
     highest = maximum_filter1d(values, 2 * reach + 1, mode="nearest")
     return _smooth(highest, deviation)

@@ -7,17 +7,19 @@ from typing import Final
 
 from PIL import Image, ImageDraw, ImageFont
 
-GOOD: Final = (30, 122, 60)
-BAD: Final = (190, 24, 30)
-QUIET: Final = (92, 96, 104)
-INK: Final = (28, 31, 36)
-PAPER: Final = (252, 251, 249)
-HEIGHT: Final = 108
-"""Pixels of the band at the bottom."""
-BAND: Final = 84
-"""Pixels of the red band at the top of the picture of a failed fold."""
-LEFT: Final = 40
+VERIFIED_RGB: Final = (30, 122, 60)
+FAILED_RGB: Final = (190, 24, 30)
+DETAIL_RGB: Final = (92, 96, 104)
+TEXT_RGB: Final = (28, 31, 36)
+BAND_RGB: Final = (252, 251, 249)
+BAND_HEIGHT_PX: Final = 108
+"""Height of the caption at the bottom of a social picture, in pixels. Chosen."""
+FAILED_BAND_PX: Final = 84
+"""Height of the red band at the top of the picture of a failed fold, in pixels. Chosen."""
+MARGIN_LEFT_PX: Final = 40
+"""Distance of a caption's text from the left edge, in pixels. Chosen."""
 NAME_PX: Final = 44
+"""Font size of the fold's name, in pixels; a long name is drawn smaller. Chosen."""
 VERDICT_PX: Final = 30
 
 
@@ -40,22 +42,30 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
     """Write a caption into an RGB picture; a failure gets a red band with a cross besides."""
     pen = ImageDraw.Draw(picture)
     width, height = picture.size
-    top = height - HEIGHT
-    pen.rectangle((0, top, width, height), fill=PAPER)
-    colour = {"good": GOOD, "bad": BAD}.get(caption.tone, QUIET)
+    top = height - BAND_HEIGHT_PX
+    pen.rectangle((0, top, width, height), fill=BAND_RGB)
+    colour = {"good": VERIFIED_RGB, "bad": FAILED_RGB}.get(caption.tone, DETAIL_RGB)
     verdict = ImageFont.load_default(VERDICT_PX)
-    right = width - LEFT - pen.textlength(caption.verdict, verdict)
-    middle = top + HEIGHT / 2
+    right = width - MARGIN_LEFT_PX - pen.textlength(caption.verdict, verdict)
+    middle = top + BAND_HEIGHT_PX / 2
     pen.text((right, middle), caption.verdict, colour, verdict, anchor="lm")
     _mark(pen, right - 44, middle, 14.0, caption.tone, colour)
     name = ImageFont.load_default(NAME_PX)
-    pen.text((LEFT, middle), _fitting(pen, caption.name, name, right - 80 - LEFT), INK, name, "lm")
+    pen.text(
+        (MARGIN_LEFT_PX, middle),
+        _fitting(pen, caption.name, name, right - 80 - MARGIN_LEFT_PX),
+        TEXT_RGB,
+        name,
+        "lm",
+    )
     if caption.tone != "bad":
         return
-    pen.rectangle((0, 0, width, BAND), fill=BAD)
-    pen.rectangle((0, 0, width - 1, height - 1), outline=BAD, width=10)
-    _mark(pen, LEFT + 16, BAND / 2, 20.0, "bad", PAPER)
-    pen.text((LEFT + 60, BAND / 2), "This fold failed", PAPER, name, anchor="lm")
+    pen.rectangle((0, 0, width, FAILED_BAND_PX), fill=FAILED_RGB)
+    pen.rectangle((0, 0, width - 1, height - 1), outline=FAILED_RGB, width=10)
+    _mark(pen, MARGIN_LEFT_PX + 16, FAILED_BAND_PX / 2, 20.0, "bad", BAND_RGB)
+    pen.text(
+        (MARGIN_LEFT_PX + 60, FAILED_BAND_PX / 2), "This fold failed", BAND_RGB, name, anchor="lm"
+    )
 
 
 def _fitting(

@@ -14,35 +14,39 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
-NEUTRAL: Final[Rgb] = (206, 208, 212)
-"""Colour of a module without joint error."""
-UNKNOWN: Final[Rgb] = (168, 172, 179)
-"""Colour of a module for which no error was recorded."""
-ERROR: Final[Rgb] = (208, 10, 18)
-"""Colour of a module whose joint error is at the end of the scale."""
-SELECTED: Final[Rgb] = (10, 84, 240)
-STUCK: Final[Rgb] = (255, 140, 0)
-"""Colour of modules where a failed fold sticks."""
-FIRST: Final[Rgb] = (255, 255, 255)
-LAST: Final[Rgb] = (38, 42, 50)
+NO_ERROR_RGB: Final[Rgb] = (206, 208, 212)
+"""Colour of a module without joint error, sRGB. Chosen."""
+UNKNOWN_ERROR_RGB: Final[Rgb] = (168, 172, 179)
+"""Colour of a module whose joint error was not recorded, sRGB. Chosen."""
+LARGEST_ERROR_RGB: Final[Rgb] = (208, 10, 18)
+"""Colour of a module whose joint error is at the end of the scale, sRGB. Chosen."""
+SELECTED_RGB: Final[Rgb] = (10, 84, 240)
+STALLED_RGB: Final[Rgb] = (255, 140, 0)
+"""Colour of the modules at which a failed fold stalled, sRGB. Chosen."""
+FIRST_MODULE_RGB: Final[Rgb] = (255, 255, 255)
+LAST_MODULE_RGB: Final[Rgb] = (38, 42, 50)
 
 CIVIDIS: Final = (
     *("00224e", "123570", "3b496c", "575d6d", "707173"),
     *("8a8678", "a59c74", "c3b369", "e1cc55", "fee838"),
 )
-"""Even steps of a perceptual ramp that colour-blind people read as well."""
+"""Ten equidistant colours of the colour map cividis (Nuñez et al. 2018), as sRGB hex digits; it
+reads the same with colour blindness."""
 
-SMALLEST_SCALE_RAD: Final = 1e-5
-RAMP_STEPS: Final = 256
+MIN_ERROR_SCALE_RAD: Final = 1e-5
+"""Smallest joint error at the end of the colour scale, in rad. It keeps rounding errors of a
+perfect playback from being drawn red. Chosen."""
+RAMP_COLOURS: Final = 256
+"""Number of colours of the ramp that colours joint errors. Chosen."""
 
 
 def linear_from_srgb(srgb: Array) -> Array:
-    """Converts sRGB values (…) in 0 to 1 to linear light in 0 to 1."""
+    """Convert sRGB values (…) in 0 to 1 to linear light in 0 to 1."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
 def srgb_from_linear(linear: Array) -> Array:
-    """Converts linear light (…) in 0 to 1 to sRGB values in 0 to 1."""
+    """Convert linear light (…) in 0 to 1 to sRGB values in 0 to 1."""
     return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
@@ -51,15 +55,15 @@ def instance_colours(srgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return _LINEAR_BYTE[srgb]
 
 
-def error_ramp(steps: int = RAMP_STEPS) -> NDArray[np.uint8]:
+def error_ramp(steps: int = RAMP_COLOURS) -> NDArray[np.uint8]:
     """(steps, 3) sRGB bytes from no error to the end of the scale, even in linear light."""
-    start, end = (linear_from_srgb(np.array(c) / 255.0) for c in (NEUTRAL, ERROR))
+    start, end = (linear_from_srgb(np.array(c) / 255.0) for c in (NO_ERROR_RGB, LARGEST_ERROR_RGB))
     t = np.linspace(0.0, 1.0, steps)[:, None]
     return np.rint(srgb_from_linear(start + (end - start) * t) * 255.0).astype(np.uint8)
 
 
 def ramp_colours(shares: Array) -> NDArray[np.uint8]:
-    """(n,) places along a chain from 0 to 1 to (n, 3) sRGB bytes of the cividis ramp."""
+    """Convert (n,) positions along a chain, 0 to 1, to (n, 3) sRGB bytes of cividis."""
     stops = np.array([[int(c[k : k + 2], 16) for k in (0, 2, 4)] for c in CIVIDIS], np.float64)
     at = np.linspace(0.0, 1.0, len(stops))
     return np.rint(np.column_stack([np.interp(shares, at, stops[:, k]) for k in range(3)])).astype(
@@ -68,9 +72,9 @@ def ramp_colours(shares: Array) -> NDArray[np.uint8]:
 
 
 def error_scale(largest_rad: float) -> float:
-    """The end of the colour scale for a largest error: 1, 2 or 5 times a power of ten, in rad."""
-    if not np.isfinite(largest_rad) or largest_rad <= SMALLEST_SCALE_RAD:
-        return SMALLEST_SCALE_RAD
+    """Return the end of the colour scale in rad: 1, 2 or 5 times a power of ten."""
+    if not np.isfinite(largest_rad) or largest_rad <= MIN_ERROR_SCALE_RAD:
+        return MIN_ERROR_SCALE_RAD
     power = 10.0 ** np.floor(np.log10(largest_rad))
     for factor in (1.0, 2.0, 5.0, 10.0):
         if largest_rad <= factor * power * (1 + 1e-9):
@@ -79,7 +83,7 @@ def error_scale(largest_rad: float) -> float:
 
 
 def module_errors(joint_error_rad: Array, modules: int, *, hinges: int, rigid_links: int) -> Array:
-    """The error shown on each module: the largest of the hinges of the joint that it carries.
+    """Return the error of each module: the largest of its joint's hinges.
 
     Args:
         joint_error_rad: (…, J) errors; NaN where none is recorded.
@@ -96,11 +100,11 @@ def module_errors(joint_error_rad: Array, modules: int, *, hinges: int, rigid_li
 
 
 def error_colours(errors_rad: Array, scale_rad: float) -> NDArray[np.uint8]:
-    """(n,) errors to (n, 3) sRGB bytes: the redder the larger, grey where there is none."""
+    """Convert (n,) errors to (n, 3) sRGB bytes: redder if larger, grey if unknown."""
     known = np.isfinite(errors_rad)
     share = np.clip(np.where(known, errors_rad, 0.0) / scale_rad, 0.0, 1.0)
-    colours = _RAMP[np.rint(share * (RAMP_STEPS - 1)).astype(np.int64)]
-    colours[~known] = UNKNOWN
+    colours = _RAMP[np.rint(share * (RAMP_COLOURS - 1)).astype(np.int64)]
+    colours[~known] = UNKNOWN_ERROR_RGB
     return colours
 
 

@@ -16,15 +16,21 @@ from scipy.special import ndtr
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
-CELLS: Final = 512
-"""Cells of the picture of a shadow along each side."""
-SHARPEST: Final = 0.3
-"""Standard deviation in pitches of the blur of a shadow of what touches the ground."""
-WIDENING: Final = 0.07
-"""Growth of that blur with each pitch of height, by the size of the light."""
-WIDTH: Final = 0.93
-EDGE: Final = 3.0
-"""Standard deviations of the widest blur that are left free around a shadow."""
+SHADOW_CELLS: Final = 512
+"""Resolution of the picture of a shadow, in cells along each side. Larger values are sharper and
+slower. Chosen."""
+MIN_BLUR_PITCH: Final = 0.3
+"""Standard deviation of the blur of the shadow of a module on the ground, in pitches. A larger
+value softens all shadows. Chosen."""
+BLUR_PER_HEIGHT: Final = 0.07
+"""Growth of the blur's standard deviation per height above the ground, in pitches per pitch: the
+apparent size of the light. Chosen."""
+MODULE_WIDTH_PITCH: Final = 0.93
+"""Width of the square that a module covers on the ground, in pitches. Chosen: that of a drawn
+cube."""
+SHADOW_EDGE_SIGMA: Final = 3.0
+"""Free margin around a shadow, in standard deviations of the widest blur. A smaller value would cut
+off its edge. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,7 +49,7 @@ class GroundShadow:
 
 
 def ground_shadow(positions: Array, *, ground: float, lean: Array) -> GroundShadow:
-    """The shadow of modules on the ground.
+    """Return the shadow of modules on the ground.
 
     Each module is a square, blurred by a Gaussian as wide as its height asks for; light gets past
     all of them with the chance exp(-Σ).
@@ -54,12 +60,12 @@ def ground_shadow(positions: Array, *, ground: float, lean: Array) -> GroundShad
         lean: (2,) how far a shadow moves aside with each pitch of height.
     """
     height = np.maximum(positions[:, 2] - ground, 0.0)
-    blur = SHARPEST + WIDENING * height
+    blur = MIN_BLUR_PITCH + BLUR_PER_HEIGHT * height
     at = positions[:, :2] + height[:, None] * lean
-    free = EDGE * float(blur.max()) + WIDTH
+    free = SHADOW_EDGE_SIGMA * float(blur.max()) + MODULE_WIDTH_PITCH
     low, high = at.min(axis=0) - free, at.max(axis=0) + free
     middle, side = (low + high) / 2, float((high - low).max())
-    lines = (np.arange(CELLS) + 0.5) / CELLS * side - side / 2
+    lines = (np.arange(SHADOW_CELLS) + 0.5) / SHADOW_CELLS * side - side / 2
     along_x, along_y = (
         _covered(lines[None, :] + middle[k] - at[:, k, None], blur) for k in range(2)
     )
@@ -68,7 +74,9 @@ def ground_shadow(positions: Array, *, ground: float, lean: Array) -> GroundShad
 
 
 def _covered(off: Array, blur: Array) -> Floats:
-    """(n, C) how much of a blurred bar of a module's width lies at these distances from it."""
+    """Return (n, C) coverage of a blurred bar of a module's width at these distances."""
     scale = 1.0 / blur[:, None]
-    covered = ndtr((off + WIDTH / 2) * scale) - ndtr((off - WIDTH / 2) * scale)
+    covered = ndtr((off + MODULE_WIDTH_PITCH / 2) * scale) - ndtr(
+        (off - MODULE_WIDTH_PITCH / 2) * scale
+    )
     return covered.astype(np.float32)

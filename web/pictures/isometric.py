@@ -14,15 +14,20 @@ from numpy.typing import ArrayLike
 Cell = tuple[int, int, int]
 Point = tuple[float, float]
 
-UNIT: Final = 24.0
-MODULE_SIZE: Final = 0.93
-ROUNDING: Final = 0.1
-MARGIN: Final = 0.6
+PITCH_UNITS: Final = 24.0
+"""Length of one pitch in an isometric drawing, in user units of its SVG. Chosen."""
+DRAWN_MODULE_SIZE: Final = 0.93
+"""Edge of a drawn cube as a fraction of the pitch; smaller values widen the gaps between modules.
+Chosen."""
+EDGE_STROKE_PITCH: Final = 0.1
+"""Width of the stroke that rounds the corners of a face, in pitches. Chosen."""
+DRAWING_MARGIN_PITCH: Final = 0.6
+"""Free margin around an isometric drawing, in pitches. Chosen."""
 SINE, COSINE = 0.5, math.sqrt(0.75)
 
 # Lit from above and from the left. Pages may restyle the classes; alone the file has these tones,
 # which stand on light and on dark grounds.
-TONES: Final = {
+FACE_COLOURS: Final = {
     "gap": "#646d79",
     "top": "#eceef1",
     "left": "#bcc3cc",
@@ -34,7 +39,7 @@ TONES: Final = {
     "added-left": "#3b70ec",
     "added-right": "#2350c4",
 }
-SIDES: Final = ("left", "right", "top")
+VISIBLE_SIDES: Final = ("left", "right", "top")
 
 
 def isometric_svg(
@@ -45,12 +50,12 @@ def isometric_svg(
     odd: Collection[Cell] = (),
     added: Collection[Cell] = (),
 ) -> str:
-    """Draws cells as cubes seen from (1, 1, 1), z upward.
+    """Draw cells as cubes seen from (1, 1, 1), z upward.
 
     Args:
         cells: (n, 3) whole numbers.
         size: Width and height in CSS pixels; the drawing scales.
-        title: What a screen reader says; without one the drawing counts as decoration.
+        title: Text for screen readers; without one the drawing counts as decoration.
         odd: Cells that prevent a path; they are red.
         added: Further cells that a repair adds; they are blue.
 
@@ -64,14 +69,14 @@ def isometric_svg(
     for cell, axis in _visible_faces([*order, *added]):
         paths = layers[sum(cell)]
         paths["gap"].append(_face_path(cell, axis, 1.0, corners))
-        tone = marks.get(cell, "") + SIDES[axis]
-        paths[tone].append(_face_path(cell, axis, MODULE_SIZE - ROUNDING, []))
+        tone = marks.get(cell, "") + VISIBLE_SIDES[axis]
+        paths[tone].append(_face_path(cell, axis, DRAWN_MODULE_SIZE - EDGE_STROKE_PITCH, []))
     # Cells of one layer, those with the same x + y + z, never hide one another.
     drawn = "".join(
-        f'<path class="iso-{tone}" fill="{TONES[tone]}" {_stroke(tone)}'
+        f'<path class="iso-{tone}" fill="{FACE_COLOURS[tone]}" {_stroke(tone)}'
         f'd="{"".join(layers[layer][tone])}"/>'
         for layer in sorted(layers)
-        for tone in TONES
+        for tone in FACE_COLOURS
         if tone in layers[layer]
     )
     name = (
@@ -86,10 +91,12 @@ def isometric_svg(
 
 
 def _stroke(tone: str) -> str:
-    """A line in the colour of the face, which rounds its corners."""
+    """Return a line in the colour of the face, which rounds its corners."""
     if tone == "gap":
         return ""
-    return f'stroke="{TONES[tone]}" stroke-width="{_short(ROUNDING * UNIT)}" '
+    return (
+        f'stroke="{FACE_COLOURS[tone]}" stroke-width="{_short(EDGE_STROKE_PITCH * PITCH_UNITS)}" '
+    )
 
 
 def _visible_faces(cells: Iterable[Cell]) -> Iterator[tuple[Cell, int]]:
@@ -104,7 +111,7 @@ def _visible_faces(cells: Iterable[Cell]) -> Iterator[tuple[Cell, int]]:
 
 
 def _seen(cell: Cell, axis: int, first: int, filled: set[Cell], farthest: int) -> bool:
-    """Whether half of a face is seen: no cell lies on the way from its middle to the eye."""
+    """Return True if half of a face is visible: no cell lies between its middle and the eye."""
     order = (axis, (axis + first) % 3, (axis + 3 - first) % 3)
     place = list(cell)
     while max(place) <= farthest:
@@ -139,7 +146,7 @@ def _face_path(cell: Cell, axis: int, scale: float, corners: list[Point]) -> str
 
 def _project(place: list[float]) -> Point:
     x, y, z = place
-    return (y - x) * COSINE * UNIT, ((x + y) * SINE - z) * UNIT
+    return (y - x) * COSINE * PITCH_UNITS, ((x + y) * SINE - z) * PITCH_UNITS
 
 
 def _short(value: float) -> str:
@@ -155,7 +162,7 @@ def _view_box(corners: list[Point]) -> str:
     if not corners:
         return "0 0 1 1"
     xs, ys = zip(*corners, strict=True)
-    margin = MARGIN * UNIT
+    margin = DRAWING_MARGIN_PITCH * PITCH_UNITS
     left, top = min(xs) - margin, min(ys) - margin
     width, height = max(xs) + margin - left, max(ys) + margin - top
     return " ".join(_short(v) for v in (left, top, width, height))

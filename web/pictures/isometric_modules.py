@@ -11,35 +11,39 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module
-from web.pictures.isometric import MARGIN, UNIT, isometric_svg
+from web.pictures.isometric import DRAWING_MARGIN_PITCH, PITCH_UNITS, isometric_svg
 from web.pictures.sketch import sketch_outline
 
 Array = NDArray[np.float64]
 AZIMUTH_RAD, ELEVATION_RAD = math.radians(33.0), math.radians(27.0)
 """Not that of cells: from (1, 1, 1) some faces of a tetrahedron are seen edge on."""
-RIGHT: Final = np.array([-math.sin(AZIMUTH_RAD), math.cos(AZIMUTH_RAD), 0.0])
-EYE: Final = np.array(
+RIGHT_DIRECTION: Final = np.array([-math.sin(AZIMUTH_RAD), math.cos(AZIMUTH_RAD), 0.0])
+EYE_DIRECTION: Final = np.array(
     [
         math.cos(AZIMUTH_RAD) * math.cos(ELEVATION_RAD),
         math.sin(AZIMUTH_RAD) * math.cos(ELEVATION_RAD),
         math.sin(ELEVATION_RAD),
     ]
 )
-UP: Final = np.cross(EYE, RIGHT)
-LIGHT: Final = np.array([0.1, 0.25, 0.96]) / math.sqrt(0.1**2 + 0.25**2 + 0.96**2)
+UP_DIRECTION: Final = np.cross(EYE_DIRECTION, RIGHT_DIRECTION)
+LIGHT_DIRECTION: Final = np.array([0.1, 0.25, 0.96]) / math.sqrt(0.1**2 + 0.25**2 + 0.96**2)
 DARKEST, BRIGHTEST = (112, 124, 140), (240, 242, 245)
-SEAM: Final = "#646d79"
-SHRINK: Final = 0.94
-TONES: Final = 12
+SEAM_COLOUR: Final = "#646d79"
+FACE_SCALE: Final = 0.94
+"""Size of the bright part of a face relative to the whole; the rest is drawn as its seam.
+Chosen."""
+TONE_STEPS: Final = 12
+"""Number of brightness steps of faces in a drawing. More shade more smoothly and make the SVG
+larger. Chosen."""
 
 
 def chain_svg(chain: Chain, *, size: int = 320, title: str | None = None) -> str:
-    """Draws a folded chain from above, z upward: cubes as cells, others face by face.
+    """Draw a folded chain from above, z upward: cubes as cells, others face by face.
 
     Args:
         chain: The chain.
         size: Width and height in CSS pixels; the drawing scales.
-        title: What a screen reader says; without one the drawing counts as decoration.
+        title: Text for screen readers; without one the drawing counts as decoration.
     """
     poses = chain.folded_poses
     return modules_svg(chain.module, poses.positions, poses.rotations, size=size, title=title)
@@ -53,14 +57,14 @@ def modules_svg(
     size: int = 320,
     title: str | None = None,
 ) -> str:
-    """Draws modules where they lie; see ``chain_svg``.
+    """Draw modules where they lie; see ``chain_svg``.
 
     Args:
         module: Their kind.
         positions: (n, 3) in pitches.
         rotations: (n, 3, 3).
         size: Width and height in CSS pixels; the drawing scales.
-        title: What a screen reader says; without one the drawing counts as decoration.
+        title: Text for screen readers; without one the drawing counts as decoration.
     """
     if module.geom == "box":
         return isometric_svg(np.rint(positions).astype(np.int64), size=size, title=title)
@@ -70,15 +74,15 @@ def modules_svg(
     turned = np.einsum("nij,fj->nfi", rotations, normals)
     local = module.vertices[faces]
     placed = positions[:, None, None] + np.einsum("nij,fcj->nfci", rotations, local)
-    seen = (turned @ EYE > 1e-6) & _outer(placed)
+    seen = (turned @ EYE_DIRECTION > 1e-6) & _outer(placed)
     corners, facing = placed[seen], turned[seen]
-    order = np.argsort((corners.mean(axis=1) @ EYE), kind="stable")
+    order = np.argsort((corners.mean(axis=1) @ EYE_DIRECTION), kind="stable")
     corners, facing = corners[order], facing[order]
     middle = corners.mean(axis=1, keepdims=True)
-    flat, inner = _project(corners), _project(middle + SHRINK * (corners - middle))
-    unit = UNIT / 2.0
+    flat, inner = _project(corners), _project(middle + FACE_SCALE * (corners - middle))
+    unit = PITCH_UNITS / 2.0
     drawn = "".join(
-        f'<path fill="{SEAM}" d="{_path(outer * unit)}"/>'
+        f'<path fill="{SEAM_COLOUR}" d="{_path(outer * unit)}"/>'
         f'<path fill="{_tone(normal)}" d="{_path(face * unit)}"/>'
         for outer, face, normal in zip(flat, inner, facing, strict=True)
     )
@@ -88,7 +92,7 @@ def modules_svg(
         else 'aria-hidden="true">'
     )
     low, high = flat.min(axis=(0, 1)) * unit, flat.max(axis=(0, 1)) * unit
-    margin = MARGIN * unit
+    margin = DRAWING_MARGIN_PITCH * unit
     box = (*(low - margin), *(high - low + 2 * margin))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="iso" width="{size}" height="{size}" '
@@ -97,7 +101,7 @@ def modules_svg(
 
 
 def _outer(placed: Array) -> NDArray[np.bool_]:
-    """(n, F) whether a face belongs to one module only."""
+    """Return (n, F) True for faces that belong to one module only."""
     n, count = placed.shape[:2]
     keys = np.rint(placed.sum(axis=2) * 4.0).astype(np.int64).reshape(-1, 3)
     _, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
@@ -105,7 +109,7 @@ def _outer(placed: Array) -> NDArray[np.bool_]:
 
 
 def _project(points: Array) -> Array:
-    return np.stack([points @ RIGHT, -(points @ UP)], axis=-1)
+    return np.stack([points @ RIGHT_DIRECTION, -(points @ UP_DIRECTION)], axis=-1)
 
 
 def _path(points: Array) -> str:
@@ -113,6 +117,6 @@ def _path(points: Array) -> str:
 
 
 def _tone(normal: Array) -> str:
-    share = round(TONES * (0.5 + 0.5 * float(normal @ LIGHT))) / TONES
+    share = round(TONE_STEPS * (0.5 + 0.5 * float(normal @ LIGHT_DIRECTION))) / TONE_STEPS
     mixed = (round(a + (b - a) * share) for a, b in zip(DARKEST, BRIGHTEST, strict=True))
     return "#" + "".join(f"{value:02x}" for value in mixed)

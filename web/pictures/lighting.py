@@ -16,19 +16,23 @@ from web.pictures.occlusion import face_light
 
 Array = NDArray[np.float64]
 
-UP: Final = np.array([0.0, 0.0, 1.0])
-KEY: Final = (-0.5, 0.6, 1.0)
-"""Direction to the light that throws shadows: right, towards the camera, up."""
-FILL: Final = (0.9, 0.6, 0.1)
-"""Direction to a faint light without shadows."""
-WARMTH: Final = np.array([1.0, 0.985, 0.955])
-"""Colour of the key light."""
-SHADED: Final = 0.35
-"""Share of its colour that a face loses in the key light's shadow."""
-LEAN: Final = 0.25
-"""Shift of a shadow on the ground for each pitch of height; the light's angle gives more."""
-BALL: Final = 1.12
-"""Radius of the ball that stands for a module, as a multiple of its inscribed ball's."""
+UPWARD: Final = np.array([0.0, 0.0, 1.0])
+KEY_LIGHT: Final = (-0.5, 0.6, 1.0)
+"""Direction to the light that casts shadows, in the camera's frame: right, towards the camera, up.
+Chosen."""
+FILL_LIGHT: Final = (0.9, 0.6, 0.1)
+"""Direction to a faint light without shadows, in the same frame. Chosen."""
+KEY_LIGHT_RGB: Final = np.array([1.0, 0.985, 0.955])
+"""Colour of the key light as factors of linear red, green and blue: slightly warm. Chosen."""
+SHADOW_LOSS: Final = 0.35
+"""Fraction of its colour that a face loses in the key light's shadow, 0 to 1. A larger value makes
+shadows darker. Chosen."""
+SHADOW_SHIFT_PER_HEIGHT: Final = 0.25
+"""Horizontal shift of a shadow on the ground, in pitches per pitch of height. The key light's angle
+alone would give more. Chosen."""
+OCCLUDER_RADIUS_FACTOR: Final = 1.12
+"""Radius of the ball that represents a module in shadows, as a multiple of its inscribed ball's. A
+larger value darkens neighbours more. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +45,7 @@ class Theme:
         key: Strength of the key light, 0 to 1.
         fill: Strength of the light from the other side.
         ambient: Strength of the light from everywhere.
-        dimmest: What is left of a colour where neither sky nor light comes to.
+        dimmest: Fraction of a colour that remains without sky and light.
     """
 
     ground: Rgb
@@ -54,7 +58,7 @@ class Theme:
     @property
     def key_colour(self) -> Array:
         """(3,) the strength of the key light in red, green and blue."""
-        return self.key * WARMTH
+        return self.key * KEY_LIGHT_RGB
 
 
 THEMES: Final = {
@@ -71,27 +75,27 @@ THEMES: Final = {
     ),
 }
 
-TABLES: Final = {
+TABLE_THEMES: Final = {
     "light": replace(THEMES["light"], ground=(222, 214, 200), shade=(139, 127, 108)),
     "dark": replace(THEMES["dark"], ground=(76, 83, 93), shade=(26, 30, 35)),
 }
-"""The same where the ground is a table, as ``js/viewer/table.js`` has it."""
+"""Themes of movies and pictures on a table; colours as in ``js/viewer/table.js``."""
 
 
 def key_light(view: View) -> Array:
-    """(3,) unit vector towards the key light, which goes with the camera."""
-    return _beside(view, KEY)
+    """Return (3,) unit vector towards the key light, which goes with the camera."""
+    return _beside(view, KEY_LIGHT)
 
 
 def fill_light(view: View) -> Array:
-    """(3,) unit vector towards the other light."""
-    return _beside(view, FILL)
+    """Return (3,) unit vector towards the other light."""
+    return _beside(view, FILL_LIGHT)
 
 
 def share_left(
     middles: Array, normals: Array, positions: Array, *, module: Module, view: View, theme: Theme
 ) -> Array:
-    """What other modules leave of the colour of each face.
+    """Return the fraction of each face's colour that other modules' shadows leave.
 
     Args:
         middles: (n, F, 3) middles of the faces of the modules.
@@ -99,7 +103,7 @@ def share_left(
         positions: (n, 3) centres of the modules.
         module: Their kind.
         view: The camera, which the light goes with.
-        theme: How dark it gets.
+        theme: Theme with the darkest tone.
 
     Returns:
         (n, F) shares, 0 to 1.
@@ -108,10 +112,10 @@ def share_left(
         middles,
         normals,
         positions,
-        radius=BALL * module.inner_radius,
+        radius=OCCLUDER_RADIUS_FACTOR * module.inner_radius,
         towards_light=key_light(view),
     )
-    bright = (sky * (1.0 - SHADED * (1.0 - lit))).astype(np.float64)
+    bright = (sky * (1.0 - SHADOW_LOSS * (1.0 - lit))).astype(np.float64)
     return theme.dimmest + (1.0 - theme.dimmest) * bright
 
 
@@ -123,10 +127,10 @@ def shade_colours(shadow: GroundShadow, theme: Theme) -> NDArray[np.uint8]:
 
 
 def unit(vector: Array) -> Array:
-    """A vector of length 1 in the same direction."""
+    """Return a vector of length 1 in the same direction."""
     return vector / np.linalg.norm(vector)
 
 
 def _beside(view: View, way: tuple[float, float, float]) -> Array:
     out = np.array([np.cos(view.azimuth_rad), np.sin(view.azimuth_rad), 0.0])
-    return unit(way[0] * np.cross(UP, out) + way[1] * out + way[2] * UP)
+    return unit(way[0] * np.cross(UPWARD, out) + way[1] * out + way[2] * UPWARD)

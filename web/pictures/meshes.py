@@ -11,12 +11,20 @@ from numpy.typing import NDArray
 from planner.chain.module import Module
 
 Array = NDArray[np.float64]
-SHOWN_SIZE: Final = 0.93
-BEVEL: Final = 0.075
+DISPLAYED_MODULE_SIZE: Final = 0.93
+"""Edge of a displayed module as a fraction of the pitch; smaller values widen the gaps between
+modules. Chosen."""
+MODULE_BEVEL: Final = 0.075
+"""Width of the bevel along a module's edges, in pitches. Chosen."""
 STUD_RADIUS: Final = 0.21
+"""Radius of the disc that marks the chain's free end, in pitches. Chosen."""
 STUD_HEIGHT: Final = 0.09
+"""Height of that disc, in pitches. Chosen."""
 STUD_SIDES: Final = 20
+"""Sides of the prism that is drawn as this disc. More are rounder and slower to draw. Chosen."""
 FLAT_TOLERANCE: Final = 1e-6
+"""Distance from a plane, in pitches, up to which a corner lies in it; it covers rounding.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,10 +36,10 @@ class Mesh:
 
 
 def module_mesh(module: Module) -> Mesh:
-    """A module's hull, shrunk to leave a gap, its edges and corners cut by a small bevel."""
+    """Return a module's hull, shrunk to leave a gap, its edges and corners cut by a small bevel."""
     from scipy.spatial import ConvexHull  # late: a service starts before anybody looks
 
-    corners = module.vertices * SHOWN_SIZE
+    corners = module.vertices * DISPLAYED_MODULE_SIZE
     hull = ConvexHull(corners)
     planes = np.unique(np.round(hull.equations, 9), axis=0)
     points = [inset(_ring(corners[_on(corners, plane)])) for plane in planes]
@@ -39,7 +47,7 @@ def module_mesh(module: Module) -> Mesh:
 
 
 def stud_mesh() -> Mesh:
-    """A low disc along x, for marking the free end of a chain; its base is at the origin."""
+    """Return a low disc along x, for marking the free end of a chain; its base is at the origin."""
     turn = np.linspace(0.0, 2 * np.pi, STUD_SIDES, endpoint=False)
     ring = np.column_stack([np.zeros(STUD_SIDES), np.cos(turn), np.sin(turn)])
     low = ring * STUD_RADIUS
@@ -52,7 +60,7 @@ def _on(points: Array, plane: Array) -> NDArray[np.bool_]:
 
 
 def _ring(corners: Array) -> Array:
-    """The corners of one flat face in their order around it."""
+    """Return the corners of one flat face in their order around it."""
     centre = corners.mean(axis=0)
     spread = corners - centre
     _, _, axes = np.linalg.svd(spread)
@@ -62,12 +70,12 @@ def _ring(corners: Array) -> Array:
 
 
 def inset(ring: Array) -> Array:
-    """The corners of one flat face, in order, each moved along its two edges' inner bisector."""
+    """Return the corners of a flat face, in order, each moved along its inner bisector."""
     before, after = np.roll(ring, 1, axis=0) - ring, np.roll(ring, -1, axis=0) - ring
     before /= np.linalg.norm(before, axis=1, keepdims=True)
     after /= np.linalg.norm(after, axis=1, keepdims=True)
     sine = np.linalg.norm(np.cross(before, after), axis=1, keepdims=True)
-    return ring + (before + after) * BEVEL / sine
+    return ring + (before + after) * MODULE_BEVEL / sine
 
 
 def _outward(points: Array) -> Mesh:

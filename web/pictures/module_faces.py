@@ -40,7 +40,7 @@ class Piece:
 
 
 def module_faces(module: Module) -> tuple[Piece, ...]:
-    """The pieces of a module; three faces meet in each of its corners."""
+    """Return the pieces of a module; three faces meet in each of its corners."""
     outline = sketch_outline(module, 1)
     corners: Array = np.array(outline["corners"])
     faces: list[list[int]] = outline["faces"]
@@ -56,7 +56,7 @@ def module_faces(module: Module) -> tuple[Piece, ...]:
             beside[corner, following] = face
 
     def shared(corner: int, *owners: int) -> tuple[Array, Array]:
-        """The point between faces at a corner, and its normal."""
+        """Return the point between faces at a corner, and its normal."""
         point = np.mean([drawn[face, corner] for face in owners], axis=0)
         normal = normals[list(owners)].sum(axis=0)
         return point, normal / np.linalg.norm(normal)

@@ -1,4 +1,4 @@
-"""Occlusion: how much light other modules keep from each face.
+"""Occlusion: the light that other modules keep from each face.
 
 One number for each face, computed: no shadow map with its jagged edges, no second pass of drawing,
 and nothing that flickers from frame to frame.
@@ -15,16 +15,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
-FAR: Final = 5.0
-"""Distance in pitches beyond which modules take no light away."""
-PENUMBRA: Final = 0.35
-"""Growth of a shadow's soft edge with each pitch of distance from what throws it."""
+MAX_OCCLUDER_DISTANCE: Final = 5.0
+"""Distance in pitches beyond which modules cast no shadow on a face. A larger value is more exact
+and slower. Chosen."""
+PENUMBRA_GROWTH: Final = 0.35
+"""Growth of a shadow's soft edge per distance from the module that casts it, in pitches per pitch.
+Larger values soften shadows. Chosen."""
 
 
 def face_light(
     middles: Array, normals: Array, positions: Array, *, radius: float, towards_light: Array
 ) -> tuple[Floats, Floats]:
-    """What is left of the light on each face.
+    """Return the fractions of sky light and of key light that reach each face.
 
     Modules count as balls. A ball at distance d in the direction u keeps r²/d² (n·u) of an even sky
     from a face with the normal n, as a ball far away does; of a light it covers as much of the wide
@@ -34,7 +36,7 @@ def face_light(
         middles: (n, F, 3) middles of the faces of the modules.
         normals: (n, F, 3) their unit normals.
         positions: (n, 3) centres of the modules.
-        radius: Of the balls.
+        radius: Radius of the balls.
         towards_light: (3,) unit vector.
 
     Returns:
@@ -54,7 +56,7 @@ def _face_light(middles, normals, positions, radius, light):  # pyright: ignore
     n, faces = middles.shape[0], middles.shape[1]
     sky = np.ones((n, faces), np.float32)
     lit = np.ones((n, faces), np.float32)
-    far = np.float32(FAR)
+    far = np.float32(MAX_OCCLUDER_DISTANCE)
     for i in range(n):
         for j in range(n):
             if i == j:
@@ -78,7 +80,7 @@ def _face_light(middles, normals, positions, radius, light):  # pyright: ignore
                 along = dx * light[0] + dy * light[1] + dz * light[2]
                 if along > 0.0:
                     off = np.sqrt(max(square - along * along, np.float32(0.0)))
-                    soft = np.float32(0.25) + np.float32(PENUMBRA) * along
+                    soft = np.float32(0.25) + np.float32(PENUMBRA_GROWTH) * along
                     inside = (radius - off) / soft + np.float32(0.5)
                     share = min(max(inside, np.float32(0.0)), np.float32(1.0))
                     lit[i, f] *= 1.0 - fade * share * share * (3.0 - 2.0 * share)

@@ -13,20 +13,27 @@ from web.pictures.camera import ELEVATION_RAD, View, distance_needed, framing
 
 Array = NDArray[np.float64]
 
-NUMBER: Final = r"-?\d{1,3}(?:\.\d{1,4})?"
-SHORT: Final = rf"^\d{{1,9}},(?:{NUMBER})?,(?:{NUMBER})?,{NUMBER}(?:,{NUMBER},{NUMBER})?$"
-"""Pattern of the short form: frame from 1, azimuth and elevation in degrees or empty, distance as
-a multiple of the usual one, and, if the camera does not follow, how far beside the chain it looks.
-"""
-MAX_LENGTH: Final = 64
-"""Characters of the short form."""
+DECIMAL: Final = r"-?\d{1,3}(?:\.\d{1,4})?"
+SHORT_FORM_PATTERN: Final = (
+    rf"^\d{{1,9}},(?:{DECIMAL})?,(?:{DECIMAL})?,{DECIMAL}(?:,{DECIMAL},{DECIMAL})?$"
+)
+"""Pattern of a view's short form in an address: frame from 1, azimuth and elevation in degrees or
+empty, distance as a multiple of the default one and, if the camera does not follow the chain, its
+horizontal and vertical offset."""
+MAX_SHORT_FORM_LENGTH: Final = 64
+"""Maximum length of the short form, in characters; a longer one is ignored. Chosen."""
 MAX_ELEVATION_RAD: Final = 1.56
-"""Steepest camera; at π/2 the picture has no upward direction. As in js/player/camera_rig.js."""
+"""Largest elevation of the camera, in rad; at π/2 the picture has no upward direction. As in
+js/player/camera_rig.js."""
 MAX_ZOOM: Final = 40.0
-"""Largest distance, as a multiple of the usual one. As in js/player/camera_rig.js."""
+"""Largest distance of the camera, as a multiple of the default one. As in js/player/camera_rig.js.
+Chosen."""
 MIN_ZOOM: Final = 0.02
-ROOM: Final = 1.08
-"""Smallest distance while following, as a multiple of that at which the chain touches the edge."""
+"""Smallest distance of the camera, as a multiple of the default one. As in js/player/camera_rig.js.
+Chosen."""
+MIN_FOLLOW_ZOOM: Final = 1.08
+"""Smallest distance of a camera that follows, as a multiple of that at which the chain touches the
+picture's edge. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,8 +45,8 @@ class PictureView:
         azimuth_rad: Direction to look from; chosen from the chain when None.
         elevation_rad: Angle above the ground to look from; the usual one when None.
         zoom: Distance, as a multiple of the usual one.
-        aside: How far beside the chain it looks, to the right and up, as multiples of the usual
-            distance; None when it follows.
+        aside: Offset of its target from the chain to the right and up, as multiples of the default
+            distance; None if it follows.
     """
 
     frame: int
@@ -51,7 +58,9 @@ class PictureView:
     @classmethod
     def from_short(cls, text: str) -> PictureView | None:
         """Return the view of a short form; None if it is none."""
-        if len(text) > MAX_LENGTH or not re.fullmatch(SHORT, text, re.ASCII):
+        if len(text) > MAX_SHORT_FORM_LENGTH or not re.fullmatch(
+            SHORT_FORM_PATTERN, text, re.ASCII
+        ):
             return None
         frame, azimuth, elevation, zoom, *aside = text.split(",")
         return cls(
@@ -78,7 +87,7 @@ class PictureView:
         target, distance = base.target, self.zoom * base.distance
         if self.aside is None:
             needed = distance_needed(points, base, radius=radius, aspect=aspect)
-            distance = max(distance, ROOM * needed)
+            distance = max(distance, MIN_FOLLOW_ZOOM * needed)
         else:
             out = (base.position - base.target) / base.distance
             right = np.array([-np.sin(base.azimuth_rad), np.cos(base.azimuth_rad), 0.0])

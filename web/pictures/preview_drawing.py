@@ -13,23 +13,26 @@ from planner.chain.rotations import matrix_from_wxyz
 from web.pictures.isometric import Cell, isometric_svg
 from web.pictures.isometric_modules import modules_svg
 
-LARGEST_DRAWING: Final = 20_000
-"""Modules; so many cubes are drawn in a fifth of a second."""
-LARGEST_OTHER_DRAWING: Final = 4_000
-"""Modules that are no cubes: all their outer faces are drawn."""
-SIZE: Final = 480
-"""Width and height in CSS pixels; a drawing scales."""
+MAX_DRAWN_CUBES: Final = 20_000
+"""Maximum number of cubes of a drawing; larger shapes have none. So many take a fifth of a second.
+Measured."""
+MAX_DRAWN_POLYHEDRA: Final = 4_000
+"""Maximum number of other modules of a drawing. All their outer faces are drawn, which takes
+longer. Chosen."""
+DRAWING_SIZE_PX: Final = 480
+"""Width and height of a drawing in CSS pixels; as an SVG it scales. Chosen."""
 QUARTER_TURN: Final[NDArray[np.int64]] = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-"""Drawings are seen from where x and y are positive, the 3D view from where only x is."""
+"""Rotation about z from the 3D view's frame to a drawing's: the view is seen from positive x, a
+drawing from positive x and y."""
 
 
 def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) -> str | None:
-    """Draws the modules of a preview's report, or its cells where there is no chain.
+    """Draw the modules of a preview's report, or its cells where there is no chain.
 
     Without a path, the cells that prevent it are red, as in the 3D view.
 
     Args:
-        report: As ``planner.pipeline.prepare.Preparation.report`` gives it.
+        report: Result of ``planner.pipeline.prepare.Preparation.report``.
         added: Cells that an offered repair adds, to draw in blue.
 
     Returns:
@@ -38,17 +41,19 @@ def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) 
     module = module_named(str(report["module"]))
     if module is not CUBE and report.get("wxyzs"):
         positions = np.asarray(report["positions"], dtype=np.float64)
-        if len(positions) > LARGEST_OTHER_DRAWING:
+        if len(positions) > MAX_DRAWN_POLYHEDRA:
             return None
         turned = QUARTER_TURN.astype(np.float64)
         rotations = turned @ matrix_from_wxyz(np.asarray(report["wxyzs"], dtype=np.float64))
-        return modules_svg(module, positions @ turned.T, rotations, size=SIZE)
+        return modules_svg(module, positions @ turned.T, rotations, size=DRAWING_SIZE_PX)
     cells = np.asarray(report["cells"], dtype=np.int64).reshape(-1, 3)
-    if not 0 < len(cells) <= LARGEST_DRAWING:
+    if not 0 < len(cells) <= MAX_DRAWN_CUBES:
         return None
     state = {} if report.get("has_path") else report.get("feasibility") or {}
     odd = [cell for problem in state.get("problems", ()) for cell in problem["cells"]]
-    return isometric_svg(cells @ QUARTER_TURN.T, size=SIZE, odd=_turned(odd), added=_turned(added))
+    return isometric_svg(
+        cells @ QUARTER_TURN.T, size=DRAWING_SIZE_PX, odd=_turned(odd), added=_turned(added)
+    )
 
 
 def _turned(cells: Iterable[Sequence[int]]) -> set[Cell]:

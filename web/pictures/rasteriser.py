@@ -10,7 +10,7 @@ Floats = NDArray[np.float32]
 
 
 def draw_triangles(picture: NDArray[np.uint8], corners: Floats, colours: Floats) -> None:
-    """Draws triangles into a picture, over what is there.
+    """Draw triangles into a picture, over what is there.
 
     Args:
         picture: (H, W, 3) sRGB bytes, changed in place.

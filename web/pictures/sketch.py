@@ -13,20 +13,18 @@ from numpy.typing import NDArray
 
 from planner.chain.module import Module
 from web.pictures.camera import FIELD_OF_VIEW_RAD
-from web.pictures.meshes import SHOWN_SIZE
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE, FLAT_TOLERANCE
 
 Array = NDArray[np.float64]
 
-FLAT_TOLERANCE = 1e-6
-
 
 def sketch_outline(module: Module, modules: int) -> dict[str, Any]:
-    """What holds for all frames, as JSON: the drawn hull of a module and how the camera sees.
+    """Return what is the same in all frames, as JSON: the drawn hull and the camera's lens.
 
     ``corners`` (V, 3) in pitches, ``faces`` lists of corners that turn outwards, one for each flat
     face, ``normals`` (F, 3), ``field_of_view_rad`` from top to bottom.
     """
-    corners = module.vertices * SHOWN_SIZE
+    corners = module.vertices * DISPLAYED_MODULE_SIZE
     faces: list[list[int]] = []
     normals: list[list[float]] = []
     for normal in np.concatenate([module.face_normals, -module.face_normals]):
@@ -46,7 +44,7 @@ def sketch_outline(module: Module, modules: int) -> dict[str, Any]:
 
 
 def _around(corners: Array, normal: Array) -> NDArray[np.int64]:
-    """The order of the corners of a flat face, turning left about its outward normal."""
+    """Return the order of the corners of a flat face, turning left about its outward normal."""
     spread = corners - corners.mean(axis=0)
     right = spread[0] / np.linalg.norm(spread[0])
     up = np.cross(normal, right)

@@ -15,24 +15,25 @@ from PIL import Image
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
-from web.pictures.camera_path import GROUND_GAP
+from web.pictures.camera_path import GROUND_GAP_PITCH
 from web.pictures.caption import Caption, write_caption
-from web.pictures.colours import NEUTRAL, error_colours, module_errors
+from web.pictures.colours import NO_ERROR_RGB, error_colours, module_errors
 from web.pictures.ground_shadow import ground_shadow
-from web.pictures.lighting import LEAN, THEMES, Theme, key_light, shade_colours
+from web.pictures.lighting import SHADOW_SHIFT_PER_HEIGHT, THEMES, Theme, key_light, shade_colours
 from web.pictures.picture_view import PictureView
 from web.pictures.rasteriser import draw_triangles
-from web.pictures.still import Camera, module_triangles
+from web.pictures.still import SUPERSAMPLING, Camera, module_triangles
 
 Array = NDArray[np.float64]
 
-SIZE: Final = (1200, 630)
-"""Width and height in pixels, as Open Graph recommends."""
-TIMES: Final = 2
-MARGIN: Final = (0.82, 0.8)
-CAPTIONED_MARGIN: Final = (0.82, 0.6)
-"""Shares of the width and height to fill beside a caption."""
-FOLDED: Final = PictureView(frame=0)
+SOCIAL_PICTURE_PX: Final = (1200, 630)
+"""Width and height of a social picture in pixels, as Open Graph recommends."""
+SOCIAL_FILL: Final = (0.82, 0.8)
+"""Fractions of the width and height that the chain fills. Smaller values leave a wider margin.
+Chosen."""
+CAPTIONED_FILL: Final = (0.82, 0.6)
+"""The same fractions of a picture with a caption. Chosen."""
+FOLDED_VIEW: Final = PictureView(frame=0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,30 +55,30 @@ def social_picture(
     chain: Chain,
     *,
     caption: Caption | None = None,
-    view: PictureView = FOLDED,
+    view: PictureView = FOLDED_VIEW,
     moment: Moment | None = None,
 ) -> bytes:
-    """Return a chain as a PNG file of ``SIZE`` pixels.
+    """Return a chain as a PNG file of ``SOCIAL_PICTURE_PX`` pixels.
 
     Args:
         chain: The chain.
-        caption: What is written into it.
+        caption: Caption of the picture.
         view: The camera.
         moment: The moment that is shown; the folded chain when None.
     """
     theme = THEMES["light"]
     module = chain.module
     poses = chain.folded_poses if moment is None else moment.poses
-    width, height = (TIMES * side for side in SIZE)
+    width, height = (SUPERSAMPLING * side for side in SOCIAL_PICTURE_PX)
     seen = view.camera(
         poses.positions,
         radius=module.radius,
         aspect=width / height,
-        margin=MARGIN if caption is None else CAPTIONED_MARGIN,
+        margin=SOCIAL_FILL if caption is None else CAPTIONED_FILL,
     )
     camera = Camera(seen, width, height)
     picture = np.array(_ground(poses.positions, camera, theme))
-    colours = np.tile(np.array(NEUTRAL, np.uint8), (len(chain), 1))
+    colours = np.tile(np.array(NO_ERROR_RGB, np.uint8), (len(chain), 1))
     if moment is not None:
         errors = module_errors(
             moment.errors_rad,
@@ -91,7 +92,7 @@ def social_picture(
         picture,
         *module_triangles(chain.module, poses.positions, poses.rotations, colours, camera, theme),
     )
-    small = Image.fromarray(picture).resize(SIZE, Image.Resampling.BOX)
+    small = Image.fromarray(picture).resize(SOCIAL_PICTURE_PX, Image.Resampling.BOX)
     if caption is not None:
         write_caption(small, caption)
     file = io.BytesIO()
@@ -100,9 +101,11 @@ def social_picture(
 
 
 def _ground(positions: Array, camera: Camera, theme: Theme) -> Image.Image:
-    """The ground with the shadow on it."""
-    ground = float(positions[:, 2].min()) - 0.5 - GROUND_GAP
-    shadow = ground_shadow(positions, ground=ground, lean=-LEAN * key_light(camera.view)[:2])
+    """Return the ground with the shadow on it."""
+    ground = float(positions[:, 2].min()) - 0.5 - GROUND_GAP_PITCH
+    shadow = ground_shadow(
+        positions, ground=ground, lean=-SHADOW_SHIFT_PER_HEIGHT * key_light(camera.view)[:2]
+    )
     texture = Image.fromarray(shade_colours(shadow, theme))
     step = shadow.side / texture.width
     corner = np.array([*(shadow.middle - shadow.side / 2), ground])

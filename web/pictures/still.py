@@ -14,7 +14,7 @@ from PIL import Image
 from planner.chain.module import Module
 from planner.chain.rotations import matrix_from_wxyz
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, View, framing
-from web.pictures.lighting import THEMES, UP, Theme, fill_light, key_light, share_left, unit
+from web.pictures.lighting import THEMES, UPWARD, Theme, fill_light, key_light, share_left, unit
 from web.pictures.module_faces import module_faces
 from web.pictures.rasteriser import draw_triangles
 from web.pictures.visible import visible_modules
@@ -23,15 +23,22 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
-SIZE: Final = (640, 400)
-TIMES: Final = 2
-MARGIN: Final = (0.88, 0.86)
-TURNS_RAD: Final = tuple(float(turn) for turn in np.deg2rad(np.arange(0, 360, 30)))
-ELEVATIONS_RAD: Final = (ELEVATION_RAD, float(np.deg2rad(55.0)))
-OPEN_ENOUGH: Final = 0.6
-"""Share of the most open view's visible area that the usual view must have to be taken."""
+STILL_PX: Final = (640, 400)
+"""Default width and height of a still picture, in pixels. Chosen."""
+SUPERSAMPLING: Final = 2
+"""Pictures are drawn so many times as wide and as high, then averaged. A larger value smooths edges
+more and is slower. Chosen."""
+STILL_FILL: Final = (0.88, 0.86)
+"""Fractions of a still picture's width and height that the chain fills. Chosen."""
+TRIED_TURNS_RAD: Final = tuple(float(turn) for turn in np.deg2rad(np.arange(0, 360, 30)))
+TRIED_ELEVATIONS_RAD: Final = (ELEVATION_RAD, float(np.deg2rad(55.0)))
+MIN_OPENNESS: Final = 0.6
+"""Apparent width of the chain from the default direction, as a fraction of the widest of all tried
+directions, from which on the default direction is taken. A larger value changes the direction more
+often. Chosen."""
 EXPOSURE: Final = 1.1
-"""Factor that brings tones to those of movies, where faces shine a little."""
+"""Factor on the brightness of faces, which brings them to that of movies, where faces shine a
+little. Chosen."""
 
 
 def still(
@@ -40,7 +47,7 @@ def still(
     wxyzs: NDArray[np.floating[Any]],
     colours: Bytes,
     *,
-    size: tuple[int, int] = SIZE,
+    size: tuple[int, int] = STILL_PX,
     around: NDArray[np.floating[Any]] | None = None,
 ) -> Image.Image:
     """Modules as an RGBA picture.
@@ -53,7 +60,7 @@ def still(
         size: Width and height in pixels.
         around: (m, 3) points to have in view; all centres when None.
     """
-    width, height = (TIMES * side for side in size)
+    width, height = (SUPERSAMPLING * side for side in size)
     seen = np.asarray(positions if around is None else around, dtype=np.float64)
     camera = Camera(_open_view(seen, module.radius, width / height), width, height)
     places, rotations = positions.astype(np.float64), matrix_from_wxyz(wxyzs.astype(np.float64))
@@ -66,12 +73,12 @@ def still(
 
 
 def _open_view(points: Array, radius: float, aspect: float) -> View:
-    """The usual view of points, or another one where that shows something flat by its edge."""
-    usual = framing(points, radius=radius, aspect=aspect, margin=MARGIN)
-    sights = [(AZIMUTH_RAD + turn, up) for turn in TURNS_RAD for up in ELEVATIONS_RAD]
+    """Return the default view of points, or one that does not show a flat shape by its edge."""
+    usual = framing(points, radius=radius, aspect=aspect, margin=STILL_FILL)
+    sights = [(AZIMUTH_RAD + turn, up) for turn in TRIED_TURNS_RAD for up in TRIED_ELEVATIONS_RAD]
     best = max(sights, key=lambda sight: _spread(points, *sight))
     here = _spread(points, usual.azimuth_rad, usual.elevation_rad)
-    if here >= OPEN_ENOUGH * _spread(points, *best):
+    if here >= MIN_OPENNESS * _spread(points, *best):
         return usual
     return framing(
         points,
@@ -79,14 +86,14 @@ def _open_view(points: Array, radius: float, aspect: float) -> View:
         aspect=aspect,
         azimuth_rad=best[0],
         elevation_rad=best[1],
-        margin=MARGIN,
+        margin=STILL_FILL,
     )
 
 
 def _spread(points: Array, azimuth: float, elevation: float) -> float:
-    """How wide points look across their longest side: a standard deviation, at least half a pitch.
+    """Return the width of points across their longest side in a view, at least half a pitch.
 
-    A row of modules looks the same from everywhere.
+    The width is a standard deviation. A row of modules looks the same from everywhere.
     """
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     flat = np.cos(elevation)
@@ -97,14 +104,14 @@ def _spread(points: Array, azimuth: float, elevation: float) -> float:
 
 
 class Camera:
-    """Where points of space are in a picture."""
+    """Projection of points in space into a picture."""
 
     def __init__(self, view: View, width: int, height: int) -> None:
         self.view = view
         self.size = (width, height)
         self._eye = view.position
         forward = unit(view.target - view.position)
-        right = unit(np.cross(forward, UP))
+        right = unit(np.cross(forward, UPWARD))
         self._axes = np.array([right, -np.cross(right, forward), forward])
         self._scale = height / 2 / float(np.tan(FIELD_OF_VIEW_RAD / 2))
 
@@ -143,7 +150,7 @@ def module_triangles(
         positions: (n, 3) centres in pitches.
         rotations: (n, 3, 3) orientations.
         colours: (n, 3) sRGB.
-        camera: What looks at them.
+        camera: Camera of the picture.
         theme: The light on them.
     """
     view = camera.view

@@ -12,19 +12,25 @@ from planner.chain.chain import Chain
 from web.pictures.meshes import Mesh
 
 Array = NDArray[np.float64]
-LIGHT: Final = (206, 190, 166)
-"""Of its top where the page is light; ``js/viewer/table.js`` has that where it is dark."""
-BESIDE: Final = 2.5
-"""Pitches of table beside what stands on it."""
-LEAST_SIDE: Final = 10.0
-ROUND: Final = 0.12
-"""Radius of its corners, as a share of its shorter side."""
-BEVEL: Final = 0.12
-THICKNESS: Final = 0.025
-"""Of its longer side; at least ``THINNEST``."""
-THINNEST: Final = 0.45
+TABLE_RGB: Final = (206, 190, 166)
+"""Colour of the table top in the light theme, sRGB; ``js/viewer/table.js`` has that of the dark
+one. Chosen."""
+TABLE_MARGIN_PITCH: Final = 2.5
+"""Width of the table beside the chain on each side, in pitches. Chosen."""
+MIN_TABLE_SIDE_PITCH: Final = 10.0
+"""Minimum length of a side of the table, in pitches. Chosen."""
+CORNER_RADIUS_FRACTION: Final = 0.12
+"""Radius of the table's corners as a fraction of its shorter side. Chosen."""
+TABLE_BEVEL: Final = 0.12
+"""Width of the bevel of the table's edge as a fraction of twice its thickness. Chosen."""
+THICKNESS_FRACTION: Final = 0.025
+"""Thickness of the table as a fraction of its longer side. Chosen."""
+MIN_THICKNESS_PITCH: Final = 0.45
+"""Minimum thickness of the table, in pitches. Chosen."""
 CORNER_STEPS: Final = 12
+"""Points on the arc of each of the table's corners. More are rounder. Chosen."""
 DISC_SIDES: Final = 48
+"""Sides of the polygon that is drawn as a disc under a pressed module. More are rounder. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,8 +38,8 @@ class TableTop:
     """A table. Lengths in pitches.
 
     Attributes:
-        height: Of its top.
-        middle: Of its top.
+        height: Height of its top, pitches.
+        middle: Centre of its top, pitches.
         sides: Its lengths along x and y.
     """
 
@@ -43,7 +49,7 @@ class TableTop:
 
     @classmethod
     def under(cls, chain: Chain, positions: Array | None = None) -> TableTop:
-        """The table that a chain stands on when folded.
+        """Return the table that a chain stands on when folded.
 
         Args:
             chain: The chain.
@@ -57,7 +63,7 @@ class TableTop:
         else:
             points = positions.reshape(-1, 3)
             low, high = points.min(axis=0), points.max(axis=0)
-        sides = np.maximum(high - low + 1.0 + 2.0 * BESIDE, LEAST_SIDE)[:2]
+        sides = np.maximum(high - low + 1.0 + 2.0 * TABLE_MARGIN_PITCH, MIN_TABLE_SIDE_PITCH)[:2]
         middle = ((low + high) / 2)[:2]
         return cls(
             height=chain.table_height,
@@ -67,12 +73,12 @@ class TableTop:
 
     @property
     def thickness(self) -> float:
-        """How thick it is."""
-        return max(THINNEST, THICKNESS * max(self.sides))
+        """Thickness of the table in pitches."""
+        return max(MIN_THICKNESS_PITCH, THICKNESS_FRACTION * max(self.sides))
 
     def outline(self) -> Array:
         """(k, 2) its rounded outline, counterclockwise."""
-        radius = ROUND * min(self.sides)
+        radius = CORNER_RADIUS_FRACTION * min(self.sides)
         inner = np.array(self.sides) / 2 - radius
         turn = np.linspace(0.0, np.pi / 2, CORNER_STEPS)
         parts = [
@@ -87,9 +93,9 @@ class TableTop:
         return np.concatenate(parts) + np.array(self.middle)
 
     def mesh(self) -> Mesh:
-        """Its slab, the upper edge bevelled."""
+        """Return the table's slab with a bevelled upper edge."""
         ring, middle = self.outline(), np.array(self.middle)
-        bevel = min(BEVEL * self.thickness * 2.0, 0.5)
+        bevel = min(TABLE_BEVEL * self.thickness * 2.0, 0.5)
         shrunk = middle + (ring - middle) * (1.0 - 2.0 * bevel / np.array(self.sides))
         levels = [
             (shrunk, self.height),
@@ -111,7 +117,7 @@ class TableTop:
 
 
 def disc_mesh() -> Mesh:
-    """A flat disc of radius 1 that faces up."""
+    """Return a flat disc of radius 1 that faces up."""
     turn = np.linspace(0.0, 2 * np.pi, DISC_SIDES, endpoint=False)
     ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(DISC_SIDES)])
     here = np.arange(1, DISC_SIDES - 1)

@@ -13,14 +13,16 @@ from planner.chain.module import Module
 Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
 
-MOST_DRAWN: Final = 4000
-"""Modules up to which all of a chain are drawn."""
-TOUCHING: Final = 1.02
-"""Pitches between centres up to which cubes share a face."""
+MAX_FULLY_DRAWN_MODULES: Final = 4000
+"""Maximum number of modules of a chain that is drawn as a whole; of longer chains hidden modules
+are left out. Chosen."""
+FACE_CONTACT_DISTANCE_PITCH: Final = 1.02
+"""Largest distance between the centres of two cubes that count as sharing a face, in pitches: 1
+with a tolerance for rounding. Chosen."""
 
 
 def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:
-    """The modules to draw, in order: those that are not buried among others, and the nearest.
+    """Return the modules to draw, in order: those not hidden among others, and the nearest.
 
     Args:
         positions: (n, 3) centres.
@@ -28,12 +30,16 @@ def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:
         target: (3,) what the camera looks at.
     """
     found = np.arange(len(positions))
-    if len(found) <= MOST_DRAWN:
+    if len(found) <= MAX_FULLY_DRAWN_MODULES:
         return found
     if module.fills_cell:
-        near = KDTree(positions).query_ball_point(positions, TOUCHING, return_length=True)
+        near = KDTree(positions).query_ball_point(
+            positions, FACE_CONTACT_DISTANCE_PITCH, return_length=True
+        )
         found = found[np.asarray(near) <= len(module.face_normals) * 2]
-    if len(found) > MOST_DRAWN:
+    if len(found) > MAX_FULLY_DRAWN_MODULES:
         away = np.linalg.norm(positions[found] - target, axis=1)
-        found = np.sort(found[np.argpartition(away, MOST_DRAWN)[:MOST_DRAWN]])
+        found = np.sort(
+            found[np.argpartition(away, MAX_FULLY_DRAWN_MODULES)[:MAX_FULLY_DRAWN_MODULES]]
+        )
     return found

@@ -1,4 +1,4 @@
-"""Caches: what was read or made lately, bounded by its size."""
+"""Caches: recently read or computed values, bounded by their size."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Thing = TypeVar("Thing")
 
 
 class Cache(Generic[Thing]):
-    """Keeps what was asked for last under its key. Safe to use from several threads.
+    """Least-recently-used values by key. Thread-safe.
 
     Args:
-        most_bytes: Of all things together; one that is larger is not kept.
+        most_bytes: Maximum size of all values together; a larger one is not stored.
         size: Bytes of a thing.
     """
 
@@ -25,17 +25,17 @@ class Cache(Generic[Thing]):
         self._things: LRUCache[Hashable, Thing] = LRUCache(most_bytes, size)
 
     def get(self, key: Hashable) -> Thing | None:
-        """What is kept under a key, or None."""
+        """Return the value stored under a key, or None."""
         with self._lock:
             return self._things.get(key)
 
     def keep(self, key: Hashable, thing: Thing) -> None:
-        """Keeps a thing in place of what was under its key."""
+        """Store a value under its key."""
         with self._lock, suppress(ValueError):  # it is too large
             self._things.pop(key, None)
             self._things[key] = thing
 
     def clear(self) -> None:
-        """Keeps nothing any more."""
+        """Remove all values."""
         with self._lock:
             self._things.clear()

@@ -22,10 +22,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-ALIGNED: Final = 8
-LEVEL: Final = 6
-LARGEST_COUNT: Final = 2**30
-DTYPES: Final = frozenset({"<f8", "<f4", "|u1", "<u2", "<u4", "<i4"})
+ALIGNMENT_BYTES: Final = 8
+"""Each column of a message starts at a multiple of so many bytes, so that a browser can view it as
+an array."""
+COLUMN_DEFLATE_LEVEL: Final = 6
+"""Compression level of a column, from 1 (fast) to 9 (small). Chosen."""
+MAX_STEP_COUNT: Final = 2**30
+"""Number of steps up to which a value is stored as an integer; differences of two such values still
+fit into 32 bits."""
+COLUMN_DTYPES: Final = frozenset({"<f8", "<f4", "|u1", "<u2", "<u4", "<i4"})
 
 
 def encode(
@@ -36,7 +41,7 @@ def encode(
     short: frozenset[str] = frozenset(),
     planes: frozenset[str] = frozenset(),
 ) -> bytes:
-    """One message of a header and named arrays.
+    """Return one message of a header and named arrays.
 
     Args:
         header: Plain JSON values.
@@ -47,7 +52,7 @@ def encode(
         planes: Columns to pack as they are.
 
     Raises:
-        TypeError: For an array of a type that browsers have no word for.
+        TypeError: An array has a type that browsers do not have.
     """
     described: list[dict[str, Any]] = []
     parts: list[bytes] = []
@@ -70,33 +75,37 @@ def encode(
             if steps and name in steps:
                 array = array.astype("<f4")
             packed = name in planes
-        if array.dtype.str not in DTYPES:
-            raise TypeError(f"got the dtype {array.dtype.str} for {name}, expected one of {DTYPES}")
+        if array.dtype.str not in COLUMN_DTYPES:
+            raise TypeError(
+                f"got the dtype {array.dtype.str} for {name}, expected one of {COLUMN_DTYPES}"
+            )
         data = array.tobytes()
         if packed:
             apart = np.frombuffer(data, np.uint8).reshape(-1, array.dtype.itemsize).T
-            data = zlib.compress(np.ascontiguousarray(apart).tobytes(), LEVEL)
+            data = zlib.compress(np.ascontiguousarray(apart).tobytes(), COLUMN_DEFLATE_LEVEL)
             how["size"] = len(data)
         described.append(
             {"name": name, "dtype": array.dtype.str, "shape": list(array.shape), "at": at, **how}
         )
-        padding = -len(data) % ALIGNED
+        padding = -len(data) % ALIGNMENT_BYTES
         parts.append(data + bytes(padding))
         at += len(data) + padding
     text = json.dumps({**header, "columns": described}, separators=(",", ":"), allow_nan=False)
     words = text.encode()
-    words += b" " * (-(4 + len(words)) % ALIGNED)
+    words += b" " * (-(4 + len(words)) % ALIGNMENT_BYTES)
     return b"".join([len(words).to_bytes(4, "little"), words, *parts])
 
 
 def _countable(values: NDArray[Any], step: float) -> bool:
-    """Whether all values, and what lies between two of them, are whole numbers of steps."""
+    """Return True if all values and their differences fit into integer numbers of steps."""
     largest = float(np.abs(values).max(initial=0.0))
-    return bool(largest < LARGEST_COUNT * step)  # which nothing is when one of them is not a number
+    return bool(
+        largest < MAX_STEP_COUNT * step
+    )  # which nothing is when one of them is not a number
 
 
 def decode(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """The header and the arrays of a message made by ``encode``."""
+    """Return the header and the arrays of a message made by ``encode``."""
     length = int.from_bytes(message[:4], "little")
     header = json.loads(message[4 : 4 + length])
     return header, {c["name"]: _column(c, message, 4 + length) for c in header.pop("columns")}

@@ -3,9 +3,9 @@
 A message (``web.timeline.columns``) tells in its header which timeline it is of (``id``), its
 ``status`` (``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the
 stretch ``start``, ``stop`` and ``stride`` that the columns hold, and the timeline's outline. The
-columns are those of ``planner.motion.timeline.Frames``: the time is exact, joint angles are within
-half a millionth of a radian, joint errors within a half per cent, so that little has to travel. A
-windowed timeline's are those of ``web.timeline.window_columns``.
+columns are those of a dense motion: the time is exact, joint angles are within half a millionth of
+a radian, joint errors within a half per cent, so that little has to travel. A windowed timeline's
+are those of ``web.timeline.window_columns``.
 """
 
 from __future__ import annotations
@@ -19,23 +19,33 @@ from numpy.typing import NDArray
 
 from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
-from planner.motion.windows import Windows
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 from web.timeline.view import TimelineView
-from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, SHORT, window_columns
+from web.timeline.window_columns import (
+    PLANE_COLUMNS,
+    SENT_ANGLE_STEP_RAD,
+    SINGLE_BYTE_COLUMNS,
+    window_columns,
+)
 
-LARGEST_BATCH: Final = 2**20
-WHOLE: Final = 2**40
-WINDOW_FRAME: Final = 80
-"""Bytes of a windowed frame beside its angles and errors."""
-AT_ONCE: Final = 512
-"""Windows that are read at once; their widths are not known before."""
-SAMPLES: Final = 64
+MAX_BATCH_BYTES: Final = 2**20
+"""Maximum size of a batch of frames before compression, in bytes; the rest follows in the next one.
+A larger value needs fewer requests, and each one takes longer. Chosen."""
+UNLIMITED_BYTES: Final = 2**40
+"""Limit of a batch that may be as large as a whole timeline, in bytes."""
+WINDOW_HEADER_BYTES: Final = 80
+"""Bytes of a windowed frame in addition to its angles and errors."""
+WINDOWS_PER_READ: Final = 512
+"""Windowed frames that are read at once; their sizes are known only then. A larger value reads more
+than fits into a batch. Chosen."""
+SIZE_SAMPLES: Final = 64
+"""Number of frames, spread over a timeline, from which its size in bytes is estimated. More are
+more exact and slower. Chosen."""
 _BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 
 
-def kept_batch(
+def cached_batch(
     timeline: TimelineView, start: int = 0, stop: int | None = None, stride: int = 1
 ) -> bytes:
     """``batch_of`` with its usual size; of a timeline that is over, the latest are cached.
@@ -60,12 +70,12 @@ def batch_of(
     stop: int | None = None,
     stride: int = 1,
     *,
-    largest: int = LARGEST_BATCH,
+    largest: int = MAX_BATCH_BYTES,
 ) -> bytes:
     """Frames from ``start`` on, as many as fit into one message of about a mebibyte.
 
     Args:
-        timeline: What they are of.
+        timeline: Timeline of the frames.
         start: The first one; one past the end is answered with no frames.
         stop: Past the last one; the end when None.
         stride: Every so many-th.
@@ -88,7 +98,7 @@ def _batch(
         windows, end = _windows(timeline, start, end, stride, largest)
         columns = window_columns(windows, timeline.chain.folded_rad)
         header = _header(timeline, total, start, end, stride)
-        return encode(header, columns, planes=PLANES, short=SHORT)
+        return encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
     most = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))
     end = min(end, start + most * stride)
     frames = timeline.frames(start, end, stride)
@@ -103,21 +113,23 @@ def _batch(
     return encode(
         _header(timeline, total, start, end, stride),
         columns,
-        steps={"joint_angles_rad": ANGLE_STEP_RAD},
+        steps={"joint_angles_rad": SENT_ANGLE_STEP_RAD},
         short=frozenset({"joint_error_rad"}),
     )
 
 
 def unpacked_bytes(timeline: TimelineView) -> int:
-    """About as many bytes as a batch of the whole timeline has when unpacked."""
+    """Return the approximate size of an uncompressed batch of the whole timeline, in bytes."""
     if not timeline.windowed:
         return len(timeline) * (8 * len(timeline.chain.joint_names) + 40)
-    some = timeline.windows(0, len(timeline), max(1, len(timeline) // SAMPLES))
-    return len(timeline) * (WINDOW_FRAME + _hinge(some) * len(some.angles_rad) // max(1, len(some)))
+    some = timeline.windows(0, len(timeline), max(1, len(timeline) // SIZE_SAMPLES))
+    return len(timeline) * (
+        WINDOW_HEADER_BYTES + _hinge(some) * len(some.angles_rad) // max(1, len(some))
+    )
 
 
-def _hinge(windows: Windows) -> int:
-    """Bytes of an angle, and of its error where errors are told."""
+def _hinge(windows: Motion) -> int:
+    """Return bytes of an angle, and of its error where errors are told."""
     return 4 if windows.errors_rad is None else 8
 
 
@@ -137,31 +149,31 @@ def _header(
 
 def _windows(
     timeline: TimelineView, start: int, stop: int, stride: int, largest: int
-) -> tuple[Windows, int]:
-    """As many snapshots as fit, at least one, and where the stretch that they are of ends."""
+) -> tuple[Motion, int]:
+    """Return the next snapshots that fit into a batch, at least one, and the frame after them."""
     parts = [timeline.windows(start, start)]
     room = largest
-    for at in range(start, stop, AT_ONCE * stride):
-        part = timeline.windows(at, min(at + AT_ONCE * stride, stop), stride)
-        sizes = _hinge(part) * part.offsets[1:] + WINDOW_FRAME * np.arange(1, len(part) + 1)
+    for at in range(start, stop, WINDOWS_PER_READ * stride):
+        part = timeline.windows(at, min(at + WINDOWS_PER_READ * stride, stop), stride)
+        sizes = _hinge(part) * part.offsets[1:] + WINDOW_HEADER_BYTES * np.arange(1, len(part) + 1)
         fitting = int(np.searchsorted(sizes, room, "right"))
         if fitting < len(part):
             fitting = max(fitting, int(at == start))
             parts.append(part[:fitting])
-            return Windows.joined(parts), at + fitting * stride
+            return Motion.joined(parts), at + fitting * stride
         room -= int(sizes[-1])
         parts.append(part)
-    return Windows.joined(parts), stop
+    return Motion.joined(parts), stop
 
 
 def thinned(timeline: TimelineView, stride: int) -> bytes:
-    """A whole finished timeline in one batch: every ``stride``-th frame and the last, counted anew.
+    """Return a finished timeline in one batch: every ``stride``-th frame and the last.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
     if stride == 1:
-        return batch_of(timeline, largest=WHOLE)
+        return batch_of(timeline, largest=UNLIMITED_BYTES)
     taken = timeline.windows if timeline.windowed else timeline.frames
     parts: list[Motion] = [taken(0, len(timeline), stride)]
     if (len(timeline) - 1) % stride:
@@ -170,7 +182,7 @@ def thinned(timeline: TimelineView, stride: int) -> bytes:
 
 
 def chosen(timeline: TimelineView, frames: NDArray[np.int64]) -> bytes:
-    """Some frames of a finished timeline without windows in one batch, counted anew.
+    """Return some frames of a finished dense timeline in one batch, renumbered.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -184,4 +196,4 @@ def _joined(timeline: TimelineView, parts: Sequence[Motion]) -> bytes:
         with TimelineWriter.create(path, timeline.chain, windowed=timeline.windowed) as writer:
             for part in parts:
                 writer.append(part)
-        return batch_of(TimelineView(path), largest=WHOLE)
+        return batch_of(TimelineView(path), largest=UNLIMITED_BYTES)

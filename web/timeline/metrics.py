@@ -22,32 +22,34 @@ from numpy.typing import NDArray
 
 from planner.certificate.metrics import Curves, Figures
 from planner.certificate.table_figures import TableCertificate
-from planner.certificate.table_forces import FILE as FORCES
-from planner.certificate.table_forces import TableForces
-from planner.chain.chain import Chain
+from planner.certificate.table_forces import FORCES, TableForces
 from planner.errors import UNREADABLE, InputError
 from planner.files import json_of
-from planner.motion.angle_steps import plan_angles, plan_window_angles
+from planner.motion.angle_steps import plan_columns
+from planner.motion.motion import Motion
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
-from planner.motion.windows import Windows
 from planner.pipeline.fold_layout import CERTIFICATE, FIGURES, RECORD, TIMELINE, result
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 
-STRETCH_NUMBERS: Final = 2**18
-MOST_ROWS: Final = 128
-SAMPLES: Final = 48
-"""Frames, spread over the fold, from which the largest position error is told."""
+MAX_STRETCH_NUMBERS: Final = 2**18
+"""Maximum count of numbers in one stretch of a plot's data. A larger value needs fewer requests,
+and each one takes longer. Chosen."""
+MAX_STRETCH_FRAMES: Final = 128
+"""Maximum number of frames in one stretch of a plot's data. Chosen."""
+ERROR_SAMPLES: Final = 48
+"""Number of frames, spread over the fold, from which the largest position error on the scale of a
+plot is computed. More are more exact and slower. Chosen."""
 Array = NDArray[np.float64]
-_REFERENCES: Final[Cache[Array | Windows]] = Cache(128 * 2**20, lambda kept: _bytes(kept))
+_REFERENCES: Final[Cache[Motion]] = Cache(128 * 2**20, lambda kept: _bytes(kept))
 _FORCES: Final[Cache[TableForces]] = Cache(
     64 * 2**20, lambda kept: kept.torques.nbytes + kept.pressed.nbytes
 )
 _MESSAGES: Final[Cache[bytes]] = Cache(32 * 2**20, len)
 
 
-def kept_figures(directory: Path, part: int | None = None) -> bytes:
+def cached_figures(directory: Path, part: int | None = None) -> bytes:
     """``curves_of``, or ``stretch_of`` a part; those that were asked for lately are kept.
 
     Raises:
@@ -65,7 +67,7 @@ def kept_figures(directory: Path, part: int | None = None) -> bytes:
 
 
 def curves_of(directory: Path) -> bytes:
-    """What a plot draws of every frame.
+    """Return the data of a plot of all frames.
 
     Raises:
         TimelineError: When there are no figures.
@@ -76,7 +78,7 @@ def curves_of(directory: Path) -> bytes:
     error = 0.0
     if total and (reference := _reference(directory, timeline)) is not None:
         # In one go: to ask a timeline for single frames takes ten times as long.
-        found = _position_errors(timeline, 0, total, reference, -(-total // SAMPLES))
+        found = _position_errors(timeline, 0, total, reference, -(-total // ERROR_SAMPLES))
         error = float(np.nan_to_num(found, nan=0.0).max(initial=0.0))
     forces = _forces(directory, timeline)
     columns = {f.name: _plain(getattr(curves, f.name)) for f in fields(Curves)}
@@ -103,7 +105,7 @@ def curves_of(directory: Path) -> bytes:
 
 
 def stretch_of(directory: Path, part: int) -> bytes:
-    """The figures of the modules and hinges in one stretch of frames.
+    """Return the figures of the modules and hinges in one stretch of frames.
 
     Raises:
         TimelineError: When there are no figures, or no such stretch.
@@ -131,7 +133,7 @@ def stretch_of(directory: Path, part: int) -> bytes:
 
 
 def table_forces(directory: Path) -> bytes | None:
-    """What a stretch tells of standing on a table, of all frames in one; None of other folds.
+    """Return torques and table forces of all frames in one stretch; None of floating folds.
 
     Torques and forces are within a half per cent, so that they take little.
 
@@ -148,7 +150,7 @@ def table_forces(directory: Path) -> bytes | None:
 
 
 def _forces(directory: Path, timeline: Timeline) -> TableForces | None:
-    """The forces of a fold on a table; None of one that floats, or where they don't fit."""
+    """Return the forces of a fold on a table; None of one that floats, or where they don't fit."""
     path = result(directory, FORCES)
     try:
         found = path.stat()
@@ -174,7 +176,7 @@ def _at_frames(
 
 
 def _placed(values: NDArray[np.float32], start: int, stop: int, total: int) -> NDArray[np.float32]:
-    """The rows of some frames of a timeline that ends as ``values`` do; NaN before they begin."""
+    """Return the rows of some frames; ``values`` end with the timeline, NaN before they begin."""
     before = total - len(values)
     found = np.full((stop - start, values.shape[1]), np.nan, dtype=np.float32)
     first = max(before, start)
@@ -184,7 +186,7 @@ def _placed(values: NDArray[np.float32], start: int, stop: int, total: int) -> N
 
 
 def _table_told(directory: Path) -> dict[str, Any] | None:
-    """What a plot says of a table beside its curve."""
+    """Return the table's figures that a plot shows beside its curve."""
     told = json_of(result(directory, CERTIFICATE)).get("table")
     if told is None:
         return None
@@ -206,11 +208,11 @@ def _rows(timeline: Timeline, forces: TableForces | None) -> int:
     numbers = 3 * len(timeline.chain) + len(timeline.chain.folded_rad)
     if forces is not None:
         numbers += len(timeline.chain)
-    return max(1, min(MOST_ROWS, STRETCH_NUMBERS // numbers))
+    return max(1, min(MAX_STRETCH_FRAMES, MAX_STRETCH_NUMBERS // numbers))
 
 
-def _reference(directory: Path, timeline: Timeline) -> Array | Windows | None:
-    """What the playback was to follow; None when there was none, or windows without errors.
+def _reference(directory: Path, timeline: Timeline) -> Motion | None:
+    """Return the playback's reference; None if there is none, or windows without errors.
 
     Its angles are read as they lie in the file: a whole plan would bring the physics along.
     """
@@ -223,40 +225,21 @@ def _reference(directory: Path, timeline: Timeline) -> Array | Windows | None:
         key = (path, found.st_ino, found.st_mtime_ns)
         reference = _REFERENCES.get(key)
         if reference is None:
-            if timeline.windowed:
-                reference = _plan_windows(path, timeline.chain)
-            else:
-                reference = plan_angles(path)
-                reference.flags.writeable = False
+            reference = Motion.from_angles(**plan_columns(path, timeline.chain.folded_rad))
             _REFERENCES.keep(key, reference)
     except UNREADABLE:
         return None
     return reference if len(reference) else None
 
 
-def _plan_windows(path: Path, chain: Chain) -> Windows:
-    """The frames of a plan of windows, without what was off."""
-    first, offsets, angles = plan_window_angles(path, chain.folded_rad)
-    count = len(first)
-    return Windows(
-        time_s=np.zeros(count),
-        phase=np.zeros(count, np.uint8),
-        first=first,
-        offsets=offsets,
-        angles_rad=angles,
-        base_position=np.zeros((count, 3)),
-        base_wxyz=np.zeros((count, 4)),
-    )
-
-
 def _position_errors(
     timeline: Timeline,
     start: int,
     stop: int,
-    reference: Array | Windows | None,
+    reference: Motion | None,
     stride: int = 1,
 ) -> Array:
-    """(F, N) how far each module is from where it would be without joint errors, in pitches.
+    """Return (F, N) distances of modules from their places without joint errors, in pitches.
 
     The root is taken to be in its place. NaN where no errors are recorded.
     """
@@ -271,16 +254,14 @@ def _position_errors(
         return errors
     root = (frames.root_position[known], frames.root_wxyz[known])
     wanted = reference[place[known]]
-    meant = chain.poses(wanted.angles(chain) if isinstance(wanted, Windows) else wanted, *root)
+    meant = chain.poses(wanted.angles(chain), *root)
     there = chain.poses(frames.joint_angles_rad[known], *root)
     errors[known] = np.linalg.norm(meant.positions - there.positions, axis=-1)
     return errors
 
 
-def _bytes(reference: Array | Windows) -> int:
-    if isinstance(reference, Windows):
-        return reference.angles_rad.nbytes + 80 * len(reference)
-    return reference.nbytes
+def _bytes(reference: Motion) -> int:
+    return reference.angles_rad.nbytes + 80 * len(reference)
 
 
 def _largest(values: NDArray[Any]) -> float:

@@ -1,4 +1,4 @@
-"""Moments: a chain's motion, of which any frame can be shown; on disk or in memory."""
+"""Motion sources: a chain's motion, of which any frame can be shown; on disk or in memory."""
 
 from __future__ import annotations
 
@@ -8,25 +8,23 @@ from typing import Protocol
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.motion.frames import PHASES
-from planner.motion.motion import Motion
-from planner.motion.windows import Windows
+from planner.motion.motion import PHASES, Motion
 from web.pictures.camera import modules_framed, straight_stretch
 from web.pictures.colours import error_scale
 from web.timeline.view import Snapshot, chain_errors
 
 
-class Moments(Protocol):
-    """What is asked of a motion to show it. A ``web.timeline.view.TimelineView`` has it all."""
+class MotionSource(Protocol):
+    """Motion that can be shown, such as a ``web.timeline.view.TimelineView``."""
 
     @property
     def id(self) -> str:
-        """Another one for every motion."""
+        """Id, different for every motion."""
         ...
 
     @property
     def chain(self) -> Chain:
-        """Whose motion it is."""
+        """Chain that moves."""
         ...
 
     stretch: int | None
@@ -45,7 +43,7 @@ class Moments(Protocol):
     def __len__(self) -> int: ...
 
     def snapshot(self, frame: float) -> Snapshot:
-        """The moment at a frame.
+        """Return the moment at a frame.
 
         Raises:
             TimelineError: When it is not there.
@@ -54,16 +52,16 @@ class Moments(Protocol):
 
 
 class MotionMoments:
-    """Those of a motion in memory: poses by forward kinematics, whenever one is asked for."""
+    """Motion in memory: poses by forward kinematics, computed on request."""
 
     growing = False
 
     def __init__(self, chain: Chain, motion: Motion, motion_id: str | None = None) -> None:
-        """Takes a motion; ``motion_id`` is that of the timeline that it was read from, if any."""
+        """Take a motion; ``motion_id`` is that of the timeline that it was read from, if any."""
         self.id = motion_id or secrets.token_hex(8)
         self.chain = chain
         self._motion = motion
-        self.stretch = straight_stretch(chain) if isinstance(motion, Windows) else None
+        self.stretch = straight_stretch(chain) if motion.is_windowed else None
         known = motion.largest_errors
         self.error_scale_rad = error_scale(float(np.max(known, where=known > 0.0, initial=0.0)))
 
@@ -71,13 +69,13 @@ class MotionMoments:
         return len(self._motion)
 
     def snapshot(self, frame: float) -> Snapshot:
-        """The recorded moment nearest to ``frame``."""
+        """Return the recorded moment nearest to ``frame``."""
         k = min(max(round(frame), 0), len(self) - 1)
         chain, motion = self.chain, self._motion
         one = motion.dense(chain, k, k + 1)
         poses = chain.poses(one.joint_angles_rad, one.root_position, one.root_wxyz)
         framed = len(chain)
-        if isinstance(motion, Windows) and self.stretch is not None:
+        if motion.is_windowed and self.stretch is not None:
             framed = modules_framed(chain, int(motion.last[k]), self.stretch)
         return Snapshot(
             frame=float(k),

@@ -1,10 +1,10 @@
-"""Timeline view: a timeline made ready for showing, shared by everybody who looks at the same fold.
+"""Timeline view: a timeline prepared for display, shared by all viewers of a fold.
 
 It holds the poses and errors of the frames lately asked for, computed chunk by chunk with
 vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
 follows a timeline that still grows, and one that is begun anew.
 
-Of a long fold, whose timeline holds windows (``planner.motion.windows``), it holds those, and
+Of a long fold, whose timeline holds windows (``planner.motion.motion``), it holds those, and
 computes the poses of the one frame that is asked for.
 """
 
@@ -24,11 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
+from planner.chain.kinematics import Poses, forward_kinematics
 from planner.errors import TimelineError
-from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline
-from planner.motion.windows import Windows
 from web.pictures.camera import modules_framed, straight_stretch
 from web.pictures.colours import error_scale, module_errors
 from web.pictures.table_top import TableTop
@@ -36,15 +35,25 @@ from web.pictures.table_top import TableTop
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
-FRAMES_A_CHUNK: Final = 64
-WINDOWS_A_CHUNK: Final = 512
-CHUNK_BYTES: Final = 48 * 2**20
-REFRESH_EVERY_S: Final = 0.1
+CACHED_CHUNK_FRAMES: Final = 64
+"""Dense frames that are read from a timeline and cached at once. Chosen."""
+CACHED_CHUNK_WINDOWS: Final = 512
+"""Windowed frames that are read from a timeline and cached at once. Chosen."""
+MAX_CHUNK_CACHE_BYTES: Final = 48 * 2**20
+"""Maximum size of one view's cached chunks, in bytes; a larger value reads a timeline less often.
+Chosen."""
+REFRESH_INTERVAL_S: Final = 0.1
+"""Minimum time between two looks at a growing timeline, in s. A larger value shows new frames
+later. Chosen."""
 OUTLINE_COLUMNS: Final = 320
-LOOKED_AT: Final = 256
-"""Frames, about, from which it is told how far a motion on a table reaches."""
-VIEW_BYTES: Final = 2**18
-"""Bytes of a chain and of a timeline's own arrays, about."""
+"""Default number of columns of the bar below the 3D view, each with a phase and the largest joint
+error. Chosen."""
+TABLE_EXTENT_SAMPLES: Final = 256
+"""Approximate number of frames, spread over the fold, from which the extent of a motion on a table
+is computed. More are more exact and slower. Chosen."""
+VIEW_OVERHEAD_BYTES: Final = 2**18
+"""Approximate size of a view in memory without its summary and its chunks, in bytes; the cache of
+views counts it. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +61,7 @@ class Snapshot:
     """One moment of a view.
 
     Attributes:
-        frame: Which one; not whole between two recorded frames.
+        frame: Frame number; fractional between two recorded frames.
         time_s: Simulated time.
         phase: ``explosion`` or ``playback``.
         positions: (n, 3) centres of the modules in pitches.
@@ -60,7 +69,7 @@ class Snapshot:
         joint_angles_rad: (J,) hinge angles.
         joint_error_rad: (J,) hinge errors, NaN where none is recorded.
         module_error_rad: (n,) what each module shows.
-        framed: How many modules, from the first on, a camera should have in view.
+        framed: Number of modules, from the first on, that a camera shows.
     """
 
     frame: float
@@ -74,40 +83,11 @@ class Snapshot:
     framed: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Chunk:
-    frames: Frames
-    positions: Floats
-    wxyzs: Floats
-    module_error_rad: Array
-
-    @property
-    def nbytes(self) -> int:
-        f = self.frames
-        return (
-            self.positions.nbytes
-            + self.wxyzs.nbytes
-            + self.module_error_rad.nbytes
-            + 2 * f.joint_angles_rad.nbytes
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _WindowChunk:
-    windows: Windows
-
-    @property
-    def nbytes(self) -> int:
-        windows, errors = self.windows, self.windows.errors_rad
-        told = 0 if errors is None else errors.nbytes
-        return windows.angles_rad.nbytes + told + 100 * len(windows)
-
-
 class TimelineView:
     """See the module's description. Safe to use from several threads."""
 
     def __init__(self, path: str | Path) -> None:
-        """Opens the timeline at ``path``.
+        """Open the timeline at ``path``.
 
         Raises:
             TimelineError: When there is none yet, or it is damaged.
@@ -122,7 +102,7 @@ class TimelineView:
     def _begin(self) -> None:
         stamp = self._stamp_now()  # first: what is written from now on is seen to be newer
         self._timeline, self._stamp = Timeline.open(self.path), stamp
-        self._chunks: OrderedDict[int, _Chunk | _WindowChunk] = OrderedDict()
+        self._chunks: OrderedDict[int, Motion] = OrderedDict()
         self._bytes = 0
         self._table: TableTop | None = None
         self._refreshed = time.monotonic()
@@ -138,19 +118,19 @@ class TimelineView:
 
     @property
     def id(self) -> str:
-        """Another one for every timeline, one that was begun anew in the same place too."""
+        """Id, different for every timeline, also for one that replaces another."""
         return self._timeline.id
 
     @property
     def edition(self) -> tuple[object, ...]:
-        """Another one for every word of the timeline's writer: what was made of it is outdated."""
+        """Edition, different after every flush of the timeline's writer; derived data expires."""
         return (self.path, self.id, self._stamp, self._summarised)
 
     @property
     def nbytes(self) -> int:
         """Bytes that it holds, about."""
         summary = self._phase.nbytes + self._time_s.nbytes + self._max_error.nbytes
-        return VIEW_BYTES + summary + self._bytes
+        return VIEW_OVERHEAD_BYTES + summary + self._bytes
 
     @property
     def chain(self) -> Chain:
@@ -159,7 +139,7 @@ class TimelineView:
 
     @property
     def windowed(self) -> bool:
-        """Whether its timeline holds windows."""
+        """True if the timeline holds windows."""
         return self._timeline.windowed
 
     @property
@@ -180,10 +160,10 @@ class TimelineView:
             return error_scale(float(known.max()) if len(known) else 0.0)
 
     def refresh(self, *, at_once: bool = False) -> bool:
-        """Looks for new frames, at most every ``REFRESH_EVERY_S``; True when anything changed."""
+        """Look for new frames, at most every ``REFRESH_INTERVAL_S``; True if there was a change."""
         with self._lock:
             now = time.monotonic()
-            if not at_once and now - self._refreshed < REFRESH_EVERY_S:
+            if not at_once and now - self._refreshed < REFRESH_INTERVAL_S:
                 return False
             self._refreshed = now
             stamp = self._stamp_now()
@@ -205,7 +185,7 @@ class TimelineView:
             return changed
 
     def snapshot(self, frame: float) -> Snapshot:
-        """The moment at ``frame``, interpolated when it is not whole.
+        """Return the moment at ``frame``, interpolated when it is not whole.
 
         Raises:
             TimelineError: When the view holds no frame yet, or its timeline is being replaced.
@@ -220,7 +200,7 @@ class TimelineView:
                 return self._exact(low)
             return self._between(low, share)
 
-    def frames(self, start: int, stop: int, stride: int = 1) -> Frames:
+    def frames(self, start: int, stop: int, stride: int = 1) -> Motion:
         """Frames as they were recorded.
 
         Raises:
@@ -230,7 +210,7 @@ class TimelineView:
             return self._timeline.frames(start, min(stop, self._summarised), stride)
 
     def table(self) -> TableTop:
-        """The table under a chain that folds on one: as large as the whole motion needs.
+        """Return the table under a chain that folds on one: as large as the whole motion needs.
 
         Raises:
             TimelineError: When the timeline is being replaced.
@@ -239,18 +219,20 @@ class TimelineView:
             if self.growing or not self._summarised:
                 return TableTop.under(self.chain)
             if self._table is None:
-                frames = self.frames(0, self._summarised, max(1, self._summarised // LOOKED_AT))
+                frames = self.frames(
+                    0, self._summarised, max(1, self._summarised // TABLE_EXTENT_SAMPLES)
+                )
                 poses = self.chain.poses(
                     frames.joint_angles_rad, frames.root_position, frames.root_wxyz
                 )
                 self._table = TableTop.under(self.chain, poses.positions)
             return self._table
 
-    def windows(self, start: int, stop: int, stride: int = 1) -> Windows:
-        """As ``frames``, of a windowed view.
+    def windows(self, start: int, stop: int, stride: int = 1) -> Motion:
+        """Return windowed frames; otherwise like ``frames``.
 
         Raises:
-            TimelineError: When they are not there, or the timeline is being replaced.
+            TimelineError: There are no such frames, or the timeline is being replaced.
         """
         with self.reading():
             return self._timeline.windows(start, min(stop, self._summarised), stride)
@@ -272,7 +254,7 @@ class TimelineView:
                 raise TimelineError(f"{self.path} is being replaced.")
 
     def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
-        """What the bar draws: phases, and the largest error in each of ``columns`` columns."""
+        """Return the bar's data: phases, and the largest error in each of ``columns`` columns."""
         with self._lock:
             total = self._summarised
             return {
@@ -307,7 +289,7 @@ class TimelineView:
         ]
 
     def _stamp_now(self) -> tuple[int, int] | None:
-        """Changes with every word of the writer, and costs next to nothing to look at."""
+        """Return (inode, mtime) of the timeline's metadata; it changes with every flush."""
         try:
             found = os.stat(os.path.join(self.path, "zarr.json"))
         except OSError:
@@ -338,47 +320,26 @@ class TimelineView:
     @property
     def _rows(self) -> int:
         """Frames of a chunk."""
-        return WINDOWS_A_CHUNK if self.windowed else FRAMES_A_CHUNK
+        return CACHED_CHUNK_WINDOWS if self.windowed else CACHED_CHUNK_FRAMES
 
     def _exact(self, frame: int) -> Snapshot:
-        chunk = self._chunk(frame // self._rows)
-        k = frame % self._rows
-        if isinstance(chunk, _WindowChunk):
-            return self._of_window(chunk.windows, k, frame)
-        f = chunk.frames
+        chain, motion, k = self.chain, self._chunk(frame // self._rows), frame % self._rows
+        angles = motion.angles(chain, k, k + 1)[0]
+        errors = motion.joint_errors(chain, k, k + 1)[0]
+        poses = self._poses(angles, motion.anchor_position[k], motion.anchor_wxyz[k])
+        framed = len(chain)
+        if self.stretch is not None:
+            framed = modules_framed(chain, int(motion.last[k]), self.stretch)
         return Snapshot(
             frame=float(frame),
-            time_s=float(f.time_s[k]),
-            phase=PHASES[int(f.phase[k])],
-            positions=chunk.positions[k],
-            wxyzs=chunk.wxyzs[k],
-            joint_angles_rad=f.joint_angles_rad[k],
-            joint_error_rad=f.joint_error_rad[k],
-            module_error_rad=chunk.module_error_rad[k],
-            framed=len(self.chain),
-        )
-
-    def _of_window(self, windows: Windows, k: int, frame: float) -> Snapshot:
-        chain, stretch = self.chain, self.stretch
-        assert stretch is not None
-        angles = windows.angles(chain, k, k + 1)[0]
-        errors = windows.joint_errors(chain, k, k + 1)[0]
-        poses = forward_kinematics(
-            chain.module,
-            angles,
-            root_position=windows.base_position[k],
-            root_wxyz=windows.base_wxyz[k],
-        )
-        return Snapshot(
-            frame=float(frame),
-            time_s=float(windows.time_s[k]),
-            phase=PHASES[int(windows.phase[k])],
+            time_s=float(motion.time_s[k]),
+            phase=PHASES[int(motion.phase[k])],
             positions=poses.positions.astype(np.float32),
             wxyzs=poses.wxyzs.astype(np.float32),
             joint_angles_rad=angles,
             joint_error_rad=errors,
             module_error_rad=chain_errors(chain, errors),
-            framed=modules_framed(chain, int(windows.last[k]), stretch),
+            framed=framed,
         )
 
     def _between(self, low: int, share: float) -> Snapshot:
@@ -386,14 +347,7 @@ class TimelineView:
         first, second = (self._given(k) for k in (low, low + 1))
         angles = _mix(a.joint_angles_rad, b.joint_angles_rad, share)
         turn = _mix(first[1], second[1] * (1.0 if first[1] @ second[1] >= 0 else -1.0), share)
-        chain = self.chain
-        poses = forward_kinematics(
-            chain.module,
-            angles,
-            root=0 if self.windowed else chain.root,
-            root_position=_mix(first[0], second[0], share),
-            root_wxyz=turn / np.linalg.norm(turn),
-        )
+        poses = self._poses(angles, _mix(first[0], second[0], share), turn / np.linalg.norm(turn))
         return Snapshot(
             frame=low + share,
             time_s=a.time_s + (b.time_s - a.time_s) * share,
@@ -406,46 +360,45 @@ class TimelineView:
             framed=max(a.framed, b.framed),
         )
 
-    def _given(self, frame: int) -> tuple[Array, Array]:
-        """The pose that a frame tells: that of its root, or of the first module."""
-        chunk = self._chunk(frame // self._rows)
-        k = frame % self._rows
-        if isinstance(chunk, _WindowChunk):
-            return chunk.windows.base_position[k], chunk.windows.base_wxyz[k]
-        return chunk.frames.root_position[k], chunk.frames.root_wxyz[k]
+    def _poses(self, angles: Array, position: Array, wxyz: Array) -> Poses:
+        """Return the poses of (J,) angles and the pose of the module that frames tell."""
+        return forward_kinematics(
+            self.chain.module,
+            angles,
+            root=0 if self.windowed else self.chain.root,
+            root_position=position,
+            root_wxyz=wxyz,
+        )
 
-    def _chunk(self, index: int) -> _Chunk | _WindowChunk:
+    def _given(self, frame: int) -> tuple[Array, Array]:
+        """Return the pose that a frame tells: that of its root, or of the first module."""
+        motion, k = self._chunk(frame // self._rows), frame % self._rows
+        return motion.anchor_position[k], motion.anchor_wxyz[k]
+
+    def _chunk(self, index: int) -> Motion:
         found = self._chunks.get(index)
         if found is not None:
             self._chunks.move_to_end(index)
             return found
         start = index * self._rows
-        stop = min(start + self._rows, self._summarised)
-        chunk = (
-            _WindowChunk(self.windows(start, stop))
-            if self.windowed
-            else self._posed(self.frames(start, stop))
-        )
+        with self.reading():
+            chunk = self._timeline.motion(start, min(start + self._rows, self._summarised))
         self._chunks[index] = chunk
-        self._bytes += chunk.nbytes
-        while self._bytes > CHUNK_BYTES and len(self._chunks) > 2:
+        self._bytes += _bytes(chunk)
+        while self._bytes > MAX_CHUNK_CACHE_BYTES and len(self._chunks) > 2:
             _, old = self._chunks.popitem(last=False)
-            self._bytes -= old.nbytes
+            self._bytes -= _bytes(old)
         return chunk
-
-    def _posed(self, frames: Frames) -> _Chunk:
-        chain = self.chain
-        poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
-        return _Chunk(
-            frames,
-            poses.positions.astype(np.float32),
-            poses.wxyzs.astype(np.float32),
-            chain_errors(chain, frames.joint_error_rad),
-        )
 
     def _forget(self, first: int) -> None:
         for index in [k for k in self._chunks if k >= first]:
-            self._bytes -= self._chunks.pop(index).nbytes
+            self._bytes -= _bytes(self._chunks.pop(index))
+
+
+def _bytes(motion: Motion) -> int:
+    """Return the approximate size of a motion in memory."""
+    errors = 0 if motion.errors_rad is None else motion.errors_rad.nbytes
+    return motion.angles_rad.nbytes + errors + 100 * len(motion)
 
 
 def _mix(a: Array, b: Array, share: float) -> Array:
@@ -461,7 +414,7 @@ def chain_errors(chain: Chain, errors: Array) -> Array:
 
 
 def _largest(errors: Array) -> Array:
-    """(F,) the largest of (F, J) errors; NaN where none is recorded."""
+    """Return (F,) the largest of (F, J) errors; NaN where none is recorded."""
     known = np.isfinite(errors)
     found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
     return np.where(known.any(axis=-1), found, np.nan)

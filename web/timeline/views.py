@@ -1,4 +1,4 @@
-"""Timeline views: open ones by path, shared while anybody looks."""
+"""Timeline views: open ones by path, shared while they are in use."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from typing import Final
 from planner.errors import DamagedError, TimelineError
 from web.timeline.view import TimelineView
 
-MOST_KEPT: Final = 512
-MOST_BYTES: Final = 192 * 2**20
-"""Bytes of views in the cache; to open one its whole summary is read."""
+MAX_CACHED_VIEWS: Final = 512
+"""Maximum number of timelines that are open in memory; the least recently used is dropped.
+Chosen."""
+MAX_VIEW_CACHE_BYTES: Final = 192 * 2**20
+"""Maximum size of the open timelines in memory, in bytes. Opening one anew reads its whole summary,
+so a smaller value makes pages slower. Chosen."""
 
 
 class TimelineViews:
@@ -28,7 +31,7 @@ class TimelineViews:
         self._kept: OrderedDict[str, TimelineView] = OrderedDict()
 
     def get(self, timeline: Path) -> TimelineView | None:
-        """The view of a timeline, or None when there is none yet.
+        """Return the view of a timeline, or None when there is none yet.
 
         Raises:
             DamagedError: If it is damaged.
@@ -65,5 +68,7 @@ class TimelineViews:
             self._kept[key] = view
             self._kept.move_to_end(key)
             held = sum(kept.nbytes for kept in self._kept.values())
-            while len(self._kept) > 1 and (len(self._kept) > MOST_KEPT or held > MOST_BYTES):
+            while len(self._kept) > 1 and (
+                len(self._kept) > MAX_CACHED_VIEWS or held > MAX_VIEW_CACHE_BYTES
+            ):
                 held -= self._kept.popitem(last=False)[1].nbytes

@@ -1,9 +1,9 @@
-"""Window columns: snapshots in ``planner.motion.windows`` as columns of a short message.
+"""Window columns: snapshots of a windowed motion as columns of a short message.
 
-``first`` and ``counts`` tell where each window begins and how many hinges it has, ``steps`` the
-angles of all windows one after the other. An angle is a whole number of ``ANGLE_STEP_RAD``, told as
-its difference from what the same hinge had in the snapshot before: as it is folded where that one's
-window began later, 0 where it had ended; the first snapshot's are told whole.
+``first`` and ``counts`` give each window's first hinge and its number of hinges, ``steps`` the
+angles of all windows one after the other. An angle is an integer number of ``SENT_ANGLE_STEP_RAD``,
+stored as its difference from the same hinge's angle in the previous snapshot: from the folded angle
+if that window began later, from 0 if it had ended. Angles of the first snapshot are absolute.
 
 Where joint errors are recorded, ``errors_rad`` tells those of all windows and ``recorded`` which
 snapshots have some: all other hinges of these are off by nothing. Without them there are no such
@@ -19,20 +19,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.motion.angle_steps import window_differences, window_totals
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 
 Ints = NDArray[np.int64]
-ANGLE_STEP_RAD: Final = 2.0**-20
-PLANES: Final = frozenset(
+SENT_ANGLE_STEP_RAD: Final = 2.0**-20
+"""Quantisation of the joint angles that browsers receive, in rad. A larger step makes batches
+smaller and the motion less exact. Chosen."""
+PLANE_COLUMNS: Final = frozenset(
     {"time_s", "phase", "first", "counts", "steps", "base_position", "base_wxyz", "recorded"}
 )
-"""Columns that are packed as planes of bytes: what rests or runs evenly takes next to nothing."""
-SHORT: Final = frozenset({"errors_rad"})
-"""Columns that are packed with a precision of 1 in 256."""
+"""Columns that are packed as byte planes: a column that is constant or changes evenly compresses to
+almost nothing."""
+SINGLE_BYTE_COLUMNS: Final = frozenset({"errors_rad"})
+"""Columns that are packed with a relative precision of 1 in 256."""
 
 
-def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> dict[str, Any]:
-    """The columns of some snapshots of a chain that is folded at ``folded_rad``."""
+def window_columns(windows: Motion, folded_rad: NDArray[np.floating[Any]]) -> dict[str, Any]:
+    """Return the columns of some snapshots of a chain that is folded at ``folded_rad``."""
     counts = np.diff(windows.offsets)
     changes = window_differences(
         windows.first, windows.offsets, whole_steps(windows.angles_rad), whole_steps(folded_rad)
@@ -45,26 +48,26 @@ def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> d
         "first": windows.first.astype("<i4"),
         "counts": counts.astype("<i4"),
         "steps": changes.astype("<i4"),
-        "base_position": windows.base_position.astype("<f8"),
-        "base_wxyz": windows.base_wxyz.astype("<f8"),
+        "base_position": windows.anchor_position.astype("<f8"),
+        "base_wxyz": windows.anchor_wxyz.astype("<f8"),
         **(errors if recorded.any() else {}),
     }
 
 
-def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]) -> Windows:
-    """The snapshots that ``window_columns`` told.
+def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]) -> Motion:
+    """Return the snapshots in ``window_columns``.
 
     Each angle is within half a step; errors are as they were told.
     """
     offsets = np.concatenate([[0], np.cumsum(columns["counts"], dtype=np.int64)])
     first = columns["first"].astype(np.int64)
     steps = window_totals(first, offsets, columns["steps"], whole_steps(folded_rad))
-    return Windows(
+    return Motion.from_windows(
         time_s=columns["time_s"],
         phase=columns["phase"],
         first=first,
         offsets=offsets,
-        angles_rad=(steps * ANGLE_STEP_RAD).astype(np.float32),
+        angles_rad=(steps * SENT_ANGLE_STEP_RAD).astype(np.float32),
         base_position=columns["base_position"],
         base_wxyz=columns["base_wxyz"],
         errors_rad=columns.get("errors_rad"),
@@ -73,5 +76,5 @@ def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]
 
 def whole_steps(angles_rad: NDArray[np.floating[Any]]) -> Ints:
     """Angles in single precision as whole steps; a half is rounded up, as browsers do."""
-    exact = angles_rad.astype(np.float32).astype(np.float64) / ANGLE_STEP_RAD
+    exact = angles_rad.astype(np.float32).astype(np.float64) / SENT_ANGLE_STEP_RAD
     return np.floor(exact + 0.5).astype(np.int64)

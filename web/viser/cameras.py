@@ -1,4 +1,4 @@
-"""Cameras: those of all who look at a viser server, which keep the chain in view."""
+"""Cameras of all clients of a viser server, which keep the chain in view."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ Array = NDArray[np.float64]
 
 
 class Cameras:
-    """Each shows the whole chain from where somebody has turned it to, in a window of any shape.
+    """Cameras that show the whole chain from where a client has turned them to.
 
     Attributes:
-        following: Whether they move at all.
+        following: True if they follow the chain.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -37,11 +37,11 @@ class Cameras:
             self._aspects.pop(client.client_id, None)
 
     def keep_in_view(self, points: Array, radius: float) -> None:
-        """Moves all cameras, if they follow.
+        """Move all cameras, if they follow.
 
         Args:
             points: (m, 3) what to have in view, in the scene's units.
-            radius: How far the chain reaches beyond.
+            radius: Radius of a module around its centre.
         """
         if not self.following:
             return
@@ -59,7 +59,7 @@ class Cameras:
                 self._look(client, float(azimuth), float(elevation))
 
     def _welcome(self, client: viser.ClientHandle) -> None:
-        """Looks from where it suits the window, also when that gets another shape."""
+        """Aim a new client's camera, also when its window changes shape."""
 
         def fit(camera: viser.CameraHandle) -> None:
             with self._lock:

@@ -11,7 +11,7 @@ from typing import Final
 from web.static_files import code_of
 
 # The page unpacks its own program into an inline script, and asks nobody for anything.
-ALLOWED: Final = "; ".join(
+CONTENT_POLICY: Final = "; ".join(
     (
         "default-src 'none'",
         "script-src 'unsafe-inline' 'wasm-unsafe-eval'",
@@ -24,7 +24,7 @@ ALLOWED: Final = "; ".join(
 )
 # The panel, the notices and the logo are viser's; the page has its own. The ground is painted by
 # the document, so the canvas above it stays see-through.
-STYLE: Final = """
+CLIENT_STYLE: Final = """
 html { color-scheme: light dark !important; }
 html, body { background: radial-gradient(120% 90% at 50% 38%, light-dark(#fbfaf7, #23282f) 0%,
   light-dark(#efece6, #15181d) 60%, light-dark(#e2ded6, #0d0f12) 100%) !important; }
@@ -53,7 +53,7 @@ class Client:
 
 @cache
 def client() -> Client:
-    """The installed viser's client, told what to show by the page that frames it.
+    """Return the installed viser's client, told what to show by the page that frames it.
 
     See ``static/js/viewer/bridge.js``; read once.
     """
@@ -66,8 +66,8 @@ def client() -> Client:
     start = html.index("<head>") + len("<head>")
     head = html.rindex("</head>")
     html = (
-        f'{html[:start]}<meta http-equiv="Content-Security-Policy" content="{ALLOWED}">'
-        f"<script>{bridge}</script>{html[start:head]}<style>{STYLE}</style>{html[head:]}"
+        f'{html[:start]}<meta http-equiv="Content-Security-Policy" content="{CONTENT_POLICY}">'
+        f"<script>{bridge}</script>{html[start:head]}<style>{CLIENT_STYLE}</style>{html[head:]}"
     )
-    policy = f"{ALLOWED}; frame-ancestors 'self'; sandbox allow-scripts"
+    policy = f"{CONTENT_POLICY}; frame-ancestors 'self'; sandbox allow-scripts"
     return Client(html.encode(), policy)

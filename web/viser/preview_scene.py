@@ -14,10 +14,17 @@ from numpy.typing import NDArray
 
 from planner.chain.module import CUBE, Module, module_named
 from web.pictures.camera import FIELD_OF_VIEW_RAD
-from web.pictures.colours import ERROR, NEUTRAL, SELECTED, Rgb, instance_colours, ramp_colours
-from web.pictures.meshes import SHOWN_SIZE, module_mesh
+from web.pictures.colours import (
+    LARGEST_ERROR_RGB,
+    NO_ERROR_RGB,
+    SELECTED_RGB,
+    Rgb,
+    instance_colours,
+    ramp_colours,
+)
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh
 from web.timeline.columns import encode
-from web.viser.scene_bundle import taken_down, viser_server
+from web.viser.scene_bundle import capture_messages, viser_server
 
 if TYPE_CHECKING:
     import viser
@@ -25,25 +32,34 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
-SIZE: Final = 4.0
-"""Longest side of what is shown, in the scene's units."""
-ROD: Final = 0.3
-BEAD: Final = 0.46
-SOLID: Final[Rgb] = (92, 120, 164)
-GHOST: Final[Rgb] = (110, 120, 134)
+SCENE_SIZE: Final = 4.0
+"""Longest side of the shape in a preview, in the scene's units, whatever its real size. Chosen."""
+PATH_WIDTH_PITCH: Final = 0.3
+"""Width of the rods that show the path, in pitches. Chosen."""
+PATH_END_SIZE_PITCH: Final = 0.46
+"""Size of the thicker pieces that mark the path's two ends, in pitches. Chosen."""
+SOLID_RGB: Final[Rgb] = (92, 120, 164)
+GHOST_RGB: Final[Rgb] = (110, 120, 134)
 GHOST_OPACITY: Final = 0.13
+"""Opacity (0 to 1) of modules beneath the path. Chosen."""
 SOLID_OPACITY: Final = 0.34
+"""Opacity (0 to 1) of the uploaded solid beside its modules. A larger value hides more of them.
+Chosen."""
 SOLID_OPACITY_NO_PATH: Final = 0.1
-"""Opacity of the solid where the cells are what matters: they are seen through it."""
+"""Opacity (0 to 1) of the solid if there is no path: the cells show through it. Chosen."""
 ADDED_OPACITY: Final = 0.55
-AZIMUTH_RAD: Final = np.deg2rad(-54.0)
-ELEVATION_RAD: Final = np.deg2rad(26.0)
-MARGIN: Final = (0.84, 0.76)
-UPRIGHT: Final = (1.0, 0.0, 0.0, 0.0)
+"""Opacity (0 to 1) of cells that a repair has added. Chosen."""
+PREVIEW_AZIMUTH_RAD: Final = np.deg2rad(-54.0)
+"""Initial direction of a preview's camera around the vertical, in rad. Chosen."""
+PREVIEW_ELEVATION_RAD: Final = np.deg2rad(26.0)
+"""Initial elevation of a preview's camera above the horizon, in rad. Chosen."""
+PREVIEW_FILL: Final = (0.84, 0.76)
+"""Fractions of a preview's width and height that the shape fills. Chosen."""
+IDENTITY_WXYZ: Final = (1.0, 0.0, 0.0, 0.0)
 
 
 def preview_scene_of(report: Mapping[str, Any]) -> bytes:
-    """The scene of a preview's report, as one message of ``web.timeline.columns``.
+    """Return the scene of a preview's report, as one message of ``web.timeline.columns``.
 
     The header holds the scene's ``messages`` as those of ``web.viser.scene_bundle``, a module's
     ``hull`` as ``planner.chain.module`` tells it, the ``corners`` (8, 3) of what is shown and how
@@ -54,11 +70,11 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
     while they are no ghost.
 
     Args:
-        report: As ``planner.pipeline.prepare.Preparation.report`` gives it in full.
+        report: Full result of ``planner.pipeline.prepare.Preparation.report``.
     """
     with viser_server() as server:
         scene = _PreviewScene(server, report)
-        messages, arrays = taken_down(server)
+        messages, arrays = capture_messages(server)
     module = scene.module
     header = {
         "messages": messages,
@@ -71,18 +87,18 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
         "radius": 0.62 * scene.unit,
         "camera": {
             "field_of_view_rad": float(FIELD_OF_VIEW_RAD),
-            "azimuth_rad": float(AZIMUTH_RAD),
-            "elevation_rad": float(ELEVATION_RAD),
-            "margin": MARGIN,
+            "azimuth_rad": float(PREVIEW_AZIMUTH_RAD),
+            "elevation_rad": float(PREVIEW_ELEVATION_RAD),
+            "margin": PREVIEW_FILL,
         },
-        "colours": {"selected": SELECTED, "ghost": GHOST, "ghost_opacity": GHOST_OPACITY},
+        "colours": {"selected": SELECTED_RGB, "ghost": GHOST_RGB, "ghost_opacity": GHOST_OPACITY},
     }
     cells = np.asarray(report["cells"], dtype="<i4").reshape(-1, 3)
     return encode(header, {**arrays, "cells": cells, "colours": scene.colours})
 
 
 class _PreviewScene:
-    """Draws a report into a viser server."""
+    """Scene of a preview's report in a viser server."""
 
     def __init__(self, server: viser.ViserServer, report: Mapping[str, Any]) -> None:
         self._scene = server.scene
@@ -93,7 +109,7 @@ class _PreviewScene:
         self.positions: Array = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
         count = len(self.positions)
         wxyzs = report.get("wxyzs")
-        self._wxyzs = np.tile(UPRIGHT, (count, 1)) if wxyzs is None else np.asarray(wxyzs)
+        self._wxyzs = np.tile(IDENTITY_WXYZ, (count, 1)) if wxyzs is None else np.asarray(wxyzs)
         mesh = report.get("mesh")
         repair = {} if report["has_path"] else _repair(report)
         added = report.get("added") or repair.get("add", ())
@@ -101,11 +117,11 @@ class _PreviewScene:
         self._dropped: list[list[int]] = repair.get("drop", [])
         low, high = _bounds(np.concatenate([self.positions, self._added]), mesh)
         self._middle = (low + high) / 2
-        self.unit = SIZE / float((high - low).max())
+        self.unit = SCENE_SIZE / float((high - low).max())
         inner = self._placed(np.array([low + 0.5, high - 0.5]))
         shares = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
         self.corners: Array = inner[0] + shares * (inner[1] - inner[0])
-        self.colours: Bytes = np.tile(np.array(NEUTRAL, np.uint8), (count, 1))
+        self.colours: Bytes = np.tile(np.array(NO_ERROR_RGB, np.uint8), (count, 1))
         self._light(server)
         if count:
             self._draw(report)
@@ -114,7 +130,7 @@ class _PreviewScene:
                 "/solid",
                 self._placed(np.asarray(mesh["vertices"], dtype=np.float64)),
                 np.asarray(mesh["faces"], dtype=np.int64),
-                color=SOLID,
+                color=SOLID_RGB,
                 opacity=SOLID_OPACITY if report["has_path"] else SOLID_OPACITY_NO_PATH,
                 flat_shading=False,
                 side="front",
@@ -138,7 +154,7 @@ class _PreviewScene:
         if report["has_path"]:
             self.colours = ramp_colours(np.linspace(0.0, 1.0, len(self.positions)))
             # A path inside full modules would not be seen: they become a ghost around it.
-            ghost = np.tile(np.array(GHOST, np.uint8), (len(self.positions), 1))
+            ghost = np.tile(np.array(GHOST_RGB, np.uint8), (len(self.positions), 1))
             self._modules("/cells", ghost, opacity=GHOST_OPACITY)
             line = np.asarray(report["line"], dtype=np.float64)
             self._path(line, ramp_colours(np.linspace(0.0, 1.0, len(line))))
@@ -147,7 +163,7 @@ class _PreviewScene:
             self._mark(report)
             self._modules("/cells", self.colours)
         # Wherever the page puts it.
-        self._modules("/selected", np.array([SELECTED], np.uint8), visible=False)
+        self._modules("/selected", np.array([SELECTED_RGB], np.uint8), visible=False)
 
     def _mark(self, report: Mapping[str, Any]) -> None:
         """Cells that make trouble, and those that the repair would add, stand out."""
@@ -156,13 +172,13 @@ class _PreviewScene:
         bad = [cell for problem in state.get("problems", ()) for cell in problem["cells"]]
         for cell in [*bad, *self._dropped]:
             if (k := index.get(tuple(cell))) is not None:
-                self.colours[k] = ERROR
+                self.colours[k] = LARGEST_ERROR_RGB
         self._show_added()
 
     def _show_added(self) -> None:
         """Draw the cells that a repair adds, or has added."""
         if len(self._added):
-            blue = np.tile(np.array(SELECTED, np.uint8), (len(self._added), 1))
+            blue = np.tile(np.array(SELECTED_RGB, np.uint8), (len(self._added), 1))
             self._cubes("/added", self._added, blue, opacity=ADDED_OPACITY)
 
     def _path(self, cells: Array, colours: Bytes) -> None:
@@ -174,11 +190,11 @@ class _PreviewScene:
         for axis in range(3):
             along = axes == axis
             if along.any():
-                sides = np.full(3, ROD)
+                sides = np.full(3, PATH_WIDTH_PITCH)
                 sides[axis] = 1.0
                 self._cubes(f"/path/rods{axis}", middles[along], mixed[along], sides=sides)
-        sizes = np.full(len(cells), ROD * 1.06)
-        sizes[[0, -1]] = BEAD * 1.3
+        sizes = np.full(len(cells), PATH_WIDTH_PITCH * 1.06)
+        sizes[[0, -1]] = PATH_END_SIZE_PITCH * 1.3
         self._cubes("/path/beads", cells, colours, scales=sizes)
 
     def _modules(
@@ -214,9 +230,9 @@ class _PreviewScene:
         vertices = cube.vertices * self.unit
         self._scene.add_batched_meshes_simple(
             name,
-            vertices if sides is None else vertices * sides / SHOWN_SIZE,
+            vertices if sides is None else vertices * sides / DISPLAYED_MODULE_SIZE,
             cube.faces,
-            np.tile(UPRIGHT, (len(cells), 1)),
+            np.tile(IDENTITY_WXYZ, (len(cells), 1)),
             self._placed(cells),
             batched_colors=instance_colours(colours),
             batched_scales=None if scales is None else scales.astype(np.float32),
@@ -231,13 +247,13 @@ class _PreviewScene:
 
 
 def _repair(report: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The repair that comes first, if there is one."""
+    """Return the repair that comes first, if there is one."""
     state = report.get("feasibility") or {}
     return next(iter(state.get("repairs", ())), {})
 
 
 def _bounds(cells: Array, mesh: Mapping[str, Any] | None) -> tuple[Array, Array]:
-    """The corners of the box around cells and solid."""
+    """Return the corners of the box around cells and solid."""
     lows, highs = [np.full(3, np.inf)], [np.full(3, -np.inf)]
     if len(cells):
         lows.append(cells.min(axis=0) - 0.5)

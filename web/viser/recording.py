@@ -16,19 +16,23 @@ if TYPE_CHECKING:
     import viser
     from viser._messages import Message
 
-MOST_FRAMES: Final = 1200
-MOST_NUMBERS: Final = 12_000_000
-"""Frames times modules times the numbers of a pose: a recording holds each pose in full."""
-SECONDS: Final = 24.0
+MAX_RECORDED_FRAMES: Final = 1200
+"""Maximum number of frames in a recording for the viser client; of longer folds frames are left
+out. Chosen."""
+MAX_RECORDED_NUMBERS: Final = 12_000_000
+"""Maximum count of numbers in a recording: frames × modules × 8 numbers of a pose, as it stores
+each pose in full. A larger value shows long chains more smoothly, in larger files. Chosen."""
+RECORDING_S: Final = 24.0
+"""Duration of a recording at normal speed, in s. Chosen."""
 
 
 def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes:
-    """The timeline as a recording of ``SECONDS`` seconds, thinned where it is long.
+    """Return the timeline as a recording of ``RECORDING_S`` seconds, thinned where it is long.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
-    most = max(2, min(MOST_FRAMES, MOST_NUMBERS // (8 * len(timeline.chain))))
+    most = max(2, min(MAX_RECORDED_FRAMES, MAX_RECORDED_NUMBERS // (8 * len(timeline.chain))))
     frames = np.unique(
         np.linspace(0, len(timeline) - 1, min(most, len(timeline))).round().astype(int)
     )
@@ -37,14 +41,14 @@ def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes
         for frame in frames:
             snapshot = timeline.snapshot(float(frame))
             scene.show(snapshot, error_colours(snapshot.module_error_rad, timeline.error_scale_rad))
-            scene.move_ground(SECONDS / len(frames))
+            scene.move_ground(RECORDING_S / len(frames))
             look(server, framing(scene.points(snapshot), radius=scene.radius))
-            record.insert_sleep(SECONDS / len(frames))
+            record.insert_sleep(RECORDING_S / len(frames))
         return record.serialize()
 
 
 def look(server: viser.ViserServer, view: View) -> None:
-    """Moves the camera of all clients.
+    """Move the camera of all clients.
 
     It goes with the poses, through the messages to all of them: those to one client are sent
     apart, and chain and camera would not move together.
@@ -59,6 +63,6 @@ def look(server: viser.ViserServer, view: View) -> None:
 
 
 def _broadcast(server: viser.ViserServer, message: Message) -> None:
-    """Sends a message to all clients of a server, in order with what its scene sends."""
+    """Send a message to all clients of a server, in order with what its scene sends."""
     websocket: Any = server._websock_server  # pyright: ignore[reportPrivateUsage]
     websocket.queue_message(message)

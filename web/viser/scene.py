@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from web.pictures.camera import FIELD_OF_VIEW_RAD
-from web.pictures.colours import FIRST, LAST, instance_colours, ramp_colours
-from web.pictures.meshes import SHOWN_SIZE, module_mesh, stud_mesh
-from web.pictures.table_top import LIGHT, TableTop, disc_mesh
+from web.pictures.camera_path import GROUND_GAP_PITCH
+from web.pictures.colours import FIRST_MODULE_RGB, LAST_MODULE_RGB, instance_colours, ramp_colours
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh, stud_mesh
+from web.pictures.table_top import TABLE_RGB, TableTop, disc_mesh
 from web.timeline.view import Snapshot
 
 if TYPE_CHECKING:
@@ -21,17 +22,24 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-WIDEST: Final = 14.0
-"""Length of the straight chain, or of what is in view of it, in the scene's units: viser's shadows
-reach 20 from the camera."""
-BESIDE: Final = 3
-"""Factor of the straight stretch in view that the scene is long, with what is folded beside it."""
-LARGEST_PITCH: Final = 0.25
-GROUND_GAP: Final = 0.35
-PATH_THICKNESS: Final = 0.18
-PRESSED_OPACITY: Final = 0.85
-SINK_S: Final = 0.05
-RISE_S: Final = 0.5
+MAX_SCENE_LENGTH: Final = 14.0
+"""Maximum length of the straight chain, or of its part in view, in the scene's units. viser's
+shadows reach 20 units from the camera, so a larger value would cut them off."""
+SCENE_STRETCH_FACTOR: Final = 3
+"""Length that must fit into the scene, as a multiple of the straight part that the camera keeps in
+view; the rest is for the folded part beside it. Chosen."""
+MAX_SCENE_PITCH: Final = 0.25
+"""Maximum length of a pitch in the scene's units, so that short chains do not fill the screen.
+Chosen."""
+PATH_THICKNESS_PITCH: Final = 0.18
+"""Thickness of the line through the modules, in pitches. Chosen."""
+TABLE_DISC_OPACITY: Final = 0.85
+"""Opacity (0 to 1) of the discs that show the forces on a table. Chosen."""
+GROUND_SINK_S: Final = 0.05
+"""Time constant with which the ground follows a chain downwards, in s. A larger value lets the
+chain dip below it. Chosen."""
+GROUND_RISE_S: Final = 0.5
+"""Time constant with which the ground follows a chain upwards, in s. Chosen."""
 
 
 def path_colours(modules: int) -> NDArray[np.uint8]:
@@ -41,7 +49,7 @@ def path_colours(modules: int) -> NDArray[np.uint8]:
 
 
 class Scene:
-    """Draws snapshots of one chain; tells which module was clicked."""
+    """Scene of one chain; it draws snapshots and reports clicked modules."""
 
     def __init__(
         self,
@@ -57,14 +65,14 @@ class Scene:
         Args:
             server: The viser server.
             chain: The chain.
-            stretch: As of ``web.timeline.view.TimelineView``.
-            shadows: Whether there are any.
-            table: What it stands on; None of a chain that floats.
+            stretch: That of ``web.timeline.view.TimelineView``.
+            shadows: True to draw shadows.
+            table: Table under the chain; None if it floats.
         """
         self._server = server
         self._chain = chain
-        span = len(chain) if stretch is None else min(len(chain), BESIDE * stretch)
-        self.pitch = min(LARGEST_PITCH, WIDEST / span)
+        span = len(chain) if stretch is None else min(len(chain), SCENE_STRETCH_FACTOR * stretch)
+        self.pitch = min(MAX_SCENE_PITCH, MAX_SCENE_LENGTH / span)
         self._ground: float | None = None
         self._last: Snapshot | None = None
         n = len(chain)
@@ -99,7 +107,9 @@ class Scene:
             stud.faces,
             np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)),
             np.zeros((2, 3)),
-            batched_colors=instance_colours(np.array([FIRST, LAST], np.uint8)),
+            batched_colors=instance_colours(
+                np.array([FIRST_MODULE_RGB, LAST_MODULE_RGB], np.uint8)
+            ),
             lod="off",
             cast_shadow=False,
             receive_shadow=False,
@@ -109,7 +119,7 @@ class Scene:
             "/path",
             np.zeros((n - 1, 2, 3), np.float32),
             instance_colours(path_colours(n)),
-            thickness=PATH_THICKNESS * self.pitch,
+            thickness=PATH_THICKNESS_PITCH * self.pitch,
         )
         line.visible = False
         self._floor = scene.add_grid(
@@ -135,7 +145,7 @@ class Scene:
             "/table",
             slab.vertices * self.pitch,
             slab.faces,
-            color=LIGHT,
+            color=TABLE_RGB,
             flat_shading=True,
             side="double",
             cast_shadow=False,
@@ -150,7 +160,7 @@ class Scene:
             np.zeros((n, 3)),
             batched_colors=np.zeros((n, 3), np.uint8),
             batched_scales=np.zeros(n, np.float32),
-            opacity=PRESSED_OPACITY,
+            opacity=TABLE_DISC_OPACITY,
             lod="off",
             side="double",
             cast_shadow=False,
@@ -159,7 +169,7 @@ class Scene:
         )
 
     def show(self, snapshot: Snapshot, colours: NDArray[np.uint8]) -> None:
-        """Draws a snapshot, its modules in (n, 3) sRGB bytes, at one moment for whoever looks."""
+        """Draw a snapshot, its modules in (n, 3) sRGB bytes, at one moment for whoever looks."""
         self._last = snapshot
         with self._server.atomic():
             self._modules.batched_positions = snapshot.positions * np.float32(self.pitch)
@@ -168,7 +178,7 @@ class Scene:
             self._place_ends(snapshot)
 
     def on_click(self, clicked: Callable[[int], None]) -> None:
-        """Has ``clicked`` called with the number of each module that somebody clicks on."""
+        """Call ``clicked`` with the number of each module that is clicked."""
 
         @self._modules.on_click
         def _(event: viser.SceneNodePointerEvent[viser.BatchedMeshHandle]) -> None:
@@ -182,7 +192,7 @@ class Scene:
 
     @property
     def radius(self) -> float:
-        """How far a module reaches from its centre in the scene's units."""
+        """Radius of a module in the scene's units."""
         return self._chain.module.radius * self.pitch
 
     def _place_ends(self, snapshot: Snapshot) -> None:
@@ -191,7 +201,7 @@ class Scene:
         w, x, y, z = wxyzs.T
         ahead = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
         out = ahead * np.array([[-1.0], [1.0]])
-        reach = SHOWN_SIZE * float(np.abs(self._chain.module.vertices[:, 0]).max())
+        reach = DISPLAYED_MODULE_SIZE * float(np.abs(self._chain.module.vertices[:, 0]).max())
         at = snapshot.positions[[0, -1]] + out * reach
         # Half a turn about z points the first stud backwards: q · (0, 0, 0, 1).
         wxyzs[0] = (-z[0], y[0], -x[0], w[0])
@@ -199,12 +209,14 @@ class Scene:
         self._ends.batched_wxyzs = wxyzs.astype(np.float32)
 
     def move_ground(self, seconds: float) -> bool:
-        """Lets the ground sink and rise to just below the chain; True while it moves."""
+        """Let the ground sink and rise to just below the chain; True while it moves."""
         if self._last is None or self._table is not None:
             return False
         low = self._ground_below(self._last)
         before = low if self._ground is None else self._ground
-        after = low + (before - low) * math.exp(-seconds / (SINK_S if low < before else RISE_S))
+        after = low + (before - low) * math.exp(
+            -seconds / (GROUND_SINK_S if low < before else GROUND_RISE_S)
+        )
         if self._ground is not None and abs(after - self._ground) < 1e-3 * self.pitch:
             return False
         self._ground = after
@@ -214,5 +226,5 @@ class Scene:
 
     def _ground_below(self, snapshot: Snapshot) -> float:
         return (
-            float(snapshot.positions[: snapshot.framed, 2].min()) - 0.5 - GROUND_GAP
+            float(snapshot.positions[: snapshot.framed, 2].min()) - 0.5 - GROUND_GAP_PITCH
         ) * self.pitch

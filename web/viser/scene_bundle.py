@@ -22,19 +22,20 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.rotations import wxyz_from_matrix
-from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, TURN_RAD_S
+from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, ORBIT_SPEED_RAD_S
 from web.pictures.colours import (
-    ERROR,
-    FIRST,
-    LAST,
-    NEUTRAL,
-    SELECTED,
-    STUCK,
-    UNKNOWN,
+    FIRST_MODULE_RGB,
+    LARGEST_ERROR_RGB,
+    LAST_MODULE_RGB,
+    NO_ERROR_RGB,
+    RAMP_COLOURS,
+    SELECTED_RGB,
+    STALLED_RGB,
+    UNKNOWN_ERROR_RGB,
     error_ramp,
     ramp_colours,
 )
-from web.pictures.meshes import SHOWN_SIZE
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE
 from web.pictures.sketch import sketch_outline
 from web.pictures.table_top import TableTop
 from web.timeline.columns import encode
@@ -43,12 +44,11 @@ from web.viser.scene import Scene
 if TYPE_CHECKING:
     import viser
 
-RAMP_STEPS: Final = 256
 _BINARY: Final = "__binary_index"
 
 
 def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None = None) -> bytes:
-    """The scene bundle of a fold of ``chain``, as one message of ``web.timeline.columns``.
+    """Return the scene bundle of a fold of ``chain``, as one message of ``web.timeline.columns``.
 
     The header holds the chain's geometry (``planner.chain.module`` tells the words), the scene's
     ``messages`` with ``{"column": name}`` in place of arrays, what a ``sketch`` draws, the
@@ -57,8 +57,8 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
 
     Args:
         chain: The chain.
-        stretch: As of the fold's ``web.timeline.view.TimelineView``.
-        table: What it folds on; None of one that floats.
+        stretch: That of the fold's ``web.timeline.view.TimelineView``.
+        table: Table under the chain; None if it floats.
     """
     module, n = chain.module, len(chain)
     pitch, messages, arrays = _staged_alike(_Alike(chain, stretch, table))
@@ -91,27 +91,27 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
             "field_of_view_rad": float(FIELD_OF_VIEW_RAD),
             "azimuth_rad": float(AZIMUTH_RAD),
             "elevation_rad": float(ELEVATION_RAD),
-            "turn_rad_s": float(TURN_RAD_S),
+            "turn_rad_s": float(ORBIT_SPEED_RAD_S),
             "stretch": stretch,
         },
         "table": None if table is None else _table_told(table),
         "pitch": pitch,
-        "shown_size": SHOWN_SIZE,
+        "shown_size": DISPLAYED_MODULE_SIZE,
         "reach": float(np.abs(module.vertices[:, 0]).max()),
         "colours": {
-            "neutral": NEUTRAL,
-            "unknown": UNKNOWN,
-            "error": ERROR,
-            "selected": SELECTED,
-            "stuck": STUCK,
-            "first": FIRST,
-            "last": LAST,
+            "neutral": NO_ERROR_RGB,
+            "unknown": UNKNOWN_ERROR_RGB,
+            "error": LARGEST_ERROR_RGB,
+            "selected": SELECTED_RGB,
+            "stuck": STALLED_RGB,
+            "first": FIRST_MODULE_RGB,
+            "last": LAST_MODULE_RGB,
         },
     }
     columns = {
         **arrays,
-        "ramp_error": error_ramp(RAMP_STEPS),
-        "ramp_even": ramp_colours(np.linspace(0.0, 1.0, RAMP_STEPS)),
+        "ramp_error": error_ramp(RAMP_COLOURS),
+        "ramp_even": ramp_colours(np.linspace(0.0, 1.0, RAMP_COLOURS)),
         "folded_rad": chain.folded_rad.astype("<f8"),
         "folded_positions": chain.folded_poses.positions.astype("<f4"),
     }
@@ -139,7 +139,7 @@ _QUIET_LOCK: Final = threading.RLock()
 
 @contextlib.contextmanager
 def quiet() -> Generator[None]:
-    """Keeps viser's banner off the terminal, which it prints whatever ``verbose`` says."""
+    """Keep viser's banner off the terminal, which it prints whatever ``verbose`` says."""
     console = rich.get_console()
     with _QUIET_LOCK:
         before, console.quiet = console.quiet, True
@@ -173,8 +173,10 @@ def viser_scene(
         yield server, Scene(server, chain, stretch=stretch, table=table)
 
 
-def taken_down(server: viser.ViserServer) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
-    """What a server shows: its messages with ``{"column": name}`` for arrays, and the arrays."""
+def capture_messages(
+    server: viser.ViserServer,
+) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    """Return a server's messages, with ``{"column": name}`` for arrays, and the arrays."""
     messages, buffers = opened_scene(server.get_scene_serializer().serialize())
     arrays: dict[str, NDArray[Any]] = {}
 
@@ -194,7 +196,7 @@ def taken_down(server: viser.ViserServer) -> tuple[list[dict[str, Any]], dict[st
 
 
 def _table_told(table: TableTop) -> dict[str, Any]:
-    """What a page knows of a table."""
+    """Return the table's data for a page."""
     return {
         "height": table.height,
         "thickness": table.thickness,
@@ -223,4 +225,4 @@ def _staged_alike(
     alike: _Alike,
 ) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
     with viser_scene(alike.chain, alike.stretch, alike.table) as (server, scene):
-        return scene.pitch, *taken_down(server)
+        return scene.pitch, *capture_messages(server)

@@ -11,13 +11,15 @@ from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import TIMELINE, result
 from planner.plan.plan import Plan
 from planner.progress import Progress
-from web.timeline.moments import Moments, MotionMoments
+from web.timeline.moments import MotionMoments, MotionSource
 from web.timeline.view import TimelineView
 from web.timeline.views import TimelineViews
 from web.viser.shown import Shown
 
-HOST: Final = "127.0.0.1"
-PORT: Final = 8080
+DEFAULT_HOST: Final = "127.0.0.1"
+DEFAULT_PORT: Final = 8080
+"""TCP port that ``show`` serves its view on; the next free one if it is taken. Chosen: viser's
+own."""
 LAST_STAGE: Final = "export"
 
 
@@ -30,16 +32,16 @@ class Live(Shown):
     """
 
     def __init__(self, *, host: str, port: int, open_browser: bool) -> None:
-        """Starts the server, which has nothing to show yet; ``show.live`` does so."""
+        """Start the server, which has nothing to show yet; ``show.live`` does so."""
         self._views = TimelineViews()
         self._directory: FilePath | None = None
-        self._whole: Moments | None = None
+        self._whole: MotionSource | None = None
         super().__init__(
             self._newest, host=host, port=port, open_browser=open_browser, follows=True
         )
 
     def __call__(self, progress: Progress) -> None:
-        """Notes how far the fold is."""
+        """Record the progress of the fold."""
         if progress.directory is None:
             return
         directory = FilePath(progress.directory)
@@ -63,24 +65,24 @@ class Live(Shown):
     def _growing(self) -> bool:
         return self._whole is None  # also between two attempts
 
-    def _newest(self) -> Moments | None:
+    def _newest(self) -> MotionSource | None:
         if self._whole is not None or self._directory is None:
             return self._whole
         return self._views.get(result(self._directory, TIMELINE))
 
 
 class Show:
-    """What ``show`` is: ``show(plan)`` of what is there, ``show.live()`` of what is computed."""
+    """Type of ``show``: ``show(plan)`` shows a plan, ``show.live()`` a fold being computed."""
 
     def __call__(
         self,
         fold: Plan | Timeline | str | FilePath,
         *,
-        port: int = PORT,
-        host: str = HOST,
+        port: int = DEFAULT_PORT,
+        host: str = DEFAULT_HOST,
         open_browser: bool = False,
     ) -> Shown:
-        """Shows a fold in a viser server of its own.
+        """Show a fold in a viser server of its own.
 
         Args:
             fold: A plan; the directory of a fold; or a timeline, or where it is. Of a directory and
@@ -88,7 +90,7 @@ class Show:
             port: Port to listen on; the next free one when it is taken, any for 0.
             host: Address to listen on. viser asks nobody who they are: whoever reaches the address
                 can look and move the slider.
-            open_browser: Whether to open a browser.
+            open_browser: True to open a browser.
 
         Raises:
             TimelineError: When there is no timeline there.
@@ -116,11 +118,13 @@ class Show:
             )
         return Shown(now, host=host, port=port, open_browser=open_browser)
 
-    def live(self, *, port: int = PORT, host: str = HOST, open_browser: bool = False) -> Live:
-        """Shows a fold while it is computed: ``fold(shape, progress=show.live())``.
+    def live(
+        self, *, port: int = DEFAULT_PORT, host: str = DEFAULT_HOST, open_browser: bool = False
+    ) -> Live:
+        """Show a fold while it is computed: ``fold(shape, progress=show.live())``.
 
         Args:
-            port, host, open_browser: As of ``show`` itself.
+            port, host, open_browser: Same as for ``show``.
 
         Raises:
             InputError: ``no-such-address``.

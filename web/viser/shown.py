@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
-from web.pictures.colours import SELECTED, error_colours, ramp_colours
-from web.timeline.moments import Moments
+from web.pictures.colours import SELECTED_RGB, error_colours, ramp_colours
+from web.timeline.moments import MotionSource
 from web.timeline.view import Snapshot
 from web.viser.cameras import Cameras
 from web.viser.scene import Scene
@@ -32,19 +32,27 @@ from web.viser.scene_bundle import quiet
 if TYPE_CHECKING:
     import viser
 
-WHOLE_S: Final = 20.0
-"""Seconds that a motion takes at speed 1, about."""
-SLOWEST_FPS: Final = 12.0
-FASTEST_FPS: Final = 240.0
-DRAW_EVERY_S: Final = 1 / 30
-LOOK_EVERY_S: Final = 0.1
-"""Seconds between two looks for new frames."""
+DEFAULT_DURATION_S: Final = 20.0
+"""Approximate time in which a motion is played at speed 1, in s. Chosen."""
+MIN_PLAYED_FPS: Final = 12.0
+"""Minimum number of the fold's frames that pass per second at speed 1; shorter motions end sooner.
+Chosen."""
+MAX_PLAYED_FPS: Final = 240.0
+"""Maximum number of the fold's frames that pass per second at speed 1; longer motions take longer.
+Chosen."""
+DRAW_INTERVAL_S: Final = 1 / 30
+"""Time between two drawn pictures while a motion plays, in s. A smaller value is smoother and sends
+more to the browser. Chosen."""
+FRAME_POLL_S: Final = 0.1
+"""Time between two looks for new frames while nothing plays, in s. Chosen."""
 SPEEDS: Final = {"0.25×": 0.25, "0.5×": 0.5, "1×": 1.0, "2×": 2.0, "4×": 4.0}
-BY_ERROR: Final = "Joint error"
-ALONG: Final = "Along the chain"
-LAST_PORT: Final = 65_535
-GROUND_S: Final = 10.0
-"""Long enough for the ground to be where the chain wants it."""
+COLOUR_BY_ERROR: Final = "Joint error"
+COLOUR_ALONG_CHAIN: Final = "Along the chain"
+MAX_PORT: Final = 65_535
+"""Largest number of a TCP port."""
+GROUND_SETTLING_S: Final = 10.0
+"""Time, in s, for which the ground is moved at once after a jump, long enough to reach its place
+under the chain. Chosen."""
 
 
 class Shown:
@@ -55,24 +63,24 @@ class Shown:
 
     Attributes:
         server: To add to what is shown, and to the controls beside it.
-        url: Where it is.
+        url: Address of the view.
     """
 
     def __init__(
         self,
-        moments: Callable[[], Moments | None],
+        moments: Callable[[], MotionSource | None],
         *,
         host: str,
         port: int,
         open_browser: bool,
         follows: bool = False,
     ) -> None:
-        """Starts the server.
+        """Start the server.
 
         Args:
             moments: Gives the motion as it is by now; None while there is none.
-            host, port, open_browser: As of ``web.viser.show``.
-            follows: Whether to begin at the last frame, and to go on to each that comes.
+            host, port, open_browser: Same as for ``web.viser.show``.
+            follows: True to start at the last frame and to follow new ones.
 
         Raises:
             InputError: ``no-such-address``.
@@ -87,7 +95,7 @@ class Shown:
         self._wake = threading.Event()
         self._closed = False
         self._playing = False
-        self._moments: Moments | None = None
+        self._moments: MotionSource | None = None
         self._id = ""
         self._last = -1
         self._frame = 0
@@ -116,7 +124,7 @@ class Shown:
         return f"<{type(self).__name__} at {self.url}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """Return the HTML of the view for a notebook."""
         address = html.escape(self.url, quote=True)
         return (
             f'<iframe src="{address}" title="A fold in viser" width="100%" height="480" '
@@ -125,7 +133,7 @@ class Shown:
 
     @property
     def frame(self) -> int:
-        """The frame that is shown; set it to show another one, the nearest that there is."""
+        """Frame that is shown, from 0 on; set it to show another one, the nearest that there is."""
         return self._frame
 
     @frame.setter
@@ -134,7 +142,7 @@ class Shown:
             self._seek(frame)
 
     def play(self) -> None:
-        """Plays on from the frame that is shown, from the first one when that is the last."""
+        """Play on from the frame that is shown, from the first one when that is the last."""
         with self._lock:
             if self._frame >= self._last and not self._growing:
                 self._go(0)
@@ -146,7 +154,7 @@ class Shown:
             self._set_playing(False)
 
     def close(self) -> None:
-        """Ends the server and frees its port; once more does nothing."""
+        """End the server and free its port; once more does nothing."""
         with self._lock:
             if self._closed:
                 return
@@ -162,10 +170,12 @@ class Shown:
         gui.configure_theme(show_share_button=False)
         gui.main_panel.dock_right()  # beside the chain, not before it
         self._text = gui.add_markdown(self._told)
-        self._slider = gui.add_slider("Frame", min=0, max=1, step=1, initial_value=0)
+        self._slider = gui.add_slider("Frame", min=1, max=2, step=1, initial_value=1)
         self._button = gui.add_button("Play")
         self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1×")
-        self._colours = gui.add_dropdown("Colours", (BY_ERROR, ALONG), initial_value=BY_ERROR)
+        self._colours = gui.add_dropdown(
+            "Colours", (COLOUR_BY_ERROR, COLOUR_ALONG_CHAIN), initial_value=COLOUR_BY_ERROR
+        )
         self._follow = gui.add_checkbox(
             "Follow", True, hint="Keep the chain in view for all viewers."
         )
@@ -177,7 +187,7 @@ class Shown:
                 return  # moved by what is shown, not by somebody
             with self._lock:
                 self._set_playing(False)
-                self._seek(self._slider.value)
+                self._seek(self._slider.value - 1)
 
         @self._button.on_click
         def _(event: viser.GuiEvent[Any]) -> None:
@@ -197,10 +207,10 @@ class Shown:
             draw(event)
 
     def _run(self) -> None:
-        """Plays, and looks for new frames, until it is closed."""
+        """Play, and look for new frames, until it is closed."""
         drawn = time.monotonic()
         while not self._closed:
-            self._wake.wait(DRAW_EVERY_S if self._playing else LOOK_EVERY_S)
+            self._wake.wait(DRAW_INTERVAL_S if self._playing else FRAME_POLL_S)
             self._wake.clear()
             now = time.monotonic()
             with self._lock:
@@ -211,7 +221,7 @@ class Shown:
             drawn = now
 
     def _look(self) -> None:
-        """Takes what there is by now."""
+        """Read new frames."""
         found = self._find()
         if found is None or not len(found):
             return
@@ -225,7 +235,7 @@ class Shown:
         elif same and last == self._last:
             return
         self._last = last
-        self._slider.max = max(last, 1)
+        self._slider.max = max(last, 1) + 1
         self._go(last if self._follows else self._frame)
 
     @property
@@ -235,7 +245,7 @@ class Shown:
     def _play_on(self, passed_s: float) -> None:
         if not self._playing:
             return
-        per_second = min(max(self._last / WHOLE_S, SLOWEST_FPS), FASTEST_FPS)
+        per_second = min(max(self._last / DEFAULT_DURATION_S, MIN_PLAYED_FPS), MAX_PLAYED_FPS)
         self._place += passed_s * per_second * SPEEDS.get(self._speed.value, 1.0)
         if (frame := min(int(self._place), self._last)) != self._frame:
             self._go(frame)
@@ -249,7 +259,7 @@ class Shown:
         self._wake.set()
 
     def _seek(self, frame: int) -> None:
-        """Goes where somebody wants it to; to the end of what grows, to what comes after it too."""
+        """Go to a requested frame; at the end of a growing timeline, follow it."""
         self._go(frame)
         self._place = float(self._frame)
         self._follows = self._growing and self._frame >= self._last
@@ -273,8 +283,8 @@ class Shown:
             return  # it is being replaced: what is shown stays until that is there
         with self.server.atomic():
             scene.show(snapshot, self._painted(snapshot, moments.error_scale_rad))
-            scene.move_ground(GROUND_S)
-            self._slider.value = self._frame
+            scene.move_ground(GROUND_SETTLING_S)
+            self._slider.value = self._frame + 1
             self._told = _told(snapshot, self._last, moments.error_scale_rad)
             self._write()
             if self._selected is not None:
@@ -284,38 +294,38 @@ class Shown:
         self._cameras.keep_in_view(scene.points(snapshot), scene.radius)
 
     def _write(self) -> None:
-        """Tells how far it is, and the figures of the frame."""
+        """Write the progress and the figures of the frame."""
         text = f"{self._heading}\n\n{self._told}" if self._heading else self._told
         if text != self._text.content:
             self._text.content = text
 
     def _painted(self, snapshot: Snapshot, scale_rad: float) -> NDArray[np.uint8]:
-        if self._colours.value == ALONG:
+        if self._colours.value == COLOUR_ALONG_CHAIN:
             colours = ramp_colours(np.linspace(0.0, 1.0, len(snapshot.positions)))
         else:
             colours = error_colours(snapshot.module_error_rad, scale_rad)
         if self._selected is not None:
-            colours[self._selected] = SELECTED
+            colours[self._selected] = SELECTED_RGB
         return colours
 
 
 def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
-    """A moment in words."""
+    """Return a moment in words."""
     known = np.abs(snapshot.joint_error_rad[np.isfinite(snapshot.joint_error_rad)])
     error = (
         f"Largest joint error {known.max():.2g} rad (full red: {scale_rad:g} rad)"
         if len(known)
         else "No joint error recorded"
     )
-    at = f"**Frame {snapshot.frame:.0f} of {last}**, {snapshot.phase}, {snapshot.time_s:.2f} s"
-    return f"{at}\n\n{error}"
+    at = f"**Frame {snapshot.frame + 1:.0f} of {last + 1}**"
+    return f"{at}, {snapshot.phase}, {snapshot.time_s:.2f} s\n\n{error}"
 
 
 def _told_of(chain: Chain, module: int, snapshot: Snapshot) -> str:
-    """A module in words."""
+    """Return a module in words."""
     hinges = chain.module.hinges_per_joint
     joint = module - chain.module.rigid_links
-    told = f"**Module {module}** of {len(chain) - 1}"
+    told = f"**Module {module + 1}** of {len(chain)}"
     if not 0 <= joint < chain.joint_count:
         return f"{told}, without a joint of its own"
     for hinge in range(joint * hinges, (joint + 1) * hinges):
@@ -326,7 +336,7 @@ def _told_of(chain: Chain, module: int, snapshot: Snapshot) -> str:
 
 
 def _server(host: str, port: int) -> viser.ViserServer:
-    """A viser server at an address, or the next free port.
+    """Return a viser server at an address, or the next free port.
 
     Raises:
         InputError: ``no-such-address``; viser itself would wait for ever.
@@ -340,12 +350,12 @@ def _server(host: str, port: int) -> viser.ViserServer:
         raise InputError(
             "no-such-address",
             f"got {host!r:.80} and port {port}, expected an address of this machine and a port of "
-            f"0 to {LAST_PORT}, as 127.0.0.1 and 8080 ({error}).",
+            f"0 to {MAX_PORT}, as 127.0.0.1 and 8080 ({error}).",
         ) from error
 
 
 def _free(kind: socket.AddressFamily, address: str, port: int) -> int:
-    """The first free port from ``port`` on; 0 for 0.
+    """Return the first free port from ``port`` on; 0 for 0.
 
     Raises:
         OSError: When there is none, or the address is not of this machine.
@@ -357,7 +367,7 @@ def _free(kind: socket.AddressFamily, address: str, port: int) -> int:
                 tried.bind((address, port))
                 return port
             except OSError as error:
-                if error.errno != errno.EADDRINUSE or not 0 < port < LAST_PORT:
+                if error.errno != errno.EADDRINUSE or not 0 < port < MAX_PORT:
                     raise
         port += 1
 

@@ -18,20 +18,21 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from web.pictures.table_top import TableTop
-from web.static_files import IMPORT, STATIC, code_of, imported, scripts_of, text_of
+from web.static_files import SCRIPT_IMPORT, STATIC, code_of, imported, scripts_of, text_of
 from web.timeline.frame_batch import thinned, unpacked_bytes
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.scene_bundle import bundle_of
 
-ENTRY: Final = "js/pages/standalone.js"
-WORKER: Final = "js/viewer/sketch_worker.js"
-THEME: Final = "js/theme.js"
+ENTRY_SCRIPT: Final = "js/pages/standalone.js"
+WORKER_SCRIPT: Final = "js/viewer/sketch_worker.js"
+THEME_SCRIPT: Final = "js/theme.js"
 STYLES: Final = ("css/base.css", "css/fold.css")
-PLAIN: Final = " !$&'()*+,-./:;=?@[]^_`{|}~"
-"""Characters that may stand in an address of data, besides letters and digits."""
-MOST_BYTES: Final = 48 * 2**20
-"""Unpacked bytes of a batch; of a longer fold frames are left out, and the curves."""
+UNESCAPED_CHARACTERS: Final = " !$&'()*+,-./:;=?@[]^_`{|}~"
+"""Characters that a data URL may hold unescaped, besides letters and digits."""
+MAX_STANDALONE_BYTES: Final = 48 * 2**20
+"""Maximum size of the frames in a single HTML file before compression, in bytes. Of a longer fold
+frames and the curves are left out. Chosen."""
 
 Render = Callable[..., str]
 
@@ -45,23 +46,23 @@ def standalone_html(
     forces: bytes | None = None,
     table: TableTop | None = None,
 ) -> bytes:
-    """The page of one finished fold.
+    """Return the page of one finished fold.
 
     Args:
         timeline: The fold's frames.
         render: Fills the template ``standalone.html`` with the values it is given.
-        facts: What the page says of the fold, as for its own page.
-        curves: What plots are drawn of, as of ``web.timeline.metrics``.
+        facts: Facts of the fold, as for its own page.
+        curves: Data of the plots, from ``web.timeline.metrics``.
         forces: ``web.timeline.metrics.table_forces``, of a fold on a table.
         table: That table.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
-    stride = max(1, -(-unpacked_bytes(timeline) // MOST_BYTES))
+    stride = max(1, -(-unpacked_bytes(timeline) // MAX_STANDALONE_BYTES))
     parts = {
         "client": client().html.decode(),
-        "worker": code_of(WORKER),
+        "worker": code_of(WORKER_SCRIPT),
         "bundle": _text(bundle_of(timeline.chain, timeline.stretch, table)),
         "batch": _text(thinned(timeline, stride)),
         "curves": None if curves is None or stride > 1 else _text(curves),
@@ -71,9 +72,9 @@ def standalone_html(
     styles = "".join(text_of(name) for name in STYLES)
     return render(
         styles=styles,
-        theme=code_of(THEME),
+        theme=code_of(THEME_SCRIPT),
         imports=_text(_import_map()),
-        entry=f"foldback/{ENTRY}",
+        entry=f"foldback/{ENTRY_SCRIPT}",
         parts=_script_json(parts),
         facts=facts,
     ).encode()
@@ -81,9 +82,9 @@ def standalone_html(
 
 @cache
 def standalone_scripts() -> str:
-    """Changes with the scripts and styles of the page: letters and digits."""
+    """Return a version that changes with the page's scripts and styles: letters and digits."""
     found = hashlib.sha256(client().html + _import_map())
-    for name in (WORKER, THEME, *STYLES):
+    for name in (WORKER_SCRIPT, THEME_SCRIPT, *STYLES):
         found.update((STATIC / name).read_bytes())
     return found.hexdigest()
 
@@ -91,18 +92,19 @@ def standalone_scripts() -> str:
 @cache
 def _import_map() -> bytes:
     """Return a compressed import map: names of the scripts that the page needs, and addresses."""
-    imports = {f"foldback/{name}": _address_of(name) for name in scripts_of(ENTRY)}
+    imports = {f"foldback/{name}": _address_of(name) for name in scripts_of(ENTRY_SCRIPT)}
     return zlib.compress(json.dumps({"imports": imports}).encode(), 9)
 
 
 def _address_of(name: str) -> str:
-    """A script as an address, its imports by name."""
+    """Return a script as an address, its imports by name."""
 
     def named(match: re.Match[str]) -> str:
         return f'{match[1]}"foldback/{imported(name, match[2])}"'
 
     # Less than by base64: of a script few characters have to be written otherwise.
-    return f"data:text/javascript,{quote(IMPORT.sub(named, code_of(name)), safe=PLAIN)}"
+    code = SCRIPT_IMPORT.sub(named, code_of(name))
+    return f"data:text/javascript,{quote(code, safe=UNESCAPED_CHARACTERS)}"
 
 
 def _text(data: bytes) -> str:
@@ -110,6 +112,6 @@ def _text(data: bytes) -> str:
 
 
 def _script_json(value: Any) -> str:
-    """JSON that may stand inside a script element."""
+    """Return JSON that may stand inside a script element."""
     text = json.dumps(value, ensure_ascii=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -10,7 +10,7 @@ down_revision = None
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     op.create_table(
         "folds",
         sa.Column("id", sa.String(32), primary_key=True),

@@ -10,5 +10,5 @@ down_revision = "0001"
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     op.add_column("folds", sa.Column("refold", sa.String(200)))

@@ -10,7 +10,7 @@ down_revision = "0002"
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     for column in (
         sa.Column("turn", sa.BigInteger, nullable=False, server_default="0"),
         sa.Column("cost_s", sa.Double, nullable=False, server_default="0"),

@@ -10,5 +10,5 @@ down_revision = "0004"
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     op.add_column("folds", sa.Column("smooths", sa.String(32)))

@@ -10,7 +10,7 @@ down_revision = "0005"
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     op.add_column("folds", sa.Column("owner", sa.String(64)))
     op.add_column(
         "folds", sa.Column("derived_bytes", sa.BigInteger, nullable=False, server_default="0")

@@ -9,11 +9,11 @@ revision = "0007"
 down_revision = "0006"
 
 GAPS = "verified with gaps: "
-"""How the verdict began that earlier versions gave such a fold."""
+"""Beginning of the verdict that earlier versions gave to folds with gaps."""
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     folds = sa.table(
         "folds",
         sa.column("id", sa.String),

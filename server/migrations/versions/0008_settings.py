@@ -10,5 +10,5 @@ down_revision = "0007"
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     op.add_column("folds", sa.Column("settings", sa.String(500), nullable=False, server_default=""))

@@ -10,7 +10,7 @@ down_revision = "0008"
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     op.add_column(
         "folds", sa.Column("prefer", sa.String(16), nullable=False, server_default="computing")
     )

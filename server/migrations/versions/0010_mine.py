@@ -10,7 +10,7 @@ down_revision = "0009"
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     op.add_column("folds", sa.Column("maker", sa.String(64)))
     op.add_column(
         "folds", sa.Column("renamed", sa.Boolean, nullable=False, server_default=sa.false())

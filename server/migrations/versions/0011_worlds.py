@@ -10,7 +10,7 @@ down_revision = "0010"
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     op.add_column(
         "folds", sa.Column("world", sa.String(16), nullable=False, server_default="floating")
     )

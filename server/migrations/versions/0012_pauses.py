@@ -10,7 +10,7 @@ down_revision = "0011"
 
 
 def upgrade() -> None:
-    """Goes to this schema."""
+    """Migrate to this schema."""
     op.add_column("folds", sa.Column("pauses", sa.Integer(), nullable=False, server_default="0"))
     op.add_column("folds", sa.Column("resumed_at", sa.Double(), nullable=True))
     op.execute("UPDATE folds SET seen_at = coalesce(ended_at, created_at) WHERE seen_at IS NULL")

@@ -139,7 +139,7 @@ STATEMENTS: Final = (
     ),
     Statement(
         id="direct",
-        heading="Servoing straight to the shape",
+        heading="Direct servoing",
         where="Section 4",
         quote="In both cases, the chain got tangled and failed to fold. We also tried even lower "
         "resolution wrenches and mallets of 24, 64, and 80 modules, and again were unable to fold. "

@@ -17,8 +17,8 @@ from PIL import Image
 
 from planner.files import write_json
 from planner.motion.timeline import chain_attributes
-from web.pictures.colours import STUCK, error_colours
-from web.pictures.still import SIZE, still
+from web.pictures.colours import STALLED_RGB, error_colours
+from web.pictures.still import STILL_PX, still
 from web.timeline.frame_batch import chosen
 from web.timeline.view import Snapshot, TimelineView
 
@@ -109,12 +109,12 @@ def _still(
     film: TimelineView,
     snapshot: Snapshot,
     moment: Moment | None = None,
-    size: tuple[int, int] = SIZE,
+    size: tuple[int, int] = STILL_PX,
 ) -> Image.Image:
     colours = error_colours(snapshot.module_error_rad, film.error_scale_rad)
     around = None
     if moment is not None and moment.modules:
-        colours[list(moment.modules)] = STUCK
+        colours[list(moment.modules)] = STALLED_RGB
         at = snapshot.positions[list(moment.modules)]
         away = np.linalg.norm(snapshot.positions - at.mean(axis=0), axis=1)
         around = snapshot.positions[away <= max(AROUND, float(np.ptp(at, axis=0).max()))]

@@ -20,7 +20,7 @@ from tests.benchmarks.reproduction.experiments import STATEMENTS, Experiment, ex
 from tests.benchmarks.reproduction.reproduce import reproduce, tell
 from tests.benchmarks.reproduction.runs import stored_runs
 from tests.benchmarks.reproduction.telling import figure, told
-from web.pictures.colours import STUCK
+from web.pictures.colours import STALLED_RGB
 
 pytestmark = pytest.mark.slow
 
@@ -71,10 +71,7 @@ def test_experiments_are_run_once_and_told(tmp_path: Path, tiny: tuple[Experimen
     cards = {card["id"]: card for card in page_of(files)["cards"]}
     assert [cards[one.id]["verdict"] for one in tiny] == ["verified (simulated)", "tangles"]
     assert cards["spiral"]["stuck"] == list(bad.overlap.modules)
-    assert (
-        "Verified here, tangled in the paper (servoing straight to the shape): tiny."
-        in paper.read_text()
-    )
+    assert "Verified here, tangled in the paper (direct servoing): tiny." in paper.read_text()
     (line,) = (o for o in page_data(files)["overview"] if o["id"] == "direct")
     assert (line["published"], line["here"]) == ("all tangle", "1 verified, 1 failed")
     assert f"overlap by {figure(bad.overlap.depth)} pitch" in paper.read_text()
@@ -102,7 +99,7 @@ def orange(path: Path) -> int:
     """Pixels of the colour of modules where a fold fails, in whatever light."""
     picture = np.asarray(Image.open(path).convert("RGBA")).astype(float)
     red, green, blue, alpha = np.moveaxis(picture, -1, 0)
-    ratio = STUCK[1] / STUCK[0]
+    ratio = STALLED_RGB[1] / STALLED_RGB[0]
     return int(
         ((alpha > 250) & (blue < 60) & (red > 90) & (abs(green - ratio * red) < 0.1 * red)).sum()
     )

@@ -19,7 +19,6 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.explosion.table import explode_on_table
-from planner.motion.windows import Windows
 from planner.parameters.explosion import Base, TableParameters
 from planner.table_paths.table_paths import table_paths
 from tests.benchmarks.table.paths import gallery_cells
@@ -148,7 +147,7 @@ def explored(name: str, cells: Cells, seed: int, asked: Asked) -> Found:
         reason = record.reason
         if record.status != "straight":
             continue
-        assert isinstance(record.frames, Windows)
+        assert record.frames.is_windowed
         certificate = table_certificate(
             chain,
             record.frames[::-1],

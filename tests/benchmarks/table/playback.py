@@ -17,7 +17,7 @@ import numpy as np
 from planner.certificate.table_figures import FRICTIONLESS
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
-from planner.pipeline.steps import MIN_TORQUE_WP, STRONGER_MOTORS
+from planner.pipeline.steps import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.workspace import Workspace
 from planner.verification.table_replay import TableReplay, table_replay
 from planner.verification.verify import verify
@@ -64,8 +64,8 @@ def _shape(section: Section, name: str, data: bytes, directory: FilePath) -> Non
     )
     errors = np.sqrt(((wanted - were) ** 2).sum(axis=2).mean(axis=1))
     rms = float(np.sqrt((errors**2).mean()))
-    torque = max(table.torque, MIN_TORQUE_WP)
-    limit = STRONGER_MOTORS * torque
+    torque = max(table.torque, MIN_SIZING_TORQUE_WP)
+    limit = TABLE_MOTOR_RESERVE * torque
     used = (plan.certificate.peak_torque_nm or 0.0) / table.unit_nm
     rests = table_replay(chain, played.frames, torque=torque, also=(table.frame,))
     section.rows.append(

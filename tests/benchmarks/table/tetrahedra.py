@@ -22,7 +22,7 @@ from planner.chain.rotations import wxyz_from_matrix
 from planner.chain.statics import static_torque
 from planner.clearance.clearance import closest
 from planner.clearance.sweep import sweep
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.pathfinding.options import PathOptions
 from planner.pipeline.fold import fold
 from planner.pipeline.prepare import prepare
@@ -72,7 +72,7 @@ class Trial:
     straight: bool
     left: float
     bound: float
-    frames: Frames
+    frames: Motion
     seconds: float
 
 
@@ -270,11 +270,11 @@ class _Run:
             seconds=time.perf_counter() - begun,
         )
 
-    def motion(self) -> Frames:
+    def motion(self) -> Motion:
         """All frames that were kept."""
         qpos, at = np.array(self.frames), self.root_at
-        return Frames.of_phase(
-            "explosion",
+        return Motion.from_frames(
+            phase="explosion",
             time_s=np.arange(len(qpos), dtype=np.float64),
             joint_angles_rad=qpos[:, self.angles_at],
             root_position=qpos[:, at : at + 3],

@@ -19,7 +19,7 @@ from planner.chain.module import TETRAHEDRON
 from planner.clearance.sweep import sweep
 from planner.errors import TimelineError
 from planner.kernels.clearance import pair_separation
-from planner.motion.frames import Phase
+from planner.motion.motion import Phase
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.parameters import Parameters
 from planner.pipeline.workspace import Workspace

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from planner.errors import InputError
-from planner.motion.angle_steps import frame_planes, plan_angles
-from planner.motion.motion import motion_arrays
-from planner.plan.plan import FORMAT, Plan, versions
+from planner.motion.angle_steps import frame_planes, plan_columns
+from planner.plan.plan import PLAN_FORMAT, Plan, versions
 from tests.planner.plans import changed
 
 EARLIER = FilePath(__file__).parent / "earlier_plans"
@@ -49,7 +48,7 @@ def test_the_json_form_is_plain_json_with_all_that_was_promised(plan: Plan) -> N
     text = json.dumps(plan.as_dict(), allow_nan=False)
     values = json.loads(text, parse_constant=no_constant)
     frames, joints = plan.joint_angles_rad.shape
-    assert values["format"] == FORMAT
+    assert values["format"] == PLAN_FORMAT
     assert len(values["time_s"]) == len(values["phase"]) == frames
     assert len(values["joint_names"]) == joints
     assert np.array(values["root_wxyz"]).shape == (frames, 4)
@@ -126,8 +125,8 @@ def test_angles_that_stand_twice_are_refused(plan: Plan, suffix: str, tmp_path: 
         path.write_text(json.dumps(values))
     else:
         np.savez(path, **plan.npz_arrays(), angle_planes=planes)
-        with pytest.raises(ValueError, match="got both"):
-            plan_angles(path)
+        with pytest.raises(ValueError, match="got its angles 2 times"):
+            plan_columns(path, plan.chain.folded_rad)
     with pytest.raises(InputError, match="got its angles 2 times"):
         Plan.load(path)
 
@@ -168,8 +167,8 @@ def test_plans_of_earlier_formats_are_read(name: str, suffix: str, tmp_path: Fil
     np.testing.assert_allclose(last.joint_angles_rad[0], chain.folded_rad, atol=1e-7)
     path = tmp_path / f"plan.{suffix}"
     plan.save_json(path) if suffix == "json" else plan.save_npz(path)
-    again = motion_arrays(Plan.load(path).motion)
-    for column, mine in motion_arrays(plan.motion).items():
+    again = Plan.load(path).motion.columns()
+    for column, mine in plan.motion.columns().items():
         np.testing.assert_array_equal(again[column], mine, err_msg=column)
 
 

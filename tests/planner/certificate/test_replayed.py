@@ -83,7 +83,7 @@ def test_the_exported_model_agrees_with_the_certificate(
 def test_so_does_a_peeled_chain_in_pieces(
     sides: tuple[int, int, int], tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(mjcf, "LONGEST_TREE", 64)
+    monkeypatch.setattr(mjcf, "MAX_TREE_MODULES", 64)
     cells = [tuple(cell) for cell in layered_snake(sides).tolist()]
     request = Request(strategy="peel", module_size=0.98)
     Workspace(tmp_path).write_request(request, write_path(Path.from_cells(cells, name="box")))

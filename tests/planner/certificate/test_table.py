@@ -12,22 +12,21 @@ from planner.certificate.table_figures import FRICTIONLESS, TableCertificate
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import InputError
-from planner.motion.frames import Frames
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from tests.planner.chains import coil, line
 
 LIFTED = 0.3
 FRAMES = 5
 
 
-def moving(chain: Chain, hinge: int, most: float = LIFTED, low: float = 0.5) -> Frames:
+def moving(chain: Chain, hinge: int, most: float = LIFTED, low: float = 0.5) -> Motion:
     """A chain that lies straight turns one hinge; its first module stays where it is."""
     angles = np.zeros((FRAMES, len(chain.folded_rad)))
     angles[:, hinge] = np.linspace(0.0, most, FRAMES)
     poses = forward_kinematics(
         chain.module, angles, root_position=np.tile([0.0, 0.0, low], (FRAMES, 1))
     )
-    return Frames(
+    return Motion.from_frames(
         time_s=np.arange(FRAMES, dtype=np.float64),
         phase=np.ones(FRAMES, dtype=np.uint8),
         joint_angles_rad=angles,
@@ -97,8 +96,8 @@ def test_frames_that_float_are_laid_down_and_never_rest() -> None:
     chain = coil(8)
     shares = np.linspace(0.0, 1.0, 40)
     angles = shares[:, None] * chain.folded_rad
-    frames = Frames.of_phase(
-        "playback",
+    frames = Motion.from_frames(
+        phase="playback",
         time_s=shares,
         joint_angles_rad=angles,
         root_position=np.zeros((40, 3)) + [0.0, 0.0, 30.0],
@@ -112,7 +111,7 @@ def test_frames_that_float_are_laid_down_and_never_rest() -> None:
     assert FRICTIONLESS in found.verdict
     assert found.torque is not None and 0.0 < found.torque < 15.0
     assert found.torques[0] == found.torques[-1] == 0.0
-    as_windows = table_certificate(chain, Windows.of(chain, frames), on_table=False)
+    as_windows = table_certificate(chain, frames.windowed(chain), on_table=False)
     assert as_windows.torques == pytest.approx(found.torques, rel=1e-3, abs=0.011)
 
 

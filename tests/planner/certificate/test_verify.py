@@ -18,7 +18,6 @@ from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
 from planner.exports import mjcf
 from planner.files import write_json
-from planner.motion.frames import Frames
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.timeline import TimelineWriter
 from planner.parameters.playback import PlaybackParameters
@@ -276,10 +275,9 @@ def test_nothing_is_off_what_was_not_simulated(peeled: FilePath) -> None:
 def test_what_was_simulated_does_not_pass_for_kinematic(directory: FilePath) -> None:
     playback = Workspace(directory).read_playback()
     assert playback is not None
-    assert isinstance(playback.frames, Frames)
-    frames = replace(
-        playback.frames,
-        joint_angles_rad=playback.reference,
+    assert not playback.frames.is_windowed
+    frames = playback.frames.with_columns(
+        joint_angles_rad=playback.reference.joint_angles_rad,
         joint_error_rad=np.full_like(playback.frames.joint_error_rad, np.nan),
     )
     torques = inverse_dynamics(Plan.load(directory / "plan.npz").chain, frames)
@@ -303,9 +301,11 @@ def test_a_reference_does_not_pass_for_a_simulation(directory: FilePath) -> None
     """Of a kind that could have been simulated: what comes of one is never its reference."""
     playback = Workspace(directory).read_playback()
     assert playback is not None
-    assert isinstance(playback.frames, Frames)
+    assert not playback.frames.is_windowed
     errors = np.zeros_like(playback.frames.joint_error_rad)
-    frames = replace(playback.frames, joint_angles_rad=playback.reference, joint_error_rad=errors)
+    frames = playback.frames.with_columns(
+        joint_angles_rad=playback.reference.joint_angles_rad, joint_error_rad=errors
+    )
     forge(directory, frames=frames, rms_position_error=0.0, max_angle_error_rad=0.0)
     told = "\n".join(verify(directory).problems)
     assert "timeline.zarr joint angles: got exactly those of plan.npz" in told

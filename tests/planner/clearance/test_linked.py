@@ -10,7 +10,6 @@ from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.linked import exempt_pairs
 from planner.exports.mjcf import mjcf
 from planner.kernels.clearance import pair_separation
-from planner.motion.windows import Windows
 from tests.planner.chains import coil, in_place, line
 
 Array = NDArray[np.float64]
@@ -128,7 +127,7 @@ def test_windows_and_whole_frames_say_the_same() -> None:
     share = np.linspace(0.0, 1.0, 30)[:, None]
     angles = np.float32(chain.folded_rad) * np.clip(5.0 * share - np.arange(28) / 7.0, 0.0, 1.0)
     angles = np.concatenate([angles, chain.folded_rad[None]])[::-1].astype(np.float64)
-    windows = exempt_pairs(chain, [Windows.of(chain, in_place("explosion", angles))], size=0.95)
+    windows = exempt_pairs(chain, [in_place("explosion", angles).windowed(chain)], size=0.95)
     whole = exempt_pairs(chain, [angles], size=0.95)
     assert windows.worst_overlap == pytest.approx(whole.worst_overlap, abs=1e-6) != 0.0
     assert windows.worst_overlap_at == whole.worst_overlap_at

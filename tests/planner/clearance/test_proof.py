@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion, as_motion
 from tests.conftest import examples
 from tests.planner.chains import coil, line
 from tests.planner.clearance.reference import Interval, prove
@@ -53,14 +53,15 @@ def bent(module: Module, modules: int, rng: np.random.Generator) -> Chain:
 
 
 def reference(
-    chain: Chain, motion: Array | Windows, size: float, *, cutoff: float
+    chain: Chain, motion: Array | Motion, size: float, *, cutoff: float
 ) -> tuple[float, float | None]:
     """What the reference says of a motion."""
-    angles = motion.angles(chain) if isinstance(motion, Windows) else motion
+    motion = as_motion(motion)
+    angles = motion.angles(chain)
     intervals: list[Interval] = []
     for k, start in enumerate(angles):
         end = angles[min(k + 1, len(angles) - 1)]
-        if isinstance(motion, Windows):
+        if motion.is_windowed:
             low, high = stretch(chain, motion, k)
             ends = (low, low, high)
         else:
@@ -69,7 +70,7 @@ def reference(
     return prove(intervals, cutoff)
 
 
-def stretch(chain: Chain, windows: Windows, k: int) -> tuple[int, int]:
+def stretch(chain: Chain, windows: Motion, k: int) -> tuple[int, int]:
     """First and last module that move against others from window k to the next."""
     hinges, rigid = chain.module.hinges_per_joint, chain.module.rigid_links
     first = int(windows.first[k : k + 2].min())
@@ -78,7 +79,7 @@ def stretch(chain: Chain, windows: Windows, k: int) -> tuple[int, int]:
     return low, (last - 1) // hinges + rigid + 1 if last > first else low
 
 
-def assert_same(chain: Chain, motion: Array | Windows, size: float) -> bool:
+def assert_same(chain: Chain, motion: Array | Motion, size: float) -> bool:
     """Both prove the motion, or both refuse it; returns which."""
     found = sweep(chain, motion, size=size)
     cutoff = (

@@ -18,7 +18,7 @@ from planner.clearance.largest_size import largest_size
 from planner.clearance.sweep import CLEARANCE_CAP, sweep
 from planner.errors import InputError
 from planner.kernels.clearance import pair_separation
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from tests.planner.chains import coil
 from tests.planner.peels import peel, snake, windows_of
 
@@ -103,7 +103,7 @@ def snail() -> Chain:
     )
 
 
-def swinging(rod: int, *, post: bool) -> tuple[Chain, Windows, int]:
+def swinging(rod: int, *, post: bool) -> tuple[Chain, Motion, int]:
     """A rod that swings over a beam in two frames; with a post in its way, clear in both.
 
     Also the hinge it swings about.

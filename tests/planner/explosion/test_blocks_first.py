@@ -12,13 +12,15 @@ from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.explosion.blocks import (
     TETHER_CHECK_STEPS,
-    _BlocksFirst,
+    Tethers,
     block_starts,
     explode_blocks_first,
 )
+from planner.explosion.explosion import Watch
 from planner.explosion.simultaneous import Simultaneous
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.assembly import assembly_path
+from planner.progress import never, silent
 from planner.simulation.model import Material
 from planner.simulation.reduced import State
 from planner.simulation.rigid_blocks import Blocks
@@ -141,18 +143,19 @@ def test_the_same_seed_gives_the_same_record() -> None:
     np.testing.assert_array_equal(first.frames.joint_angles_rad, again.frames.joint_angles_rad)
 
 
-def test_blocks_are_not_let_go_in_the_step_that_went_back(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The state gone back to is kept already; what a former look called sound may not be."""
+def test_blocks_are_not_released_in_the_step_that_restarted() -> None:
+    """The restored state is recorded already; what was proposed before may not be sound."""
     chain = solid(2, 2, 1)
-    run = _BlocksFirst(chain, DEFAULT, 0, None, block_starts(len(chain), 64, 2))
-    run.steps = 10 * TETHER_CHECK_STEPS
-    moved = False
-    monkeypatch.setattr(Simultaneous, "step", lambda _: moved)
-    run.step()
-    assert isinstance(run.engine, Blocks)
-    moved = True
-    run.engine.place(run.state)
-    run.step()
-    assert isinstance(run.engine, Segments)
+    run = Simultaneous.from_parameters(
+        chain,
+        DEFAULT,
+        watch=Watch(silent, never, "exploding"),
+        block_starts=block_starts(len(chain), 64, 2),
+        release=Tethers(DEFAULT).release_when_apart,
+    )
+    run.explosion.control.steps = 10 * TETHER_CHECK_STEPS
+    run.check_step(moved=False)
+    assert isinstance(run.world.engine, Blocks)
+    run.world.place()
+    run.check_step(moved=True)
+    assert isinstance(run.world.engine, Segments)

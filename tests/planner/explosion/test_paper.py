@@ -10,7 +10,7 @@ from planner.clearance.sweep import sweep
 from planner.explosion import paper
 from planner.explosion.paper import REST_CHECK_STEPS, explode_as_published
 from planner.motion.angle_steps import PLAN_STEP_RAD
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.parameters.published import PaperExplosionParameters
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
@@ -24,14 +24,14 @@ PAPER = PaperExplosionParameters()
 @pytest.mark.slow
 def test_a_small_coil_comes_out_straight() -> None:
     chain = coil(12)
-    parts: list[Frames] = []
+    parts: list[Motion] = []
     record = explode_as_published(chain, PAPER, sink=parts.append)
     assert record.status == "straight"
     frames = record.frames
     np.testing.assert_array_equal(frames.joint_angles_rad[0], chain.folded_rad)
     np.testing.assert_array_equal(frames.joint_angles_rad[-1], 0.0)
     assert (np.diff(frames.time_s) >= 0.0).all()
-    np.testing.assert_array_equal(Frames.joined(parts).time_s, frames.time_s)
+    np.testing.assert_array_equal(Motion.joined(parts).time_s, frames.time_s)
     snapshots = record.snapshots_rad
     assert snapshots is not None
     # One every so many steps and the straight one; the frames kept are among them.

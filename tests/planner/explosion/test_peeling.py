@@ -13,24 +13,25 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.explosion.explosion import ContactDepth
-from planner.explosion.peeling import Peeling, peel, turned_towards
-from planner.explosion.peeling_proof import Proof
-from planner.explosion.peeling_window import Peelable, WindowConfiguration
+from planner.explosion.explosion import Watch
+from planner.explosion.peeling import floating_peeling, peel
+from planner.explosion.peeling_policy import Peeling
+from planner.explosion.peeling_recorder import Proof
+from planner.explosion.step_control import ContactDepth
+from planner.explosion.window import Peelable, WindowConfiguration, turned_towards
 from planner.kernels.folded_core import CoreCells
 from planner.kernels.module import ModuleStates
 from planner.kernels.pairs import PairLimits
 from planner.kernels.window_forces import StepLimits, window_inverse_step_limit
-from planner.motion.motion import motion_arrays
+from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.motion.windows import Windows
 from planner.parameters.explosion import PeelingParameters
 from planner.parameters.playback import PlaybackParameters
 from planner.pathfinding.assembly import assembly_path, solid_paths
 from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
-from planner.playback.kinematic import windowed_frames
-from planner.progress import Progress
+from planner.playback.kinematic import kinematic_frames
+from planner.progress import Progress, never, silent
 from tests.planner.chains import coil, knotted, line
 
 DEFAULT = PeelingParameters()
@@ -57,14 +58,14 @@ def blocks() -> tuple[Chain, Record]:
     return chain, peel(chain, DEFAULT)
 
 
-def solid(voxels: np.ndarray, seed: int) -> tuple[Chain, Windows]:
+def solid(voxels: np.ndarray, seed: int) -> tuple[Chain, Motion]:
     """A solid whose path goes layer by layer, off its core."""
     paths = solid_paths(voxels, np.random.default_rng(0), 2)
     cells = max(paths, key=lambda path: peelable(path).score)
     chain = chain_of(cells)
     record = peel(chain, DEFAULT, seed=seed)
     assert record.status == "straight", record.reason
-    assert isinstance(record.frames, Windows)
+    assert record.frames.is_windowed
     return chain, record.frames
 
 
@@ -121,7 +122,9 @@ def test_the_core_stays_where_it_was_until_it_is_let_go() -> None:
     frames = record.frames
     assert (np.diff(frames.first) <= 0).all()
     assert frames.first[0] > 400 and frames.first[-1] == 0
-    np.testing.assert_array_equal(frames.base_position, np.tile([0.0, 0.0, 0.0], (len(frames), 1)))
+    np.testing.assert_array_equal(
+        frames.anchor_position, np.tile([0.0, 0.0, 0.0], (len(frames), 1))
+    )
     # What is held is the window alone.
     assert np.diff(frames.offsets).max() <= 2 * DEFAULT.most_modules
 
@@ -131,8 +134,8 @@ def test_the_seed_decides() -> None:
     one, again, other = (peel(chain, DEFAULT, seed=seed) for seed in (3, 3, 4))
     assert one.status == again.status == other.status == "straight"
     assert one.steps == again.steps
-    for name, values in motion_arrays(one.frames).items():
-        np.testing.assert_array_equal(values, motion_arrays(again.frames)[name])
+    for name, values in one.frames.columns().items():
+        np.testing.assert_array_equal(values, again.frames.columns()[name])
     assert len(one.frames) != len(other.frames) or (
         len(one.frames.angles_rad) != len(other.frames.angles_rad)
         or (one.frames.angles_rad != other.frames.angles_rad).any()
@@ -183,19 +186,28 @@ def test_a_rod_turns_as_fast_where_the_core_has_gone_as_where_none_ever_was() ->
 
 def test_a_run_goes_on_from_contacts_that_were_too_deep_when_it_went_back() -> None:
     """A ball of 10 000 went back to the same state for ever: each first step was too deep."""
-    run = Peeling(chain_of(snake_path((4, 4, 4))), DEFAULT, 0, None)
-    before = (run.time_s, run.state.copy())
-    while run.depth < 1e-4:
-        before = (run.time_s, run.state.copy())
-        run.step()
-        assert run.steps < 500
-    run.allowed = ContactDepth(most=0.5 * run.depth, back_off=0.4 * run.depth)
-    run.saved = before
-    run.go_back()
-    angles = run.state.angles.copy()
-    run.step()
-    assert run.retries == 1
-    assert (run.state.angles != angles).any()
+    watch = Watch(silent, never, "peeling")
+    run = floating_peeling(chain_of(snake_path((4, 4, 4))), DEFAULT, watch=watch)
+    control, window, checkpoint = run.explosion.control, run.window, run.explosion.checkpoint
+    before = (window.time_s, window.state.copy())
+    while control.depth < 1e-4:
+        before = (window.time_s, window.state.copy())
+        step(run)
+        assert control.steps < 500
+    control.allowed = ContactDepth(most=0.5 * control.depth, back_off=0.4 * control.depth)
+    checkpoint.save(*before)
+    run.explosion.restart()
+    angles = window.state.angles.copy()
+    step(run)
+    assert checkpoint.retries == 1
+    assert (window.state.angles != angles).any()
+
+
+def step(run: Peeling) -> None:
+    """Makes one step."""
+    run.window.place()
+    run.recorder.add(run.window.snapshot())
+    run.explosion.step(run)
 
 
 def test_too_few_steps_and_a_cancel_end_as_data() -> None:
@@ -204,10 +216,10 @@ def test_too_few_steps_and_a_cancel_end_as_data() -> None:
     assert record.status == "cancelled"
     assert record.steps == 25
     told: list[Progress] = []
-    parts: list[Windows] = []
+    parts: list[Motion] = []
     whole = peel(chain, DEFAULT, sink=parts.append, progress=told.append)
     assert whole.status == "straight"
-    np.testing.assert_array_equal(Windows.joined(parts).angles_rad, whole.frames.angles_rad)
+    np.testing.assert_array_equal(Motion.joined(parts).angles_rad, whole.frames.angles_rad)
     assert all(0.0 <= p.fraction < 1.0 for p in told)
 
 
@@ -258,7 +270,8 @@ def test_what_is_recorded_of_a_ring_is_certified(seed: int) -> None:
     """Its layers are rings; joints are driven against their stops all the time."""
     voxels = np.array([c for c in np.ndindex(8, 8, 3) if not {2, 3, 4, 5} >= {*c[:2]}])
     chain, frames = solid(voxels, seed)
-    plan = windowed_frames(chain, frames, PlaybackParameters(), start_s=0.0)
+    options = {"module_size": 0.95, "start_s": 0.0, "frame_rad": 0.04, "unfolding": None}
+    (plan,) = kinematic_frames(chain, frames, PlaybackParameters(), **options)
     assert plan[::-1].passes_as(frames)
     found = sweep(chain, plan, size=0.98)
     assert found.clearance > 0.0

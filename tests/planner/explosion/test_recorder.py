@@ -4,7 +4,7 @@ import numpy as np
 
 from planner.chain.chain import Chain
 from planner.explosion.recorder import FrameRecorder, Step
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.simulation.reduced import State
 from tests.planner.chains import line
 
@@ -17,7 +17,7 @@ def step_of(chain: Chain, time_s: float, angle: float) -> Step:
     return Step.of(time_s, state, poses.positions)
 
 
-def recorder(chain: Chain, parts: list[Frames], *, distance: float = 100.0) -> FrameRecorder:
+def recorder(chain: Chain, parts: list[Motion], *, distance: float = 100.0) -> FrameRecorder:
     return FrameRecorder(
         chain, snapshot_rad=0.1, snapshot_distance=distance, size=0.9, sink=parts.append
     )
@@ -74,7 +74,7 @@ def test_the_sink_gets_every_snapshot_once_and_in_order() -> None:
         recording.add(step_of(chain, k, 0.07 * k))
         recording.commit()
     recording.commit(end=True)
-    passed_on = Frames.joined(parts)
+    passed_on = Motion.joined(parts)
     np.testing.assert_array_equal(passed_on.time_s, recording.motion().time_s)
     assert len(passed_on) == len(recording)
     assert np.isnan(passed_on.joint_error_rad).all()

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import SimulationError
+from planner.explosion.explosion import Watch
 from planner.explosion.simultaneous import Simultaneous, explode
-from planner.motion.frames import Frames
+from planner.explosion.whole_chain import WholeChain
+from planner.motion.motion import Motion
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
-from planner.progress import Progress
+from planner.progress import Progress, never, silent
 from planner.readers import read
 from planner.simulation.reduced import Acceleration
 from tests.planner.chains import coil, knotted, line, overlapping
@@ -23,6 +25,19 @@ from tests.planner.conftest import REAL, SHAPES
 
 Array = NDArray[np.float64]
 DEFAULT = ExplosionParameters()
+
+
+def begun(chain: Chain) -> Simultaneous:
+    """Parts of a run that has not made a step."""
+    watch = Watch(silent, never, "exploding")
+    return Simultaneous.from_parameters(chain, DEFAULT, watch=watch)
+
+
+def step(run: Simultaneous) -> None:
+    """Makes one step."""
+    run.world.place()
+    run.recorder.add(run.world.snapshot())
+    run.explosion.step(run)
 
 
 @pytest.mark.parametrize("shape", REAL)
@@ -60,7 +75,7 @@ def test_contacts_are_as_shallow_as_the_size_to_verify_wants() -> None:
     for size in (0.95, 0.99):
         pressed = replace(DEFAULT, tension=100.0, loose_repulsion=1.0, verify_size=size)
         record = explode(chain, pressed)
-        assert isinstance(record.frames, Frames)
+        assert not record.frames.is_windowed
         clearances[size] = sweep(chain, record.frames.joint_angles_rad, size=0.99).clearance
     assert clearances[0.95] < 0.0 < clearances[0.99]
 
@@ -71,7 +86,7 @@ def test_tetrahedra_come_apart_that_nearly_fill_their_place() -> None:
     assert isinstance(chain, Chain)
     record = explode(chain, replace(DEFAULT, verify_size=0.99))
     assert record.status == "straight"
-    assert isinstance(record.frames, Frames)
+    assert not record.frames.is_windowed
     assert sweep(chain, record.frames.joint_angles_rad, size=0.99).clearance > 0.0
 
 
@@ -96,9 +111,9 @@ def test_the_centre_of_mass_stays(shape: str, folded: Callable[..., Any]) -> Non
 def test_momentum_is_not_made_from_nothing() -> None:
     chain = coil(24)
     seen: list[float] = []
-    original = Simultaneous.acceleration_under
+    original = WholeChain.acceleration_under
 
-    def watched(self: Simultaneous, forces: Array) -> Acceleration:
+    def watched(self: WholeChain, forces: Array) -> Acceleration:
         assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
         momentum = self.engine.velocities.sum(axis=0)
         scale = np.linalg.norm(self.engine.velocities, axis=1).sum()
@@ -107,7 +122,7 @@ def test_momentum_is_not_made_from_nothing() -> None:
         return original(self, forces)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Simultaneous, "acceleration_under", watched)
+        patch.setattr(WholeChain, "acceleration_under", watched)
         # What integration adds grows with the way of a step.
         assert explode(chain, replace(DEFAULT, slide_cap=0.025)).status == "straight"
     assert len(seen) > 50
@@ -118,24 +133,25 @@ def test_momentum_is_not_made_from_nothing() -> None:
 def test_no_hinge_goes_beyond_its_stop(way: float) -> None:
     chain = line(6)
     stop = chain.module.stop_rad
-    run = Simultaneous(chain, DEFAULT, 0, None)
-    run.state.angles[2] = way * (stop - 0.001)
-    run.state.rates[2] = way
-    run.step()
-    assert run.state.angles[2] == way * stop
-    assert run.state.rates[2] == 0.0
+    run = begun(chain)
+    state = run.world.state
+    state.angles[2] = way * (stop - 0.001)
+    state.rates[2] = way
+    step(run)
+    assert state.angles[2] == way * stop
+    assert state.rates[2] == 0.0
 
 
 def test_linked_modules_are_pulled_apart_by_the_tension_alone() -> None:
     seen: list[Array] = []
 
-    def watched(self: Simultaneous, forces: Array) -> Acceleration:
+    def watched(self: WholeChain, forces: Array) -> Acceleration:
         del self
         seen.append(forces.copy())
         raise SimulationError("seen")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Simultaneous, "acceleration_under", watched)
+        patch.setattr(WholeChain, "acceleration_under", watched)
         explode(line(3), replace(DEFAULT, repulsion_cutoff=1.5))
     assert np.linalg.norm(seen[0][0]) == pytest.approx(DEFAULT.tension * DEFAULT.spring)
 
@@ -144,8 +160,8 @@ def test_the_same_seed_gives_the_same_record_bit_for_bit() -> None:
     chain = coil(16)
     first, again, other = (explode(chain, DEFAULT, seed=seed) for seed in (3, 3, 4))
     assert first.steps == again.steps
-    for name in Frames.__dataclass_fields__:
-        np.testing.assert_array_equal(getattr(first.frames, name), getattr(again.frames, name))
+    for name, column in first.frames.columns().items():
+        np.testing.assert_array_equal(column, again.frames.columns()[name])
     assert (
         first.frames.joint_angles_rad.shape != other.frames.joint_angles_rad.shape
         or (first.frames.joint_angles_rad != other.frames.joint_angles_rad).any()
@@ -162,11 +178,11 @@ def test_a_chain_that_folds_into_a_line_is_straight_already(modules: int) -> Non
 
 
 def test_the_sink_gets_the_record_as_it_grows() -> None:
-    parts: list[Frames] = []
+    parts: list[Motion] = []
     record = explode(coil(16), DEFAULT, sink=parts.append)
     assert len(parts) > 5
     np.testing.assert_array_equal(
-        Frames.joined(parts).joint_angles_rad, record.frames.joint_angles_rad
+        Motion.joined(parts).joint_angles_rad, record.frames.joint_angles_rad
     )
 
 
@@ -217,17 +233,17 @@ def test_a_chain_that_lies_in_itself_ends_as_data(most: int) -> None:
 
 def poison(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     """From a given step on, MuJoCo's accelerations are no numbers."""
-    original = Simultaneous.acceleration_under
+    original = WholeChain.acceleration_under
     calls = 0
 
-    def broken(self: Simultaneous, forces: Array) -> Acceleration:
+    def broken(self: WholeChain, forces: Array) -> Acceleration:
         nonlocal calls
         calls += 1
         if calls > after:
             forces = np.full_like(forces, np.nan)
         return original(self, forces)
 
-    monkeypatch.setattr(Simultaneous, "acceleration_under", broken)
+    monkeypatch.setattr(WholeChain, "acceleration_under", broken)
 
 
 @pytest.mark.parametrize("after", [0, 1, 40, 90])
@@ -246,28 +262,28 @@ def test_bad_numbers_end_the_run_and_leave_the_sound_frames(
 
 
 def test_a_hiccup_is_survived_by_going_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = Simultaneous.acceleration_under
+    original = WholeChain.acceleration_under
     calls = 0
 
-    def hiccup(self: Simultaneous, forces: Array) -> Acceleration:
+    def hiccup(self: WholeChain, forces: Array) -> Acceleration:
         nonlocal calls
         calls += 1
         if calls in (60, 61, 140):
             raise SimulationError("a hiccup.")
         return original(self, forces)
 
-    monkeypatch.setattr(Simultaneous, "acceleration_under", hiccup)
+    monkeypatch.setattr(WholeChain, "acceleration_under", hiccup)
     record = explode(coil(24), DEFAULT)
     assert record.status == "straight"
     assert (np.diff(record.frames.time_s) > 0.0).all()
 
 
 def test_it_goes_back_to_where_contacts_were_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = Simultaneous.acceleration_under
+    original = WholeChain.acceleration_under
     looked_at: list[Array] = []
     calls = 0
 
-    def hiccup(self: Simultaneous, forces: Array) -> Acceleration:
+    def hiccup(self: WholeChain, forces: Array) -> Acceleration:
         nonlocal calls
         calls += 1
         if calls in (26, 51):  # right after a commit
@@ -277,26 +293,27 @@ def test_it_goes_back_to_where_contacts_were_looked_at(monkeypatch: pytest.Monke
         looked_at.append(self.state.angles.copy())
         return original(self, forces)
 
-    monkeypatch.setattr(Simultaneous, "acceleration_under", hiccup)
+    monkeypatch.setattr(WholeChain, "acceleration_under", hiccup)
     assert explode(coil(24), DEFAULT).status == "straight"
 
 
 def test_a_knotted_chain_moves_along_itself_until_it_has_gone_its_length() -> None:
     chain = knotted()
-    run = Simultaneous(chain, DEFAULT, 0, None)
-    run.knotted = True
+    run = begun(chain)
+    engine, forces = run.world.engine, run.world.forces
+    forces.is_knotted = True
     for _ in range(30):
-        run.step()
-    way = run.way
-    along = np.gradient(run.engine.positions, axis=0)
+        step(run)
+    way = forces.creep_direction
+    along = np.gradient(engine.positions, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    speeds = way * (run.engine.velocities * along).sum(axis=1)
+    speeds = way * (engine.velocities * along).sum(axis=1)
     assert abs(way) == 1
     assert np.median(speeds) > 0.0
-    assert run.crept > 0.0
-    run.crept = len(chain)
-    run.step()
-    assert run.way == -way
+    assert forces.creep_distance > 0.0
+    forces.creep_distance = len(chain)
+    step(run)
+    assert forces.creep_direction == -way
 
 
 @pytest.mark.slow
@@ -311,13 +328,13 @@ def test_a_knot_slips_out_of_a_chain_that_creeps_along_itself() -> None:
 
 def test_a_chain_without_a_way_out_is_called_stuck(monkeypatch: pytest.MonkeyPatch) -> None:
     # Nothing moves: every push is in vain, and the run says so instead of going on forever.
-    original = Simultaneous.acceleration_under
+    original = WholeChain.acceleration_under
 
-    def frozen(self: Simultaneous, forces: Array) -> Acceleration:
+    def frozen(self: WholeChain, forces: Array) -> Acceleration:
         found = original(self, forces)
         return replace(found, hinges=0.0 * found.hinges, linear=np.zeros(3), angular=np.zeros(3))
 
-    monkeypatch.setattr(Simultaneous, "acceleration_under", frozen)
+    monkeypatch.setattr(WholeChain, "acceleration_under", frozen)
     monkeypatch.setattr("planner.explosion.simultaneous.JAM_CHECK_STEPS", 10)
     record = explode(coil(12), DEFAULT)
     assert record.status == "stalled"

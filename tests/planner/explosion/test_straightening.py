@@ -6,12 +6,12 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.explosion.straightening import straightening
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.simulation.reduced import State
 from tests.planner.chains import coil, line, random_state
 
 
-def straightened(chain: Chain, state: State) -> Frames | None:
+def straightened(chain: Chain, state: State) -> Motion | None:
     return straightening(
         chain, state, start_s=5.0, snapshot_rad=0.02, snapshot_distance=0.5, size=0.95
     )

@@ -14,12 +14,11 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.explosion.peeling_window import Peelable, WindowConfiguration
 from planner.explosion.strategies import strategies_for
 from planner.explosion.table import explode_on_table
 from planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
+from planner.explosion.window import Peelable, WindowConfiguration
 from planner.motion.record import Record
-from planner.motion.windows import Windows
 from planner.parameters.explosion import Base, TableParameters
 from planner.parameters.parameters import Parameters
 from planner.table_paths.table_paths import table_paths
@@ -39,7 +38,7 @@ def record() -> Record:
 def test_a_box_lies_down_straight_and_every_frame_stands_within_the_bound(record: Record) -> None:
     assert record.status == "straight", record.reason
     assert record.table is not None
-    assert isinstance(record.frames, Windows)
+    assert record.frames.is_windowed
     chain = chain_of(BOX)
     found = table_certificate(
         chain, record.frames, base="free", on_table=True, height=chain.table_height
@@ -54,8 +53,8 @@ def test_a_box_lies_down_straight_and_every_frame_stands_within_the_bound(record
 
 def test_the_same_seed_draws_the_same_forces(record: Record) -> None:
     again = explode_on_table(chain_of(BOX), TableParameters(), seed=1)
-    assert isinstance(record.frames, Windows)
-    assert isinstance(again.frames, Windows)
+    assert record.frames.is_windowed
+    assert again.frames.is_windowed
     assert record.frames.passes_as(again.frames)
     assert record.table == again.table
 
@@ -75,17 +74,15 @@ def test_a_module_that_is_bent_into_the_table_is_refused() -> None:
     chain = chain_of(BOX)
     guard = Guard(chain, Peelable(chain), TableParameters())
     straight = np.zeros_like(chain.folded_rad)
-    assert guard.holds(None, [WindowConfiguration(time_s=0.0, first=0, angles=straight)])
+    flat = WindowConfiguration(time_s=0.0, first=0, angles=straight)
+    assert guard.refusal(None, [flat]) is None
     whys: list[str] = []
     for hinge in (-2, -1):
         for angle in (-0.1, 0.1):
             bent = straight.copy()
             bent[hinge] = angle
-            whys.append(
-                ""
-                if guard.holds(None, [WindowConfiguration(time_s=0.0, first=0, angles=bent)])
-                else guard.why
-            )
+            refusal = guard.refusal(None, [replace(flat, angles=bent)])
+            whys.append("" if refusal is None else refusal.reason)
     assert sorted(bool(why) for why in whys) == [False, False, False, True]
     assert any("into the table" in why for why in whys)
 
@@ -97,7 +94,7 @@ def test_friction_counts_in_the_guard() -> None:
     found = explode_on_table(chain, rubbing, seed=1)
     assert found.status == "straight", found.reason
     assert found.table is not None
-    assert isinstance(found.frames, Windows)
+    assert found.frames.is_windowed
     certificate = table_certificate(
         chain, found.frames[::-1], friction=0.1, on_table=True, height=chain.table_height
     )
@@ -115,7 +112,7 @@ def test_a_chain_that_lies_free_drifts_and_rubs_less_than_a_clamped_one() -> Non
         found = explode_on_table(chain, replace(rubbing, base=base), seed=1)
         assert found.status == "straight", found.reason
         assert found.table is not None
-        assert isinstance(found.frames, Windows)
+        assert found.frames.is_windowed
         bounds[base] = found.table.bound
         certificate = table_certificate(
             chain,
@@ -138,25 +135,34 @@ def test_what_lies_in_the_table_is_refused_but_raises_no_bound() -> None:
     for hinge, turn in ((0, 0.3), (0, -0.3), (1, 0.3), (1, -0.3)):
         angles = chain.folded_rad.copy()
         angles[hinge] += turn
-        if not guard.holds(None, [replace(bend, angles=angles)]) and "into the table" in guard.why:
+        refusal = guard.refusal(None, [replace(bend, angles=angles)])
+        if refusal is not None and "into the table" in refusal.reason:
             break
     else:
         pytest.fail("no turn of the first joint puts the box into the table")
-    assert all(guard.refuse(0.0) for _ in range(3))
+    assert refusal is not None
+    for _ in range(3):
+        guard.count(refusal, 0.0)
+        assert guard.exhausted_by is None
     assert (guard.taken_back, guard.bound) == (3, parameters.first_bound)
 
 
 def test_what_lies_over_itself_is_refused_but_raises_no_bound() -> None:
     row = Chain.from_path(Path.from_cells([(x, 0, 0) for x in range(24)], name="row"))
     guard = Guard(row, Peelable(row), replace(TableParameters(), refusals=0))
+    refusal = None
     for sides, why in ((6, ""), (13, "across itself")):
         turns = np.zeros((row.joint_count, 2))
         turns[4 : 4 + sides, _hinge_about_the_vertical(row)] = 2.0 * np.pi / 12
         bend = WindowConfiguration(time_s=0.0, first=0, angles=turns.ravel())
         assert guard.loops(bend) == bool(why)
-        assert guard.holds(None, [bend]) != bool(why)
-        assert why in guard.why
-    assert all(guard.refuse(0.0) for _ in range(3))
+        refusal = guard.refusal(None, [bend])
+        assert (refusal is not None) == bool(why)
+        assert refusal is None or why in refusal.reason
+    assert refusal is not None
+    for _ in range(3):
+        guard.count(refusal, 0.0)
+        assert guard.exhausted_by is None
     assert guard.bound == TableParameters().first_bound
 
 

@@ -19,7 +19,7 @@ from planner.motion.angle_steps import (
     frame_angles,
     frame_planes,
     packed_frames,
-    plan_angles,
+    plan_columns,
     snapped,
     told_of,
     unpacked_bytes,
@@ -28,9 +28,7 @@ from planner.motion.angle_steps import (
     window_angles,
     window_planes,
 )
-from planner.motion.frames import Frames
-from planner.motion.motion import motion_arrays
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan
 from tests.planner.chains import line
@@ -95,14 +93,14 @@ def big(*, windowed: bool) -> Plan:
     """A plan with too many angles for plain numbers: waves on a chain of 200 cubes."""
     chain = line(200)
     rows, hinges = np.ogrid[:800, : len(chain.folded_rad)]
-    frames = Frames.of_phase(
-        "playback",
+    frames = Motion.from_frames(
+        phase="playback",
         time_s=np.arange(800.0),
         joint_angles_rad=snapped(np.sin(rows / 50.0 + hinges)),
         root_position=np.random.default_rng(0).normal(size=(800, 3)),
         root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (800, 1)),
     )
-    return unverified(chain, Windows.of(chain, frames) if windowed else frames, Parameters())
+    return unverified(chain, frames.windowed(chain) if windowed else frames, Parameters())
 
 
 @pytest.mark.parametrize("windowed", [False, True])
@@ -115,13 +113,14 @@ def test_a_large_plan_is_written_in_steps_and_read_back_exactly(
     plan.save_json(path) if suffix == "json" else plan.save_npz(path)
     assert path.stat().st_size < 4 * 800 * 396  # some eighty bytes a hinge, as plain text
     again = Plan.load(path)
-    theirs = motion_arrays(again.motion)
-    for name, mine in motion_arrays(plan.motion).items():
+    theirs = again.motion.columns()
+    for name, mine in plan.motion.columns().items():
         np.testing.assert_array_equal(theirs[name], mine, err_msg=name)
     if suffix == "npz":
         assert unpacked_bytes(path) > 8 * 800 * 396
-        if not windowed:
-            np.testing.assert_array_equal(plan_angles(path), plan.joint_angles_rad)
+        read = Motion.from_angles(**plan_columns(path, plan.chain.folded_rad))
+        assert read.layout == plan.motion.layout
+        np.testing.assert_array_equal(read.angles_rad, plan.motion.angles_rad)
 
 
 def test_an_outsider_reads_both_forms_with_numpy_alone() -> None:

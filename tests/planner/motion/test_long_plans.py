@@ -22,14 +22,12 @@ from planner.errors import InputError, TimelineError
 from planner.explosion.strategies import strategies_for
 from planner.exports import export_named
 from planner.exports.mjcf import keys_of, mjcf
-from planner.exports.mjcf_pieces import PIECE, coordinates, starts_of
+from planner.exports.mjcf_pieces import MODULES_PER_TREE, coordinates, starts_of
 from planner.kernels.backbite import grow
-from planner.motion.frames import PHASES, Frames
 from planner.motion.inverse import inverse_dynamics
-from planner.motion.motion import motion_arrays
+from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.motion.windows import Windows
 from planner.parameters.parameters import Parameters, preset
 from planner.pathfinding.assembly import layered_snake
 from planner.pathfinding.candidates import find_paths
@@ -83,7 +81,7 @@ def simulated(made: FilePath, tmp_path_factory: pytest.TempPathFactory) -> FileP
 def test_a_simulated_plan_of_windows_is_verified_with_its_robots(simulated: FilePath) -> None:
     plan = Plan.load(simulated / "plan.npz")
     assert plan.certificate.verdict == "verified (simulated)"
-    assert isinstance(plan.motion, Windows)
+    assert plan.motion.is_windowed
     assert plan.certificate.robots is not None
     assert len(plan.certificate.robots) == 2
     most = plan.certificate.max_angle_error_rad
@@ -116,8 +114,8 @@ def test_windows_without_errors_of_their_own_do_not_pass_for_simulated(
     assert "timeline.zarr errors_rad" in "\n".join(verify(place).problems)
 
 
-def windows_of(plan: Plan) -> Windows:
-    assert isinstance(plan.motion, Windows)
+def windows_of(plan: Plan) -> Motion:
+    assert plan.motion.is_windowed
     return plan.motion
 
 
@@ -165,8 +163,8 @@ def test_the_timeline_tells_all_of_it(made: FilePath, plan: Plan) -> None:
     for start, stop, stride in ((0, 7, 1), (5, 31, 3), (len(whole) - 2, len(whole), 1), (4, 4, 1)):
         part = timeline.windows(start, stop, stride)
         expected = whole[start:stop:stride]
-        for name, values in motion_arrays(part).items():
-            np.testing.assert_array_equal(values, motion_arrays(expected)[name])
+        for name, values in part.columns().items():
+            np.testing.assert_array_equal(values, expected.columns()[name])
         np.testing.assert_array_equal(
             timeline.frames(start, stop, stride).joint_angles_rad, expected.angles(plan.chain)
         )
@@ -177,14 +175,14 @@ def test_a_timeline_of_windows_takes_nothing_else(tmp_path: FilePath) -> None:
     moving = peel(chain, width=8, step=2.0)
     with TimelineWriter.create(tmp_path / "a", chain, windowed=True) as writer:
         writer.append(moving[:4])
-        with pytest.raises(TimelineError, match="got Frames, expected Windows"):
+        with pytest.raises(TimelineError, match="got a dense motion, expected a windowed one"):
             writer.append(moving.dense(chain))
-        with pytest.raises(TimelineError, match="got windows up to hinge"):
+        with pytest.raises(TimelineError, match="got frames of"):
             writer.append(replace(moving, first=moving.first + len(chain.folded_rad)))
         writer.flush()
         writer.append(moving[4:])
     with TimelineWriter.create(tmp_path / "b", chain) as writer:
-        with pytest.raises(TimelineError, match="got Windows, expected Frames"):
+        with pytest.raises(TimelineError, match="got a windowed one, expected a dense motion"):
             writer.append(moving)
         writer.append(moving.dense(chain))
     a, b = Timeline.open(tmp_path / "a"), Timeline.open(tmp_path / "b")
@@ -192,12 +190,12 @@ def test_a_timeline_of_windows_takes_nothing_else(tmp_path: FilePath) -> None:
     np.testing.assert_allclose(
         a.windows().angles(chain), b.windows().angles(chain), rtol=0, atol=1e-7
     )
-    assert [type(t.motion()) for t in (a, b)] == [Windows, Frames]
+    assert [t.motion().is_windowed for t in (a, b)] == [True, False]
     with TimelineWriter.reopen(tmp_path / "a", frames=5) as writer:
         writer.append(moving[9:])
     again = Timeline.open(tmp_path / "a")
     assert again.id != a.id
-    expected = Windows.joined([moving[:5], moving[9:]])
+    expected = Motion.joined([moving[:5], moving[9:]])
     np.testing.assert_array_equal(again.windows().angles(chain), expected.angles(chain))
 
 
@@ -206,8 +204,8 @@ def test_both_forms_of_the_plan_hold_the_same(made: FilePath, plan: Plan) -> Non
     assert (told["format"], told["motion"]) == ("foldback-plan/3", "windows")
     assert "joint_angles_rad" not in told
     again = Plan.load(made / "plan.json")
-    for name, values in motion_arrays(again.motion).items():
-        np.testing.assert_allclose(values, motion_arrays(plan.motion)[name], rtol=0, atol=1e-11)
+    for name, values in again.motion.columns().items():
+        np.testing.assert_allclose(values, plan.motion.columns()[name], rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -278,12 +276,12 @@ def test_a_certificate_is_not_given_to_what_cannot_be_looked_at(
     change: dict[str, Any], words: str, made: FilePath, plan: Plan
 ) -> None:
     playback = Playback.load(made / "playback.npz")
-    assert isinstance(playback.frames, Windows)
+    assert playback.frames.is_windowed
     columns = {}
     for name, value in change.items():
-        columns[name] = np.array(getattr(playback.frames, name))
+        columns[name] = np.array(playback.frames.columns()[name])
         columns[name][-1] = value
-    spoilt = replace(playback, frames=replace(playback.frames, **columns))
+    spoilt = replace(playback, frames=playback.frames.with_columns(**columns))
     verdict = certify(plan.chain, None, spoilt, Parameters()).verdict
     assert verdict.startswith("failed") and words in verdict
 
@@ -337,7 +335,7 @@ def test_what_needs_all_angles_says_when_they_are_too_many(
     assert frames.joint_angles_rad.shape == (len(plan.motion), len(plan.chain.folded_rad))
     rows = export_named("csv").write(plan).decode().splitlines()
     assert len(rows) == 1 + len(np.unique(plan.time_s))
-    monkeypatch.setattr(plan_module, "MOST_ANGLES", 1000)
+    monkeypatch.setattr(plan_module, "MAX_DENSE_ANGLES", 1000)
     for name in ("csv", "mcap"):
         with pytest.raises(InputError, match=r"plan\.npz") as refused:
             export_named(name).write(plan)
@@ -351,7 +349,7 @@ def test_a_long_chain_is_cut_into_trees_that_continue_each_other() -> None:
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     starts = starts_of(chain)
-    assert len(starts) == -(-len(chain) // PIECE)
+    assert len(starts) == -(-len(chain) // MODULES_PER_TREE)
     assert model.neq == len(starts) - 1
     names = {model.joint(i).name for i in range(model.njnt)}
     assert names == {*chain.joint_names, *(f"root_{start}" for start in starts)}
@@ -374,7 +372,13 @@ def test_a_long_chain_is_cut_into_trees_that_continue_each_other() -> None:
 
 
 def test_pieces_are_long_enough_to_have_a_hinge() -> None:
-    for count in (PIECE, PIECE + 1, PIECE + 2, PIECE + 3, 2 * PIECE + 1):
+    for count in (
+        MODULES_PER_TREE,
+        MODULES_PER_TREE + 1,
+        MODULES_PER_TREE + 2,
+        MODULES_PER_TREE + 3,
+        2 * MODULES_PER_TREE + 1,
+    ):
         chain = line(count)
         starts = starts_of(chain)
         assert starts[0] == 0 and count - starts[-1] >= 3

@@ -4,14 +4,14 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record, save_npz
 
 
 def some_record() -> Record:
     rng = np.random.default_rng(0)
-    frames = Frames.of_phase(
-        "explosion",
+    frames = Motion.from_frames(
+        phase="explosion",
         time_s=np.arange(4.0),
         joint_angles_rad=rng.normal(size=(4, 6)),
         root_position=rng.normal(size=(4, 3)),
@@ -27,8 +27,8 @@ def test_a_record_is_read_back_as_it_was(tmp_path: FilePath) -> None:
     record.save(tmp_path / "record.npz")
     again = Record.load(tmp_path / "record.npz")
     assert again.summary() == record.summary()
-    for name in Frames.__dataclass_fields__:
-        mine, theirs = getattr(record.frames, name), getattr(again.frames, name)
+    for name, mine in record.frames.columns().items():
+        theirs = again.frames.columns()[name]
         np.testing.assert_array_equal(mine, theirs)
         assert mine.dtype == theirs.dtype
 

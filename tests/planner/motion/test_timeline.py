@@ -18,7 +18,7 @@ from planner.chain.module import CUBE
 from planner.checked_zarr import check_chunks
 from planner.errors import DamagedError, TimelineError
 from planner.motion import timeline as timeline_module
-from planner.motion.frames import PHASES, Frames, Phase
+from planner.motion.motion import PHASES, Motion, Phase
 from planner.motion.timeline import Timeline, TimelineWriter, chain_attributes
 from tests.planner.tampering import reseal
 
@@ -27,11 +27,11 @@ COLUMNS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz")
 
 def some_frames(
     count: int, *, start: int = 0, phase: Phase = "explosion", error: bool = False, joints: int = 6
-) -> Frames:
+) -> Motion:
     """Frames that all differ from each other."""
     rows = np.arange(start, start + count, dtype=np.float64)
-    return Frames.of_phase(
-        phase,
+    return Motion.from_frames(
+        phase=phase,
         time_s=rows / 10,
         joint_angles_rad=rows[:, None] + np.arange(joints) / 16,
         root_position=rows[:, None] * [1.0, 2.0, 3.0],
@@ -40,7 +40,7 @@ def some_frames(
     )
 
 
-def assert_same(found: Frames, expected: Frames) -> None:
+def assert_same(found: Motion, expected: Motion) -> None:
     for column in (*COLUMNS, "phase", "joint_error_rad"):
         np.testing.assert_array_equal(getattr(found, column), getattr(expected, column))
 
@@ -60,7 +60,7 @@ def test_what_is_written_is_read_with_its_phases_and_its_chain(
         writer.append(playback)
     timeline = Timeline.open(place)
     assert (len(timeline), timeline.status) == (7, "complete")
-    assert_same(timeline.frames(), Frames.joined([explosion, playback]))
+    assert_same(timeline.frames(), Motion.joined([explosion, playback]))
     assert [PHASES[p] for p in timeline.frames().phase] == ["explosion"] * 3 + ["playback"] * 4
     chain = timeline.chain
     assert (chain.name, chain.module, chain.pitch_m) == ("hook", hook_chain.module, 0.02)

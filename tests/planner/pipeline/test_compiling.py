@@ -16,8 +16,13 @@ from numba.core.dispatcher import Dispatcher
 
 from planner.inner_kernels import InnerLibrary
 from planner.pipeline import compiling_lock
-from planner.pipeline.compiling import YOUNG_OBJECTS, Compiling
-from planner.pipeline.compiling_lock import FIRST, FIRST_BYTES, CompilingLock, compiling_fraction
+from planner.pipeline.compiling import GC_THRESHOLD_OBJECTS, Compiling
+from planner.pipeline.compiling_lock import (
+    FIRST_KERNELS_BYTES,
+    FIRST_LOCK,
+    CompilingLock,
+    compiling_fraction,
+)
 
 ROOT = Path(__file__).parents[3]
 KERNELS = "planner.kernels"
@@ -26,11 +31,11 @@ KERNELS = "planner.kernels"
 def test_lock_held_by_another_shows_its_fraction_and_waits_no_longer_than_its_bound(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(compiling_lock, "POLL_S", 0.0)
-    monkeypatch.setattr(compiling_lock, "MAX_WAIT_S", 0.01)
-    holder, other = CompilingLock(tmp_path / FIRST), CompilingLock(tmp_path / FIRST)
+    monkeypatch.setattr(compiling_lock, "LOCK_POLL_S", 0.0)
+    monkeypatch.setattr(compiling_lock, "MAX_LOCK_WAIT_S", 0.01)
+    holder, other = CompilingLock(tmp_path / FIRST_LOCK), CompilingLock(tmp_path / FIRST_LOCK)
     holder.acquire(lambda _: pytest.fail("nobody holds it"))
-    holder.add(FIRST_BYTES // 2)
+    holder.add(FIRST_KERNELS_BYTES // 2)
     seen: list[float] = []
     other.acquire(seen.append)
     assert set(seen) == {0.5}
@@ -45,15 +50,15 @@ def test_compiling_looks_for_unused_cycles_rarely_from_its_first_kernel_to_its_e
     with Compiling():
         assert gc.get_threshold() == before
         njit(lambda: 0)()
-        assert gc.get_threshold() == (YOUNG_OBJECTS, *before[1:])
+        assert gc.get_threshold() == (GC_THRESHOLD_OBJECTS, *before[1:])
     assert gc.get_threshold() == before
 
 
 def test_lock_file_is_for_its_user_alone_and_a_link_is_not_followed(tmp_path: Path) -> None:
-    lock = CompilingLock(tmp_path / FIRST)
+    lock = CompilingLock(tmp_path / FIRST_LOCK)
     lock.acquire(lambda _: None)
     lock.release()
-    assert (tmp_path / FIRST).stat().st_mode & 0o777 == 0o600
+    assert (tmp_path / FIRST_LOCK).stat().st_mode & 0o777 == 0o600
     (tmp_path / "elsewhere").write_text("whole")
     (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
     linked = CompilingLock(tmp_path / "link")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.explosion.simultaneous import explode
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import ExplosionParameters
 from planner.pipeline.attempt import Attempt, Trial
@@ -119,8 +119,8 @@ def test_without_a_directory_no_file_is_written(tmp_path: FilePath) -> None:
 
 def same_plans(one: Plan, other: Plan) -> None:
     """Compare all but wall times."""
-    for name in type(one.motion).__dataclass_fields__:
-        np.testing.assert_array_equal(getattr(one.motion, name), getattr(other.motion, name))
+    for name, column in one.motion.columns().items():
+        np.testing.assert_array_equal(column, other.motion.columns()[name])
     np.testing.assert_array_equal(one.max_error_rad, other.max_error_rad)
     values = [json.loads(json.dumps(plan.rest())) for plan in (one, other)]
     assert timeless(values[0]) == timeless(values[1])
@@ -169,8 +169,8 @@ def test_the_best_of_unjudged_explosions_is_kept() -> None:
     history = tuple(Attempt(trial=Trial(0, k, "peel"), status="stalled") for k in range(3))
 
     def stuck_at(share: float) -> Result:
-        frames = Frames.of_phase(
-            "explosion",
+        frames = Motion.from_frames(
+            phase="explosion",
             time_s=np.zeros(1),
             joint_angles_rad=share * chain.folded_rad[None],
             root_position=folded.positions[chain.root][None],

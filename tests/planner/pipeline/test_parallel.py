@@ -1,4 +1,4 @@
-"""Tries that are made beside: the same plan as one after the other, and no process left behind."""
+"""Attempts made beside: the same plan as one after the other, and no process left behind."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import preset
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
-from planner.pipeline.fold_layout import TIMELINE, TRIES
+from planner.pipeline.fold_layout import TIMELINE, TRIALS_DIR
 from planner.pipeline.job import Watch
-from planner.pipeline.parallel import STALLING, Tries
+from planner.pipeline.parallel import SPECULATION_PULSES, AttemptPool
 from planner.pipeline.request import Request
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.stages import run_stage, run_stages
@@ -45,7 +45,7 @@ def stuck(trial: Trial, kind: Kind) -> Attempt:
 CHOICE = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
 FIRST = Trial(0, 3, "simultaneous")
 STUCK = stuck(FIRST, "joints")
-PUSHED = Progress(stage="explode", fraction=0.5, pushes=STALLING)
+PUSHED = Progress(stage="explode", fraction=0.5, pushes=SPECULATION_PULSES)
 
 
 def read(directory: FilePath, data: bytes, **values: Any) -> FilePath:
@@ -117,16 +117,16 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
     assert second == Trial(0, 3, "peel")
     record = explode(chain, second, parameters, Watch(timeline=alone / TIMELINE))
     told: list[Progress] = []
-    with Tries(fold, 2) as tries:
-        tries.come_to(CHOICE, [], FIRST)
-        assert tries.take(fold / TIMELINE, told.append, never) is None
-        watched = tries.watched(told.append)
-        watched(Progress(stage="explode", fraction=0.5, pushes=STALLING - 1))
+    with AttemptPool(fold, 2) as pool:
+        pool.schedule(CHOICE, [], FIRST)
+        assert pool.collect(fold / TIMELINE, told.append, never) is None
+        watched = pool.with_speculation(told.append)
+        watched(Progress(stage="explode", fraction=0.5, pushes=SPECULATION_PULSES - 1))
         assert not beside()
         watched(PUSHED)
         assert len(beside()) == 1
-        tries.come_to(CHOICE, [STUCK], second)
-        made = tries.take(fold / TIMELINE, told.append, never)
+        pool.schedule(CHOICE, [STUCK], second)
+        made = pool.collect(fold / TIMELINE, told.append, never)
         assert made is not None
         assert len(beside()) <= 1  # the one after it has been begun meanwhile
         same_motion(made.frames, record.frames)
@@ -136,7 +136,7 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
         same_motion(mine, theirs)
     assert told[1] == PUSHED
     assert not beside()
-    assert not (fold / TRIES).exists()
+    assert not (fold / TRIALS_DIR).exists()
 
 
 def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> None:
@@ -147,32 +147,32 @@ def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> No
         seen.append(len(beside()))
         return len(seen) > 8
 
-    with Tries(fold, 1) as tries:
-        tries.come_to(CHOICE, [STUCK], Trial(0, 3, "peel"))
+    with AttemptPool(fold, 1) as pool:
+        pool.schedule(CHOICE, [STUCK], Trial(0, 3, "peel"))
         assert not beside()
-    with Tries(fold, 3) as tries:
-        tries.come_to(CHOICE, [], FIRST)
+    with AttemptPool(fold, 3) as pool:
+        pool.schedule(CHOICE, [], FIRST)
         assert not beside()  # a fold that comes to its end at once takes one core
-        tries.watched(silent)(PUSHED)
+        pool.with_speculation(silent)(PUSHED)
         assert len(beside()) == 2
-        tries.come_to(CHOICE, [STUCK], Trial(0, 3, "peel"))
-        made = tries.take(fold / TIMELINE, silent, soon)
+        pool.schedule(CHOICE, [STUCK], Trial(0, 3, "peel"))
+        made = pool.collect(fold / TIMELINE, silent, soon)
         assert made is None or made.status == "cancelled"
         assert max(seen) == 3
-        tries.rest()
+        pool.end_running()
         assert not beside()
 
 
 def test_a_process_that_fails_is_as_if_it_had_not_been(tmp_path: FilePath) -> None:
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
     second = Trial(0, 3, "peel")
-    with Tries(fold, 2) as tries:
-        tries.come_to(CHOICE, [], FIRST)
-        tries.watched(silent)(PUSHED)
+    with AttemptPool(fold, 2) as pool:
+        pool.schedule(CHOICE, [], FIRST)
+        pool.with_speculation(silent)(PUSHED)
         (child,) = beside()
         child.kill()
-        tries.come_to(CHOICE, [STUCK], second)
-        assert tries.take(fold / TIMELINE, silent, never) is None
+        pool.schedule(CHOICE, [STUCK], second)
+        assert pool.collect(fold / TIMELINE, silent, never) is None
 
 
 def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(
@@ -184,13 +184,13 @@ def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(
         raise BlockingIOError("no more processes")
 
     monkeypatch.setattr("planner.pipeline.parallel.subprocess.Popen", none_left)
-    with Tries(fold, 2) as tries:
-        tries.come_to(CHOICE, [], FIRST)
-        told = tries.watched(silent)
+    with AttemptPool(fold, 2) as pool:
+        pool.schedule(CHOICE, [], FIRST)
+        told = pool.with_speculation(silent)
         told(PUSHED)
         told(PUSHED)
         assert not beside()
-    assert not (fold / TRIES).exists()
+    assert not (fold / TRIALS_DIR).exists()
 
 
 def test_no_more_are_begun_than_a_fold_may_have(
@@ -203,11 +203,11 @@ def test_no_more_are_begun_than_a_fold_may_have(
         begun.append(trial)
         return Running()
 
-    monkeypatch.setattr("planner.pipeline.parallel._Beside", begin)
+    monkeypatch.setattr("planner.pipeline.parallel._AttemptProcess", begin)
     many = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
-    with Tries(fold, 64) as tries:
-        tries.come_to(many, [], Trial(0, 3, "peel"))
-        tries.watched(silent)(PUSHED)
+    with AttemptPool(fold, 64) as pool:
+        pool.schedule(many, [], Trial(0, 3, "peel"))
+        pool.with_speculation(silent)(PUSHED)
     assert len(begun) == MAX_EXPLOSIONS - 1
 
 
@@ -244,14 +244,14 @@ def test_the_plan_is_the_same_for_any_number_of_workers(
     name: str, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken: list[bool] = []
-    take = Tries.take
+    take = AttemptPool.take
 
-    def noted(self: Tries, *arguments: Any) -> Any:
+    def noted(self: AttemptPool, *arguments: Any) -> Any:
         found = take(self, *arguments)
         taken.append(found is not None)
         return found
 
-    monkeypatch.setattr(Tries, "take", noted)
+    monkeypatch.setattr(AttemptPool, "take", noted)
     places = [FOLDS[name](tmp_path / str(workers)) for workers in (1, 2)]
     summaries: list[dict[str, Any]] = []
     for workers, place in enumerate(places, start=1):
@@ -284,7 +284,7 @@ def test_a_fold_that_is_cancelled_leaves_no_process(tmp_path: FilePath) -> None:
     assert "cancelled" in summary["reason"]
     assert not beside()
     assert not any(child.is_running() for child in begun)
-    assert not (place / TRIES).exists()
+    assert not (place / TRIALS_DIR).exists()
 
 
 SCRIPT = """
@@ -293,10 +293,10 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the backgrou
 from pathlib import Path
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.parallel import Tries
-with Tries(Path(sys.argv[1]), 3) as tries:
+from planner.pipeline.parallel import AttemptPool
+with AttemptPool(Path(sys.argv[1]), 3) as pool:
     choice = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
-    tries.come_to(choice, [Attempt(trial=Trial(0, 3, "peel"), status="stalled")],
+    pool.schedule(choice, [Attempt(trial=Trial(0, 3, "peel"), status="stalled")],
                   Trial(0, 3, "simultaneous"))
     time.sleep(600.0)
 """
@@ -316,7 +316,7 @@ def test_when_the_folds_process_ends_so_do_the_others(how: int, tmp_path: FilePa
         stderr=subprocess.DEVNULL,
     )
     children: list[psutil.Process] = []
-    while not any((fold / TRIES).glob("*/timeline.zarr")):  # they are at work
+    while not any((fold / TRIALS_DIR).glob("*/timeline.zarr")):  # they are at work
         assert parent.poll() is None
         children = psutil.Process(parent.pid).children()
         time.sleep(0.05)
@@ -328,4 +328,4 @@ def test_when_the_folds_process_ends_so_do_the_others(how: int, tmp_path: FilePa
         child.kill()
     assert not alive
     if how == signal.SIGINT:
-        assert not (fold / TRIES).exists()
+        assert not (fold / TRIALS_DIR).exists()

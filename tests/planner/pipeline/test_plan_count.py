@@ -9,7 +9,7 @@ import pytest
 from planner.pipeline.attempt import Attempt
 from planner.pipeline.preference import PREFERENCES, Preference
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import FINER, count_plans, with_count
+from planner.pipeline.search import REPEATED_PLAYBACK_REFINEMENT, count_plans, with_count
 from planner.progress import Progress
 from tests.planner.pipeline.test_improvements import choice, refused, tried_of, verified
 
@@ -46,7 +46,7 @@ def test_count_after_a_refused_plan_goes_on() -> None:
 def test_count_of_a_finer_playback_is_the_same() -> None:
     portfolio = choice("time")
     tried = tried_of(portfolio)[:2]
-    finer = Attempt(trial=tried[-1].trial, status="straight", finer=FINER)
+    finer = Attempt(trial=tried[-1].trial, status="straight", finer=REPEATED_PLAYBACK_REFINEMENT)
     assert count_plans([*tried, finer], portfolio)[0] == 2
 
 

@@ -18,7 +18,7 @@ from planner.certificate.metrics import Figures
 from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.exports import export_named
-from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters
@@ -255,12 +255,10 @@ def test_a_simulation_that_began_elsewhere_is_refused(made: FilePath) -> None:
     frames = Playback.load(made / "playback.npz").frames
     moved = frames.root_position.copy()
     moved[0, 1] += 0.01
+    late = np.vstack([frames.joint_angles_rad[1:2], frames.joint_angles_rad[1:]])
     for other in (
-        replace(frames, root_position=moved),
-        replace(
-            frames,
-            joint_angles_rad=np.vstack([frames.joint_angles_rad[1:2], frames.joint_angles_rad[1:]]),
-        ),
+        frames.with_columns(root_position=moved),
+        frames.with_columns(joint_angles_rad=late),
     ):
         assert "does not start folded as wrench-24" in judged(made, frames=other).verdict
 
@@ -274,7 +272,7 @@ def test_a_simulation_that_missed_straight_is_refused(made: FilePath, plan: Plan
     frames = Playback.load(made / "playback.npz").frames
     angles = frames.joint_angles_rad.copy()
     angles[straight(plan)] = 0.05
-    other = replace(frames, joint_angles_rad=angles)
+    other = frames.with_columns(joint_angles_rad=angles)
     assert "from straight" in judged(made, frames=other).verdict
 
 
@@ -378,7 +376,7 @@ def test_other_paths_are_tried_for_the_second_half_only(
 
 def test_a_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, plan: Plan) -> None:
     way = wrench.plan.unfolding()
-    told: list[Frames] = []
+    told: list[Motion] = []
     found = play_back(
         plan.chain,
         Record.load(made / "record.npz"),
@@ -387,7 +385,7 @@ def test_a_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, 
         sink=told.append,
     )
     assert found.kind == "kinematic"
-    frames = Frames.joined(told)
+    frames = Motion.joined(told)
     count = int((frames.phase == UNFOLDING).sum())
     np.testing.assert_array_equal(frames.joint_angles_rad[: count + 1], way.folding_rad[::-1])
     assert (np.diff(frames.time_s) > 0.0).all()

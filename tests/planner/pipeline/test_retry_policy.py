@@ -15,7 +15,7 @@ from planner.chain.path import Path
 from planner.explosion.diagnosis import Diagnosis, diagnose
 from planner.explosion.peeling import peel
 from planner.explosion.simultaneous import explode
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
 from planner.motion.timeline import Timeline
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
@@ -158,8 +158,8 @@ def test_finer_frames_are_no_explosion() -> None:
 
 def at_rest(chain: Chain, *, status: Any = "stalled", strategy: str = "simultaneous") -> Record:
     folded = chain.folded_poses
-    frames = Frames.of_phase(
-        "explosion",
+    frames = Motion.from_frames(
+        phase="explosion",
         time_s=np.zeros(1),
         joint_angles_rad=chain.folded_rad[None],
         root_position=folded.positions[chain.root][None],
@@ -195,10 +195,10 @@ def test_a_diagnosis_tells_where_it_sticks() -> None:
     free = diagnose(stairs, at_rest(stairs), Parameters())
     assert free is not None and free.kind == "joints" and free.modules
     record = at_rest(stairs)
-    straight = replace(record.frames, joint_angles_rad=0.0 * stairs.folded_rad[None])
+    straight = record.frames.with_columns(joint_angles_rad=0.0 * stairs.folded_rad[None])
     late = diagnose(stairs, replace(record, frames=straight, status="timeout"), Parameters())
     assert late is not None and (late.kind, late.modules) == ("limit", ())
-    half = replace(record.frames, joint_angles_rad=0.5 * stairs.folded_rad[None])
+    half = record.frames.with_columns(joint_angles_rad=0.5 * stairs.folded_rad[None])
     for status, kind in (("stalled", "joints"), ("diverged", "broken"), ("timeout", "limit")):
         found = diagnose(stairs, replace(record, frames=half, status=status), Parameters())
         assert found is not None and found.kind == kind
@@ -228,7 +228,7 @@ def test_a_peeling_that_stops_says_what_is_buried() -> None:
     angles = broken.frames.dense(chain, -1).joint_angles_rad
     hardly = np.where(np.arange(angles.shape[1]) < 2 * core, chain.folded_rad, 0.5 * angles)
     one = at_rest(chain, strategy="peel")
-    frames = replace(one.frames, joint_angles_rad=hardly)
+    frames = one.frames.with_columns(joint_angles_rad=hardly)
     slight = diagnose(chain, replace(one, frames=frames), Parameters())
     assert slight is not None and slight.kind == "buried"
     assert slight.modules and min(slight.modules) > 10

@@ -14,9 +14,9 @@ from planner.pipeline.preference import PlanFigures
 from planner.pipeline.request import Request
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import (
-    FINER,
-    MAX_JUDGED,
-    MAX_REFUSED,
+    MAX_PLAYBACKS_BEFORE_VERIFIED,
+    MAX_REFUSED_EXPLOSIONS,
+    REPEATED_PLAYBACK_REFINEMENT,
     Certify,
     Explode,
     PlayBack,
@@ -48,7 +48,7 @@ STRAIGHT = Attempt(trial=FIRST, status="straight")
 PLAYED = replace(STRAIGHT, played=True)
 REFUSED = replace(PLAYED, verdict="failed: modules 1 and 9 overlap")
 BETWEEN = replace(REFUSED, between=True)
-AGAIN = replace(BETWEEN, finer=FINER)
+AGAIN = replace(BETWEEN, finer=REPEATED_PLAYBACK_REFINEMENT)
 VERIFIED = replace(PLAYED, verdict="verified (simulated)", figures=FIGURES)
 STALLED = Attempt(trial=FIRST, status="stalled")
 SHOWN = replace(STALLED, played=True)
@@ -74,15 +74,27 @@ NOTHING = Attempt(trial=FIRST, status="none")
         (POLICY, [VERIFIED], None),
         (MORE, [VERIFIED], Explode(PEELED)),
         (POLICY, [REFUSED], Explode(SECOND)),
-        (POLICY, [BETWEEN], PlayBack(FINER)),
-        (POLICY, [BETWEEN, replace(STRAIGHT, finer=FINER)], PlayBack(FINER)),
-        (POLICY, [BETWEEN, replace(PLAYED, finer=FINER)], Certify()),
+        (POLICY, [BETWEEN], PlayBack(REPEATED_PLAYBACK_REFINEMENT)),
+        (
+            POLICY,
+            [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)],
+            PlayBack(REPEATED_PLAYBACK_REFINEMENT),
+        ),
+        (POLICY, [BETWEEN, replace(PLAYED, finer=REPEATED_PLAYBACK_REFINEMENT)], Certify()),
         (POLICY, [BETWEEN, AGAIN], Explode(SECOND)),
         (POLICY, [replace(REFUSED, unfolding_overlaps=True)], None),
-        (POLICY, [replace(BETWEEN, unfolding_overlaps=True)], PlayBack(FINER)),
-        (POLICY, [REFUSED] * MAX_REFUSED, None),
-        (POLICY, [BETWEEN] * (MAX_JUDGED - 1), PlayBack(FINER)),
-        (POLICY, [BETWEEN] * MAX_JUDGED, None),
+        (
+            POLICY,
+            [replace(BETWEEN, unfolding_overlaps=True)],
+            PlayBack(REPEATED_PLAYBACK_REFINEMENT),
+        ),
+        (POLICY, [REFUSED] * MAX_REFUSED_EXPLOSIONS, None),
+        (
+            POLICY,
+            [BETWEEN] * (MAX_PLAYBACKS_BEFORE_VERIFIED - 1),
+            PlayBack(REPEATED_PLAYBACK_REFINEMENT),
+        ),
+        (POLICY, [BETWEEN] * MAX_PLAYBACKS_BEFORE_VERIFIED, None),
         (PUBLISHED, [STALLED], Explode(PEELED)),
         (PUBLISHED, [REFUSED], None),
         (PUBLISHED, [BETWEEN], None),
@@ -125,8 +137,8 @@ def test_explosions_that_are_run_again_go_on_after_the_last_verdict(
         ([STRAIGHT], [STRAIGHT]),
         ([VERIFIED], [STRAIGHT]),
         ([REFUSED], [STRAIGHT]),
-        ([BETWEEN], [BETWEEN, replace(STRAIGHT, finer=FINER)]),
-        ([BETWEEN, AGAIN], [BETWEEN, replace(STRAIGHT, finer=FINER)]),
+        ([BETWEEN], [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)]),
+        ([BETWEEN, AGAIN], [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)]),
     ],
 )
 def test_a_playback_that_is_run_again_has_no_verdict(

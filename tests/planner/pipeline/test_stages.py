@@ -15,7 +15,7 @@ from planner.certificate.certificate import Certificate, Place, certify
 from planner.chain.chain import Chain
 from planner.errors import InputError, SimulationError
 from planner.explosion.simultaneous import explode
-from planner.motion.frames import PHASES
+from planner.motion.motion import PHASES
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import result

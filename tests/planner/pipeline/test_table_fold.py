@@ -14,12 +14,11 @@ import pytest
 from examples.run_gallery import SHAPES
 from planner.certificate.table_forces import TableForces
 from planner.errors import InputError
-from planner.motion.frames import Frames
 from planner.parameters.parameters import Parameters
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
-from planner.pipeline.steps import MIN_TORQUE_WP, STRONGER_MOTORS
+from planner.pipeline.steps import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.verification.own_parameters import own_parameters
@@ -44,7 +43,7 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
     assert len(table.torques) == len(plan.motion)
     assert plan.certificate.peak_torque_nm is not None
     # Motors are limited by what the record asks, which the plan's curve leaves by a little.
-    allowed = 1.05 * STRONGER_MOTORS * max(table.torque, MIN_TORQUE_WP)
+    allowed = 1.05 * TABLE_MOTOR_RESERVE * max(table.torque, MIN_SIZING_TORQUE_WP)
     assert plan.certificate.peak_torque_nm <= allowed * table.unit_nm
     assert any("No friction" in words for words in table.assumptions)
     assert len(TableForces.load(tmp_path / "table.npz")) == len(plan.motion)
@@ -55,9 +54,9 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
     forged = replace(plan.certificate, table=replace(table, torque=0.5 * table.torque))
     replace(plan, certificate=forged).save_npz(tmp_path / "plan.npz")
     assert "plan.npz certificate.table" in " ".join(verify(tmp_path).problems)
-    assert isinstance(plan.motion, Frames)
+    assert not plan.motion.is_windowed
     assert plan.playback is not None
-    lifted = replace(plan.motion, root_position=plan.motion.root_position + [0.0, 0.0, 0.01])
+    lifted = plan.motion.with_columns(root_position=plan.motion.root_position + [0.0, 0.0, 0.01])
     replace(plan, motion=lifted).save_npz(tmp_path / "plan.npz")
     assert "whose first module is clamped" in " ".join(verify(tmp_path).problems)
     hurried = {**plan.playback, "steps": plan.playback["steps"] // 2}
@@ -77,7 +76,7 @@ def test_with_friction_a_chain_lies_free_and_its_plan_drifts_as_it_does(tmp_path
     assert table is not None
     assert (table.base, table.friction) == ("free", 0.1)
     assert "friction 0.1, free base" in table.verdict
-    assert isinstance(motion, Frames)
+    assert not motion.is_windowed
     held = motion.clamped(plan.chain)
     assert np.abs(motion.root_position - held.root_position).max() > 0.05
     assert verify(tmp_path).verified, verify(tmp_path).problems
@@ -91,7 +90,7 @@ def test_with_friction_a_chain_lies_free_and_its_plan_drifts_as_it_does(tmp_path
     assert "plan.npz root_position of a chain whose first module is clamped" in told
     assert "timeline.zarr root_position of a chain whose first module is clamped" in told
     assert "that drifts like the playback" in refused(motion=held)
-    lifted = replace(motion, root_position=motion.root_position + [0.0, 0.0, 0.01])
+    lifted = motion.with_columns(root_position=motion.root_position + [0.0, 0.0, 0.01])
     assert "that drifts like the playback" in refused(motion=lifted)
 
 

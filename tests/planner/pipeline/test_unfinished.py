@@ -10,7 +10,7 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.request import Request
@@ -27,8 +27,8 @@ def recorded(path: FilePath, chain: Chain, share: float, phase: str = "explosion
     """A timeline that goes from folded to a share of its bends."""
     angles = np.linspace(1.0, share, 4)[:, None] * chain.folded_rad
     folded = chain.folded_poses
-    frames = Frames.of_phase(
-        phase,
+    frames = Motion.from_frames(
+        phase=phase,
         time_s=np.arange(4.0),
         joint_angles_rad=angles,
         root_position=np.tile(folded.positions[chain.root], (4, 1)),

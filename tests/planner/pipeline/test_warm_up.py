@@ -13,7 +13,7 @@ from numba import njit
 
 from planner.chain.chain import Chain
 from planner.pipeline import warm_up as module
-from planner.pipeline.compiling_lock import FIRST, FIRST_BYTES
+from planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK
 from planner.pipeline.warm_up import warm_up
 from planner.progress import COMPILING
 from tests.compiled_later import compiled_later
@@ -163,7 +163,7 @@ warm_up(soon=True, directory=Path(sys.argv[1]))
 def test_first_kernels_have_the_bytecode_that_fractions_are_shown_of(tmp_path: FilePath) -> None:
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
     subprocess.run([sys.executable, "-c", FIRST_ONLY, str(tmp_path)], env=environment, check=True)
-    assert (tmp_path / FIRST).stat().st_size == pytest.approx(FIRST_BYTES, rel=0.2)
+    assert (tmp_path / FIRST_LOCK).stat().st_size == pytest.approx(FIRST_KERNELS_BYTES, rel=0.2)
 
 
 @pytest.mark.long

@@ -22,7 +22,7 @@ from planner.parameters.explosion import ExplosionParameters
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold_layout import (
     CERTIFICATE,
-    PLANS,
+    PLANS_DIR,
     PLAYABLE,
     RESULTS,
     TIMELINE,
@@ -223,16 +223,16 @@ def test_keep_best_with_a_preference_stores_the_other_verified_plans(
     attempted(tmp_path, (0.1, 0.2, -0.1, 0.3), *verdicts)
     Workspace(tmp_path).keep_best("time")
     assert numbers(tmp_path) == [0]
-    stored = {path.name: path for path in (tmp_path / PLANS).iterdir()}
+    stored = {path.name: path for path in (tmp_path / PLANS_DIR).iterdir()}
     assert set(stored) == {"1", "3"}
     assert {path.name for path in stored["3"].iterdir()} == set(PLAYABLE)
     Workspace(tmp_path).clear()
-    assert not (tmp_path / PLANS).exists()
+    assert not (tmp_path / PLANS_DIR).exists()
 
     monkeypatch.setattr("planner.pipeline.workspace.MAX_PLANS_BYTES", 0)
     attempted(tmp_path, (0.1, 0.2), "verified", "verified")
     Workspace(tmp_path).keep_best("time")
-    assert (numbers(tmp_path), (tmp_path / PLANS).exists()) == ([0], False)
+    assert (numbers(tmp_path), (tmp_path / PLANS_DIR).exists()) == ([0], False)
 
 
 def test_of_explosions_alone_those_that_were_judged_stay(tmp_path: FilePath) -> None:

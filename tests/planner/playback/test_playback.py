@@ -15,8 +15,8 @@ from planner.chain.path import Path
 from planner.chain.rotations import aligned_distances
 from planner.errors import InputError
 from planner.motion.angle_steps import PLAN_STEP_RAD
-from planner.motion.frames import Frames
 from planner.motion.inverse import inverse_dynamics
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.parameters import Parameters, preset
 from planner.parameters.playback import PlaybackParameters, RobotParameters
@@ -219,10 +219,10 @@ def test_what_cannot_be_played_is_a_broken_call(small: tuple[Chain, Record]) -> 
 
 def test_sink_and_progress(small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planner.playback.run.PROGRESS_PERIOD_S", 0.0)
-    parts: list[Frames] = []
+    parts: list[Motion] = []
     told: list[Progress] = []
     playback = play_back(*small, DEFAULT, sink=parts.append, progress=told.append, start_s=7.0)
-    np.testing.assert_array_equal(Frames.joined(parts).time_s, playback.frames.time_s)
+    np.testing.assert_array_equal(Motion.joined(parts).time_s, playback.frames.time_s)
     assert playback.frames.time_s[0] == 7.0
     fractions = [p.fraction for p in told]
     assert fractions == sorted(fractions)
@@ -242,7 +242,7 @@ def test_a_long_chain_is_played_back_by_kinematics(
     small: tuple[Chain, Record], tmp_path: FilePath
 ) -> None:
     chain, record = small
-    seen: list[Frames] = []
+    seen: list[Motion] = []
     playback = play_back(
         chain, record, replace(DEFAULT, dynamic_up_to=len(chain) - 1), sink=seen.append, start_s=3.0
     )
@@ -261,7 +261,7 @@ def test_a_long_chain_is_played_back_by_kinematics(
         frames.joint_angles_rad, frames.root_position, frames.root_wxyz
     ).positions.mean(axis=1)
     assert np.abs(centres - centres[0]).max() < 1e-9
-    assert np.array_equal(Frames.joined(seen).joint_angles_rad, frames.joint_angles_rad)
+    assert np.array_equal(Motion.joined(seen).joint_angles_rad, frames.joint_angles_rad)
     certificate = certify(chain, record, playback, Parameters())
     assert certificate.verdict == "verified (kinematics only)"
     assert certificate.peak_torque_nm is not None and certificate.peak_torque_nm > 0.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -11,8 +9,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.path import Path
-from planner.motion.frames import Frames
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from planner.playback.table_curve import MAX_TABLE_PENETRATION_PITCH, TableCurve
 from planner.playback.window_course import WindowCurve
 from planner.statics.contacts import floor_clearances
@@ -30,20 +27,20 @@ def row() -> Chain:
     return Chain.from_path(Path.from_cells([(x, 0, 0) for x in range(MODULES)], name="row"))
 
 
-def swept(row: Chain, dip: float) -> Windows:
+def swept(row: Chain, dip: float) -> Motion:
     """A row that sweeps along the table by a radian and dips halfway, its end the farthest."""
     share = np.linspace(0.0, 1.0, 21)
     angles = np.zeros((len(share), len(row.folded_rad)))
     angles[:, ACROSS] = share * (1.0 - share)
     angles[:, DOWN] = dip / (MODULES - 2) * np.sin(np.pi * share) ** 2
-    frames = Frames.of_phase(
-        "explosion",
+    frames = Motion.from_frames(
+        phase="explosion",
         time_s=share,
         joint_angles_rad=angles,
         root_position=np.zeros((len(share), 3)),
         root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (len(share), 1)),
     )
-    return Windows.of(row, frames)
+    return frames.windowed(row)
 
 
 def drawn(row: Chain, curve: WindowCurve) -> tuple[Array, float]:
@@ -86,7 +83,7 @@ def test_a_row_that_is_lifted_at_once_stands_until_then(row: Chain) -> None:
     windows = swept(row, 0.0)
     angles = windows.dense(row).joint_angles_rad.copy()
     angles[:, ACROSS], angles[:, DOWN] = share, -np.maximum(share - 0.5, 0.0)
-    windows = Windows.of(row, replace(windows.dense(row), joint_angles_rad=angles))
+    windows = windows.dense(row).with_columns(joint_angles_rad=angles).windowed(row)
     hangs = [hanging(row, kind(row, windows, 0.03)) for kind in (WindowCurve, TableCurve)]
     assert hangs[0] > 0.02
     assert hangs[1] < 0.01

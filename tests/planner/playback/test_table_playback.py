@@ -12,8 +12,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.explosion.table import explode_on_table
-from planner.motion.frames import Frames
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from planner.parameters.explosion import TableParameters
 from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.table_playback import TablePlayback, play_on_table
@@ -26,39 +25,38 @@ SLOW = replace(TablePlaybackParameters(), fastest=0.02)
 BOX = np.array([(x, y, z) for x in range(2) for y in range(2) for z in range(2)])
 
 
-def moved(chain: Chain, angles: np.ndarray) -> Windows:
+def moved(chain: Chain, angles: np.ndarray) -> Motion:
     """Straight ways between configurations, the first module where the folded chain has it."""
     steps = [np.linspace(a, b, 40) for a, b in zip(angles, angles[1:], strict=False)]
     dense = np.concatenate(steps)
     count = len(dense)
-    frames = Frames.of_phase(
-        "explosion",
+    frames = Motion.from_frames(
+        phase="explosion",
         time_s=np.arange(count, dtype=np.float64),
         joint_angles_rad=dense,
         root_position=np.zeros((count, 3)),
         root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
     )
-    return replace(
-        Windows.of(chain, frames),
+    return frames.windowed(chain).with_columns(
         base_position=np.tile(chain.folded_position, (count, 1)),
         base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
     )
 
 
 @pytest.fixture(scope="module")
-def arm() -> tuple[Chain, Windows]:
+def arm() -> tuple[Chain, Motion]:
     """A row that is clamped three pitches above the table and folds a leg down to it."""
     cells = [(0, 0, 3), (1, 0, 3), (2, 0, 3), (3, 0, 3), (3, 0, 2), (3, 0, 1), (3, 0, 0)]
     chain = Chain.from_path(Path.from_cells(cells, name="arm"))
     return chain, moved(chain, np.array([chain.folded_rad, np.zeros(len(chain.folded_rad))]))
 
 
-def played(arm: tuple[Chain, Windows], share: float) -> TablePlayback:
+def played(arm: tuple[Chain, Motion], share: float) -> TablePlayback:
     return play_on_table(*arm, torque_limit_wp=share * ARM, parameters=SLOW)
 
 
 def test_an_arm_is_held_out_by_motors_that_are_a_little_stronger_than_its_weight(
-    arm: tuple[Chain, Windows],
+    arm: tuple[Chain, Motion],
 ) -> None:
     found = played(arm, 1.5)
     assert found.status == "folded", found.reason
@@ -68,7 +66,7 @@ def test_an_arm_is_held_out_by_motors_that_are_a_little_stronger_than_its_weight
     assert found.torques[1].max() == pytest.approx(ARM, rel=0.05)
 
 
-def test_an_arm_falls_where_motors_are_too_weak(arm: tuple[Chain, Windows]) -> None:
+def test_an_arm_falls_where_motors_are_too_weak(arm: tuple[Chain, Motion]) -> None:
     found = played(arm, 0.8)
     assert found.status == "missed"
     assert "yielded" in found.reason
@@ -76,7 +74,7 @@ def test_an_arm_falls_where_motors_are_too_weak(arm: tuple[Chain, Windows]) -> N
 
 
 def test_the_replay_holds_an_arm_within_its_torque_and_drops_it_below(
-    arm: tuple[Chain, Windows],
+    arm: tuple[Chain, Motion],
 ) -> None:
     chain, record = arm
     held = table_replay(chain, record[-1:], torque=ARM)
@@ -88,7 +86,7 @@ def test_the_replay_holds_an_arm_within_its_torque_and_drops_it_below(
 
 
 @pytest.fixture(scope="module")
-def row() -> tuple[Chain, Windows]:
+def row() -> tuple[Chain, Motion]:
     """Modules that lie flat, three of which are swung over the table."""
     chain = Chain.from_path(
         Path.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 2, 0), (1, 3, 0)], name="row")
@@ -96,7 +94,7 @@ def row() -> tuple[Chain, Windows]:
     return chain, moved(chain, np.array([chain.folded_rad, np.zeros(6)]))
 
 
-def test_friction_drags_at_what_is_swung_over_the_table(row: tuple[Chain, Windows]) -> None:
+def test_friction_drags_at_what_is_swung_over_the_table(row: tuple[Chain, Motion]) -> None:
     """Without friction it takes as good as nothing."""
     chain, record = row
     smooth, rough = (
@@ -112,7 +110,7 @@ def test_friction_drags_at_what_is_swung_over_the_table(row: tuple[Chain, Window
 
 
 def test_a_chain_that_lies_free_drifts_and_is_told_from_where_it_lies(
-    row: tuple[Chain, Windows],
+    row: tuple[Chain, Motion],
 ) -> None:
     chain, record = row
     held, free = (
@@ -137,7 +135,7 @@ def test_a_chain_that_lies_free_drifts_and_is_told_from_where_it_lies(
     # It lies elsewhere, in the shape and at the height that it should have.
     assert free.position_errors.max() < 0.05
     assert free.final_error < 0.005
-    meant = free.frames.planned(chain, free.reference_rad, clamped=False)
+    meant = free.frames.planned(chain, free.frames.with_angles(free.reference_rad), clamped=False)
     poses = chain.poses(meant.joint_angles_rad, meant.root_position, meant.root_wxyz)
     np.testing.assert_allclose(poses.positions[..., 2], chain.folded_position[2], atol=1e-6)
 
@@ -146,7 +144,7 @@ def test_a_box_folds_on_the_table_by_motors_half_again_as_strong_as_certified() 
     chain = Chain.from_path(Path.from_cells(table_paths(BOX, most=1)[0].cells, name="box"))
     record = explode_on_table(chain, TableParameters(), seed=0)
     assert record.status == "straight", record.reason
-    assert isinstance(record.frames, Windows)
+    assert record.frames.is_windowed
     asked = table_certificate(
         chain, record.frames[::-1], on_table=True, height=chain.table_height
     ).torque
@@ -170,7 +168,7 @@ def test_a_box_folds_on_the_table_by_motors_half_again_as_strong_as_certified() 
     [(0.0, 0.0, 2, "bad-table"), (1.0, 3.0, 2, "bad-table"), (1.0, 0.0, 1, "no-record")],
 )
 def test_what_cannot_be_played_is_refused(
-    arm: tuple[Chain, Windows], limit: float, friction: float, frames: int, code: str
+    arm: tuple[Chain, Motion], limit: float, friction: float, frames: int, code: str
 ) -> None:
     with pytest.raises(InputError) as error:
         play_on_table(arm[0], arm[1][:frames], torque_limit_wp=limit, friction=friction)

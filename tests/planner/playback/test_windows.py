@@ -14,8 +14,8 @@ from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import matrix_from_wxyz
+from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.motion.windows import Windows
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.playback.window_course import FRAME_RAD, WindowCourse
@@ -38,7 +38,7 @@ def chain() -> Chain:
 
 
 @pytest.fixture(scope="module")
-def peeled(chain: Chain) -> Windows:
+def peeled(chain: Chain) -> Motion:
     return peel(chain, width=24, step=0.5)
 
 
@@ -178,12 +178,12 @@ def test_rigid_parts_are_where_the_chain_has_them(chain: Chain) -> None:
 
 
 @pytest.fixture(scope="module")
-def course(chain: Chain, peeled: Windows) -> WindowCourse:
+def course(chain: Chain, peeled: Motion) -> WindowCourse:
     return WindowCourse(chain, peeled, PlaybackParameters(), SIZE, 1)
 
 
 def test_a_course_goes_from_straight_to_folded_without_a_jump(
-    chain: Chain, peeled: Windows, course: WindowCourse
+    chain: Chain, peeled: Motion, course: WindowCourse
 ) -> None:
     reference = course.reference
     angles = reference.angles(chain)
@@ -208,7 +208,7 @@ def test_a_course_goes_from_straight_to_folded_without_a_jump(
         np.testing.assert_allclose(whole[0], whole[1], atol=1e-12)
 
 
-def played(chain: Chain, peeled: Windows, robot: RobotParameters) -> Playback:
+def played(chain: Chain, peeled: Motion, robot: RobotParameters) -> Playback:
     record = Record(
         status="straight", reason="", frames=peeled, steps=len(peeled), seconds=0.0, strategy="peel"
     )
@@ -217,7 +217,7 @@ def played(chain: Chain, peeled: Windows, robot: RobotParameters) -> Playback:
     )
 
 
-def test_a_robot_without_faults_is_off_by_nothing(chain: Chain, peeled: Windows) -> None:
+def test_a_robot_without_faults_is_off_by_nothing(chain: Chain, peeled: Motion) -> None:
     playback = played(chain, peeled, FAULTLESS)
     assert (playback.status, playback.kind, playback.robots) == ("folded", "dynamic", None)
     assert playback.max_angle_error_rad is not None
@@ -240,10 +240,10 @@ def test_a_robot_without_faults_is_off_by_nothing(chain: Chain, peeled: Windows)
     np.testing.assert_allclose(positions, positions[:1].repeat(3, axis=0), atol=5e-3)  # it floats
 
 
-def test_robots_with_faults_are_off_each_by_its_own(chain: Chain, peeled: Windows) -> None:
+def test_robots_with_faults_are_off_each_by_its_own(chain: Chain, peeled: Motion) -> None:
     playback = played(chain, peeled, RobotParameters())
     frames, reference = playback.frames, playback.reference_rad
-    assert isinstance(frames, Windows)
+    assert frames.is_windowed
     assert playback.status == "folded"
     assert playback.robots == 3
     assert playback.others_rad is not None
@@ -258,12 +258,12 @@ def test_robots_with_faults_are_off_each_by_its_own(chain: Chain, peeled: Window
     assert again.frames.passes_as(frames)  # type: ignore[union-attr]
 
 
-def test_a_robot_that_is_too_weak_loses_its_target(chain: Chain, peeled: Windows) -> None:
+def test_a_robot_that_is_too_weak_loses_its_target(chain: Chain, peeled: Motion) -> None:
     playback = played(chain, peeled, replace(RobotParameters(), torque_limit=0.01, runs=1))
     assert playback.status == "missed"
     assert "lost its target" in playback.reason
     frames = playback.frames
-    assert isinstance(frames, Windows)
+    assert frames.is_windowed
     assert len(frames) > 0
     # Each frame is measured against its own target, up to where the robot was lost.
     assert float(frames.errors.max()) <= (playback.max_angle_error_rad or 0.0)

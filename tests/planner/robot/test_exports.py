@@ -29,7 +29,7 @@ from planner.chain.kinematics import Poses
 from planner.errors import InputError
 from planner.exports import EXPORTS, Export, export_named, exports_of, glb
 from planner.exports.export import identifier
-from planner.exports.mjcf import PERCENTS
+from planner.exports.mjcf import KEY_PERCENTS
 from planner.exports.stl import hull_of
 from planner.exports.urdf import DRAKE_NAMESPACE, centre_of
 from planner.pipeline.fold import fold
@@ -147,7 +147,7 @@ def test_keys_of_the_mjcf_are_frames_of_the_plan(plan: Plan) -> None:
     model = mujoco.MjModel.from_xml_string(written("mjcf", plan).decode())
     data = mujoco.MjData(model)
     names = [model.key(k).name for k in range(model.nkey)]
-    assert names == ["straight", "folded", *(f"at_{percent}" for percent in PERCENTS)]
+    assert names == ["straight", "folded", *(f"at_{percent}" for percent in KEY_PERCENTS)]
     ends = {"at_0": 0, "at_100": len(plan.time_s) - 1}
     for name in names[2:]:
         mujoco.mj_resetDataKeyframe(model, data, model.key(name).id)
@@ -497,8 +497,8 @@ def test_the_scene_moves_as_the_plan(plan: Plan) -> None:
         arcs = Slerp(times, Rotation.from_quat(turns))(inside).as_matrix()
         poses = chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
         off = np.linalg.norm(drawn / chain.pitch_m - poses.positions[:, i], axis=1)
-        assert off.max() < glb.TOLERANCE + 1e-4
-        assert np.abs(arcs - poses.rotations[:, i]).max() < 3 * glb.TOLERANCE
+        assert off.max() < glb.MIN_KEYFRAME_TOLERANCE + 1e-4
+        assert np.abs(arcs - poses.rotations[:, i]).max() < 3 * glb.MIN_KEYFRAME_TOLERANCE
 
 
 def largest_error(plan: Plan, track: glb.Track) -> float:
@@ -521,17 +521,17 @@ def largest_error(plan: Plan, track: glb.Track) -> float:
 def test_tolerance_of_a_thinned_scene_holds_for_frames_that_were_passed_over(
     plan: Plan, monkeypatch: Any, most: int
 ) -> None:
-    monkeypatch.setattr(glb, "MOST_BYTES", most * len(plan.chain) * glb.POSE_BYTES)
+    monkeypatch.setattr(glb, "MAX_KEYFRAME_BYTES", most * len(plan.chain) * glb.POSE_BYTES_SINGLE)
     track = glb.track_of(plan)
     assert len(track.time_s) <= most
     assert largest_error(plan, track) <= track.tolerance + 1e-5
 
 
 def test_a_long_scene_is_thinned_to_its_bound(plan: Plan, monkeypatch: Any) -> None:
-    monkeypatch.setattr(glb, "MOST_BYTES", 9 * len(plan.chain) * glb.POSE_BYTES)
+    monkeypatch.setattr(glb, "MAX_KEYFRAME_BYTES", 9 * len(plan.chain) * glb.POSE_BYTES_SINGLE)
     track = glb.track_of(plan)
     assert 2 <= len(track.time_s) <= 9
-    assert track.tolerance > glb.TOLERANCE
+    assert track.tolerance > glb.MIN_KEYFRAME_TOLERANCE
     assert (track.time_s[0], track.time_s[-1]) == (plan.time_s[0], plan.time_s[-1])
 
 

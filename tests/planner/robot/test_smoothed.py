@@ -15,7 +15,6 @@ import pytest
 from planner.certificate.certificate import Certificate, Place, certify
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline import stages
@@ -82,7 +81,7 @@ def test_it_leads_from_straight_to_the_same_shape(plan: Plan, mallet: Folded) ->
 def test_its_files_are_checked_anew_and_its_timeline_only_folds(made: FilePath) -> None:
     assert verify(made).verified
     timeline = Timeline.open(made / "timeline.zarr").motion()
-    assert isinstance(timeline, Frames)
+    assert not timeline.is_windowed
     assert len(timeline) == len(Plan.load(made / "plan.json").time_s)
     assert (timeline.phase == 1).all()
 
@@ -124,10 +123,10 @@ def test_what_the_certificate_refuses_is_smoothed_less(
         record = real(plan, way, **how)
         if way == RECORDED:
             return record
-        assert isinstance(record.frames, Frames)
+        assert not record.frames.is_windowed
         angles = record.frames.joint_angles_rad.copy()
         angles[len(angles) // 2] = plan.chain.module.angle_limit_rad
-        return replace(record, frames=replace(record.frames, joint_angles_rad=angles))
+        return replace(record, frames=record.frames.with_columns(joint_angles_rad=angles))
 
     monkeypatch.setattr("planner.pipeline.steps.smoothed_record", spoiled)
     plan = smooth_plan(wrench, directory=tmp_path)
@@ -187,7 +186,7 @@ def test_an_interrupted_smoothing_comes_to_the_same(
     result = stages.run_stage("play_back", tmp_path / "again")
     assert result["status"] == "folded"
     again = Playback.load(tmp_path / "again" / "playback.npz")
-    np.testing.assert_array_equal(again.reference, plan.joint_angles_rad)
+    np.testing.assert_array_equal(again.reference.joint_angles_rad, plan.joint_angles_rad)
 
 
 def test_a_cancelled_smoothing_is_no_plan(mallet: Folded, tmp_path: FilePath) -> None:

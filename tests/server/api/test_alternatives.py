@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from planner.pipeline.fold_layout import ATTEMPTS, PLANS, PLAYABLE
+from planner.pipeline.fold_layout import ATTEMPTS, PLANS_DIR, PLAYABLE
 from server.pages.choice_words import choice_of
 from tests.server.service import Service
 
@@ -18,13 +18,13 @@ from tests.server.service import Service
 def stored(service: Service, finished: dict[str, Any]) -> Iterator[str]:
     """A fold with one more plan, that of its first attempt."""
     directory = service.directory(finished["id"])
-    plan = directory / PLANS / "0"
+    plan = directory / PLANS_DIR / "0"
     plan.mkdir(parents=True)
     for name in PLAYABLE:
         copy = shutil.copytree if (directory / name).is_dir() else shutil.copyfile
         copy(directory / name, plan / name)
     yield finished["id"]
-    shutil.rmtree(directory / PLANS)
+    shutil.rmtree(directory / PLANS_DIR)
 
 
 def test_alternative_that_is_stored_can_be_watched_and_compared(

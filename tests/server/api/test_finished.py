@@ -12,7 +12,7 @@ from planner.pipeline import manifest
 from planner.plan.packed import unpack
 from planner.verification.integrity import damaged_among
 from planner.verification.verify import verify
-from server.api.finished import FOLDER, import_finished
+from server.api.finished import FINISHED_FOLDS_DIR, import_finished
 from server.pages.cards import included_folds
 from server.settings import Settings
 from server.store.folds import Store
@@ -20,7 +20,7 @@ from server.store.gallery import Gallery
 from server.store.tables import CounterRow
 from tests.server.bucket import Bucket
 
-NAMES = sorted(path.stem for path in FOLDER.glob("*.fold"))
+NAMES = sorted(path.stem for path in FINISHED_FOLDS_DIR.glob("*.fold"))
 SMALL = "tetra-cube-2"
 
 
@@ -43,7 +43,7 @@ def test_finished_folds_are_five_with_cubes_tetrahedra_and_refold(
     assert {(row.status, row.visitor, row.bytes, row.pinned) for row in rows} == {
         ("verified", "the service itself", 0, True)
     }
-    assert sum(path.stat().st_size for path in FOLDER.glob("*.fold")) < 1_600_000
+    assert sum(path.stat().st_size for path in FINISHED_FOLDS_DIR.glob("*.fold")) < 1_600_000
 
 
 def test_finished_folds_hold_files_as_they_were_certified(
@@ -74,8 +74,8 @@ def small_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Folder of finished folds with the smallest one alone."""
     folder = tmp_path / "finished"
     folder.mkdir()
-    (folder / f"{SMALL}.fold").write_bytes((FOLDER / f"{SMALL}.fold").read_bytes())
-    monkeypatch.setattr("server.api.finished.FOLDER", folder)
+    (folder / f"{SMALL}.fold").write_bytes((FINISHED_FOLDS_DIR / f"{SMALL}.fold").read_bytes())
+    monkeypatch.setattr("server.api.finished.FINISHED_FOLDS_DIR", folder)
     return folder
 
 
@@ -109,7 +109,7 @@ def test_import_of_damaged_finished_fold_leaves_service_with_others(
     "name", [pytest.param(n, marks=[] if n == SMALL else pytest.mark.long) for n in NAMES]
 )
 def test_finished_fold_is_verified_again(name: str, tmp_path: Path) -> None:
-    unpack((FOLDER / f"{name}.fold").read_bytes(), tmp_path)
+    unpack((FINISHED_FOLDS_DIR / f"{name}.fold").read_bytes(), tmp_path)
     found = verify(tmp_path)
     assert (found.problems, found.notes) == ((), ())
 

@@ -15,7 +15,7 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.timeline import Timeline
-from server.files.cancelled import KEPT_S, sweep_cancelled
+from server.files.cancelled import CANCELLED_FOLD_S, sweep_cancelled
 from server.settings import Settings
 from server.store.folds import Store
 from tests.server.here import ServiceHere
@@ -284,7 +284,7 @@ def test_a_fold_is_asked_for_once_more_by_its_id(desk: Service) -> None:
     store = Store(Settings(data_dir=desk.data_dir))
     try:
         assert store.fold(other["id"]).bytes == size
-        sweep_cancelled(store, time.time() + 2 * KEPT_S)
+        sweep_cancelled(store, time.time() + 2 * CANCELLED_FOLD_S)
     finally:
         store.close()
     assert desk.http.post("/api/folds", data={"fold": first["id"]}).status_code == 404

@@ -14,14 +14,14 @@ from planner.parameters.settings import MAX_TEXT_CHARS, SETTINGS
 from planner.pathfinding import PATH_ENDS, PATH_METHODS
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pipeline.preference import PREFERENCES
-from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
+from planner.pipeline.request import MAX_SEED, MODULE_SIZE_RANGE
 from server.cli.command_line import application
 from tests.server.service import SPIRAL, Service
 
 BAD = [
     ("preset", "hasty", "unknown-preset"),
     ("seed", "-1", "bad-seed"),
-    ("seed", str(LARGEST_SEED + 1), "bad-seed"),
+    ("seed", str(MAX_SEED + 1), "bad-seed"),
     ("seed", "seven", "bad-seed"),
     ("seed", "1.5", "bad-seed"),
     ("module_size", "1.5", "bad-module-size"),
@@ -108,9 +108,9 @@ def test_the_api_says_what_the_planner_takes(desk: Service) -> None:
     assert of("settings")["maxLength"] == MAX_TEXT_CHARS
     assert all(f"`{setting.name}`" in of("settings")["description"] for setting in SETTINGS)
     for name, limits in (
-        ("seed", (0, LARGEST_SEED)),
+        ("seed", (0, MAX_SEED)),
         ("modules", MODULE_COUNTS),
-        ("module_size", MODULE_SIZES),
+        ("module_size", MODULE_SIZE_RANGE),
     ):
         assert (of(name)["minimum"], of(name)["maximum"]) == limits
 

@@ -16,7 +16,7 @@ import httpx
 import numpy as np
 import pytest
 
-from planner.motion.frames import Frames
+from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
 from server.cli.play import create_player_app, row_of
 from server.pages.failures import failure
@@ -30,8 +30,8 @@ KNOT = {"kind": "knot", "modules": [5, 6], "words": "its path is knotted"}
 def directory(tmp_path: Path) -> Path:
     """An explosion that was ended half-way."""
     folded = CHAIN.folded_poses
-    frames = Frames.of_phase(
-        "explosion",
+    frames = Motion.from_frames(
+        phase="explosion",
         time_s=np.arange(2.0),
         joint_angles_rad=np.array([1.0, 0.8])[:, None] * CHAIN.folded_rad,
         root_position=np.tile(folded.positions[CHAIN.root], (2, 1)),

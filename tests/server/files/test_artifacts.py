@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from server.files.artifacts import AT_ONCE, MOST_WAITING, Artifacts
+from server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store, new_token
 from server.store.tables import FoldRow
@@ -76,12 +76,12 @@ def test_the_loop_s_own_threads_stay_free(store: Store) -> None:
 
         asked = [
             asyncio.create_task(shop.get_or_make(k, lambda k=k: wait(k)))
-            for k in range(MOST_WAITING)
+            for k in range(MAX_PENDING_FILES)
         ]
         await asyncio.sleep(0)
         assert await asyncio.wait_for(asyncio.to_thread(lambda: "quick"), 10.0) == "quick"
         may_end.set()
-        assert await asyncio.gather(*asked) == list(range(MOST_WAITING))
+        assert await asyncio.gather(*asked) == list(range(MAX_PENDING_FILES))
         shop.close()
 
     asyncio.run(ask())
@@ -90,7 +90,7 @@ def test_the_loop_s_own_threads_stay_free(store: Store) -> None:
 def test_what_failed_is_tried_again(store: Store, fold: FoldRow) -> None:
     async def ask() -> None:
         shop = Artifacts(store)
-        for _ in range(AT_ONCE + MOST_WAITING):
+        for _ in range(FILES_AT_ONCE + MAX_PENDING_FILES):
             with pytest.raises(ZeroDivisionError):
                 await shop.get_or_make("key", lambda: 1 // 0)
         assert await shop.get_or_make("key", lambda: 1) == 1

@@ -21,7 +21,7 @@ from planner.errors import DamagedError
 from planner.files import zarr_group
 from planner.plan.packed import unpack
 from planner.verification.integrity import check
-from server.api.finished import FOLDER
+from server.api.finished import FINISHED_FOLDS_DIR
 from server.app import ROUTERS
 from server.pages.pictures import file_of
 from tests.server.here import ServiceHere
@@ -223,7 +223,7 @@ def test_route_that_makes_something_of_damaged_source_refuses(
 
 def test_timeline_of_earlier_version_is_compared_with_the_manifest(tmp_path: Path) -> None:
     """Its chunks and attributes carry no checksums."""
-    unpack((FOLDER / "tetra-cube-2.fold").read_bytes(), tmp_path)
+    unpack((FINISHED_FOLDS_DIR / "tetra-cube-2.fold").read_bytes(), tmp_path)
     path = tmp_path / "timeline.zarr"
     sealed = zarr_group(path)
     arrays = {name: array[:] for name, array in sealed.arrays()}

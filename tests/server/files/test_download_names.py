@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from fastapi.responses import FileResponse
 
-from server.files.download_names import MAX_STEM, download_stem
+from server.files.download_names import MAX_STEM_CHARACTERS, download_stem
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ def test_download_stem_keeps_letters_of_all_scripts_and_nothing_else(name: str, 
 
 def test_download_stem_is_short_enough_for_a_file_system() -> None:
     stem = download_stem("龍" * 500)
-    assert len(stem) == MAX_STEM
+    assert len(stem) == MAX_STEM_CHARACTERS
     assert len(f"{stem}-trajectory.json".encode()) <= 255
 
 

@@ -23,7 +23,7 @@ from planner.exports import EXPORTS, Export, export_named
 from planner.plan.plan import Plan
 from server.errors import NoRoom, NotFound, TooLarge, Unavailable
 from server.files import exports as exports_module
-from server.files.artifacts import AT_ONCE, MOST_WAITING, Artifacts
+from server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts
 from server.files.exports import Exports
 from server.pages.facts import fold_facts
 from server.store.fold_files import EXPORTS_DIR
@@ -166,17 +166,17 @@ def test_few_are_made_at_once_and_each_once(store: Store, fold: FoldRow) -> None
 
     async def ask() -> None:
         exports = exports_in(store)
-        slows = [slow(f"slow_{k}") for k in range(MOST_WAITING)]
+        slows = [slow(f"slow_{k}") for k in range(MAX_PENDING_FILES)]
         asked = [
             asyncio.create_task(exports.file(fold.id, one)) for one in (*slows, *slows, *slows)
         ]
-        while len(made) < AT_ONCE:
+        while len(made) < FILES_AT_ONCE:
             await asyncio.sleep(0.01)
         with pytest.raises(Unavailable) as refused:
             await exports.file(fold.id, slow("one_more"))
         assert refused.value.code == "busy"
         assert (refused.value.retry_after_s or 0) > 0
-        assert len(made) == AT_ONCE  # the others wait
+        assert len(made) == FILES_AT_ONCE  # the others wait
         asked[0].cancel()  # its file is made for the others all the same
         may_end.set()
         paths = await asyncio.gather(*asked[1:])
@@ -214,7 +214,7 @@ def test_what_cannot_be_made_is_a_clear_answer(store: Store, fold: FoldRow) -> N
 def test_plans_too_large_for_the_service_are_for_the_command_line(
     store: Store, fold: FoldRow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(exports_module, "LARGEST_PLAN", 10_000)
+    monkeypatch.setattr(exports_module, "MAX_EXPORTED_PLAN_BYTES", 10_000)
     for name in ("csv", "mcap", "json"):
         with pytest.raises(TooLarge) as refused:
             asyncio.run(exports_in(store).file(fold.id, export_named(name)))

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from server.errors import Unavailable
-from server.files.preview_scenes import AT_ONCE, MOST_WAITING, PreviewScenes
+from server.files.preview_scenes import MAX_PENDING_SCENES, SCENES_AT_ONCE, PreviewScenes
 from server.files.previews import NoSuchPreviewError, Previews
 from server.files.uploads import Uploads
 from server.settings import Settings
@@ -196,7 +196,7 @@ def test_scenes_are_made_a_few_at_once_and_each_once(
     with uploads.stored(io.BytesIO(b""), "thing.bin") as upload:
         preview_id = previews.add(upload, "a")
     uploads.close()
-    keys = [f"{k:024x}" for k in range(MOST_WAITING + 1)]
+    keys = [f"{k:024x}" for k in range(MAX_PENDING_SCENES + 1)]
     for key in keys[:-1]:
         place = previews.directory(preview_id) / key
         place.mkdir()
@@ -216,16 +216,16 @@ def test_scenes_are_made_a_few_at_once_and_each_once(
             asked = [
                 group.create_task(scenes.scene(preview_id, k, visitor=k)) for k in keys[:-1] * 2
             ]
-            while len(scenes._flight) < MOST_WAITING:
+            while len(scenes._flight) < MAX_PENDING_SCENES:
                 await asyncio.sleep(0.01)
             with pytest.raises(Unavailable) as refused:
                 await scenes.scene(preview_id, keys[-1], visitor="z")
-            assert len(made) <= AT_ONCE
+            assert len(made) <= SCENES_AT_ONCE
             assert (refused.value.retry_after_s or 0) > 0
             go_on.set()
-        assert len({task.result() for task in asked}) == MOST_WAITING
+        assert len({task.result() for task in asked}) == MAX_PENDING_SCENES
         assert await scenes.scene(preview_id, keys[0], visitor="z") == asked[0].result()
-        assert len(made) == MOST_WAITING
+        assert len(made) == MAX_PENDING_SCENES
         with pytest.raises(NoSuchPreviewError):
             await scenes.scene(preview_id, keys[-1], visitor="z")  # there is no report
         shutil.rmtree(previews.directory(preview_id))

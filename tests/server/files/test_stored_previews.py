@@ -15,14 +15,14 @@ import pytest
 from server.errors import TooMany
 from server.files import previews as previews_module
 from server.files.previews import (
-    MOST_OPTION_SETS,
+    MAX_OPTION_SETS,
     NoSuchPreviewError,
     Previews,
     ShapeOptions,
     _measure,
 )
 from server.files.stored_previews import (
-    UPLOAD,
+    UPLOAD_FILE,
     HeldPreview,
     StoredPreviews,
     superfluous,
@@ -76,7 +76,7 @@ def test_previews_of_an_upload_by_strangers_leave_the_owner_its_own(tmp_path: Pa
 
     with uploads.stored(BytesIO(b"[]"), "thing.stl") as upload:
         preview_id = previews.add(upload, "owner")
-    for seed in range(MOST_OPTION_SETS):
+    for seed in range(MAX_OPTION_SETS):
         ask(seed, "stranger")
     with pytest.raises(TooMany):
         ask(1000, "another")
@@ -84,7 +84,7 @@ def test_previews_of_an_upload_by_strangers_leave_the_owner_its_own(tmp_path: Pa
     uploads.close()
     measured = _measure(tmp_path / "previews" / preview_id, None)
     assert measured is not None
-    assert measured[1].size < 64 * 1024 < MOST_OPTION_SETS * 4096 <= measured[1].foreign
+    assert measured[1].size < 64 * 1024 < MAX_OPTION_SETS * 4096 <= measured[1].foreign
 
 
 def test_remove_of_preview_leaves_its_files_to_the_sweep(
@@ -163,7 +163,7 @@ def test_there_is_no_preview_whose_note_was_written_over(about: bytes, tmp_path:
     previews, uploads = Previews(settings), Uploads(settings)
     with uploads.stored(BytesIO(b"[]"), "thing.stl") as upload:
         preview_id = previews.add(upload, "a")
-    (previews.directory(preview_id) / UPLOAD).write_bytes(about)
+    (previews.directory(preview_id) / UPLOAD_FILE).write_bytes(about)
     with pytest.raises(NoSuchPreviewError):
         previews.upload(preview_id)
     uploads.close()
@@ -204,7 +204,7 @@ def test_kept_fetched_and_forgotten(
     for name in ("p1", "p2"):
         (mine / name).mkdir()
         (mine / name / "input").write_bytes(bytes(600_000))
-        (mine / name / UPLOAD).write_text("{}")
+        (mine / name / UPLOAD_FILE).write_text("{}")
         here.keep(name, mine / name)
     assert there.fetch("p1", theirs / "p1")
     assert [path.name for path in theirs.iterdir()] == ["p1"]

@@ -23,7 +23,7 @@ from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import FRAMES_FILE, REST_FILE
 from server.errors import TooLarge, TooMany, Unavailable, Unusable
 from server.files.trajectories import (
-    MOTORS,
+    MOTORS_FILE,
     PLAN,
     STREAMS_OF_ADDRESS,
     MotorsWanted,
@@ -165,7 +165,7 @@ def test_of_what_the_child_has_written_no_more_is_read_than_there_may_be(
         trajectories = make(used_bytes=most) if most else make()
         with pytest.raises(kind):
             asyncio.run(trajectories.of(wanted, "a"))
-    spoiled = Path(MOTORS)
+    spoiled = Path(MOTORS_FILE)
     robot = MotorsWanted(
         module_mass_kg=0.1,
         pitch_m=None,

@@ -8,12 +8,12 @@ import pytest
 
 from server.errors import ServiceError, TooMany, Unidentified, WebsocketNeeded
 from server.files.previews import NoSuchPreviewError
-from server.http.problems import STATUSES, Problem, response_of
+from server.http.problems import HTTP_STATUSES, Problem, response_of
 
 
 def test_every_error_has_a_status() -> None:
     kinds = [kind for kind in ServiceError.__subclasses__() if kind.__module__ == "server.errors"]
-    assert set(kinds) == set(STATUSES)
+    assert set(kinds) == set(HTTP_STATUSES)
     assert Problem.of(NoSuchPreviewError("a")).status == 404
 
 

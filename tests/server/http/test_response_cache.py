@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
 
-from server.http.response_cache import KEPT_S, ResponseCache, mark
+from server.http.response_cache import RESPONSE_CACHE_S, ResponseCache, mark
 from tests.server.service import SNAKE, Service, owner
 
 
@@ -56,13 +56,13 @@ def test_the_same_is_answered_for_a_second(desk: Desk) -> None:
     first, second = desk.get("/folds/a"), desk.get("/folds/a")
     assert first.text == second.text == "a 1"
     assert first.headers == second.headers
-    desk.now = KEPT_S
+    desk.now = RESPONSE_CACHE_S
     assert desk.get("/folds/a").text == "a 2"
 
 
 def test_one_that_is_gone_elsewhere_is_told_of_to_the_next_and_all_after(desk: Desk) -> None:
     desk.get("/folds/a")
-    desk.now, desk.status = KEPT_S, "deleted"
+    desk.now, desk.status = RESPONSE_CACHE_S, "deleted"
     assert [desk.get("/folds/a").text for _ in range(2)] == ["a 2", "a 3"]
 
 

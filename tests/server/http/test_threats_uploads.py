@@ -166,7 +166,7 @@ def _until(what: Callable[[], bool]) -> None:
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service that waits for nobody."""
     patience = pytest.MonkeyPatch()
-    patience.setattr("server.http.security.LISTENED_S", 0.5)
+    patience.setattr("server.http.security.MAX_DRAIN_S", 0.5)
     service = ServiceHere(
         tmp_path_factory.mktemp("hasty") / "data",
         upload_idle_s=0.5,
@@ -538,8 +538,8 @@ def test_an_upload_that_breaks_off_leaves_nothing(hasty: Service) -> None:
 def test_uploads_that_are_cancelled_at_once_fill_no_disk(
     here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert cancelled.KEPT_BYTES <= 16 * MIB
-    monkeypatch.setattr(cancelled, "KEPT_BYTES", 2**20)
+    assert cancelled.MAX_CANCELLED_BYTES <= 16 * MIB
+    monkeypatch.setattr(cancelled, "MAX_CANCELLED_BYTES", 2**20)
     service = here_with().start()
     size = 2**19
     for number in range(8):

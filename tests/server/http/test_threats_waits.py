@@ -17,7 +17,7 @@ from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
 from server.api import fold_states
 from server.api import frames as frame_routes
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.store.tables import FoldRow
 from tests.server.http.test_bounds import from_address
 from tests.server.service import PATIENCE_S, SNAKE, Service
@@ -128,7 +128,7 @@ def test_states_of_many_folds_are_read_by_one_thread(
     threads: set[str] = set()
     read = fold_states.progress_of
 
-    def noted(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
+    def noted(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
         threads.add(threading.current_thread().name)
         return read(row, remaining)
 
@@ -144,7 +144,7 @@ def test_costly_batches_of_one_visitor_leave_threads_to_others(
     service = here_with().start()
     fold, _, _ = growing_fold(service)
     go_on, answers = threading.Event(), list[httpx.Response]()
-    make = frame_routes.kept_batch
+    make = frame_routes.cached_batch
 
     def slow(*asked: Any) -> bytes:
         go_on.wait(PATIENCE_S)
@@ -157,6 +157,6 @@ def test_costly_batches_of_one_visitor_leave_threads_to_others(
         finally:
             go_on.set()
 
-    monkeypatch.setattr(frame_routes, "kept_batch", slow)
+    monkeypatch.setattr(frame_routes, "cached_batch", slow)
     flood = asyncio.run(ask(service, f"/folds/{fold}/batch", ["203.0.113.1"] * 60, look))
     assert [answer.status_code for answer in (*answers, *flood)] == [200] * 61

@@ -16,8 +16,8 @@ import pytest
 from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import TIMELINE, last_frame, result
 from planner.plan.plan import Plan
-from server.api.schemas import PAUSED
-from server.jobs.runner import MAX_DEATHS, STAGES, Runner
+from server.api.schemas import PAUSED_MESSAGE
+from server.jobs.runner import MAX_CRASHES, STAGES, Runner
 from server.jobs.slices import Slice
 from server.processes.children import Child, ChildError
 from server.processes.fork_server import ForkServer
@@ -201,13 +201,13 @@ def test_a_fold_whose_process_dies_again_and_again_fails_alone(
     directory, killed = service.directory(accepted["id"]), set[int]()
     with ThreadPoolExecutor(1) as worker:
         computing = worker.submit(compute, service, accepted["id"], fork_server=held.server)
-        for _ in range(MAX_DEATHS):
+        for _ in range(MAX_CRASHES):
             held.kill_child(directory, killed)
         state = computing.result()
     assert state["status"] == "failed"
     assert state["error"]["code"] == "crashed"
     assert "SIGKILL" in state["error"]["detail"]
-    assert f"happened {MAX_DEATHS} times" in state["error"]["detail"]
+    assert f"happened {MAX_CRASHES} times" in state["error"]["detail"]
     # What was there of it stays, and tells where it was.
     assert state["summary"]["stuck"]["kind"] == "stopped"
     assert Timeline.open(directory / "timeline.zarr").status == "failed"
@@ -224,7 +224,7 @@ def test_a_fold_goes_on_when_its_process_or_its_fork_server_is_killed(
     directory, killed = service.directory(fold_id), set[int]()
     with ThreadPoolExecutor(1) as worker:
         computing = worker.submit(compute, service, fold_id, fork_server=held.server)
-        for _ in range(MAX_DEATHS - 1):
+        for _ in range(MAX_CRASHES - 1):
             held.kill_child(directory, killed)
         held.child(directory, killed)
         held.hold.unlink()
@@ -245,7 +245,7 @@ def test_a_fold_makes_room_for_a_cheaper_one_and_goes_on_by_itself(
     short = service.fold(STAIRS)["id"]
     paused = service.wait(long, lambda state: state["progress"]["paused"] or over(state))
     assert paused["status"] == "queued" and paused["stage"] in STAGES, paused
-    assert paused["progress"]["message"] == PAUSED
+    assert paused["progress"]["message"] == PAUSED_MESSAGE
     check_finished(service, short)
     check_finished(service, long)
 

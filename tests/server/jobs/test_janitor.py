@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from server.files.cancelled import KEPT_S, MAX_KEPT, sweep_cancelled_of
-from server.files.derived import FRESH_S
-from server.jobs.janitor import DAY_S, ORPHAN_AGE_S, Janitor
+from server.files.cancelled import CANCELLED_FOLD_S, MAX_CANCELLED_FOLDS, sweep_cancelled_of
+from server.files.derived import MIN_DERIVED_AGE_S
+from server.jobs.janitor import DAY_S, MIN_ORPHAN_AGE_S, Janitor
 from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store, new_id, new_token
@@ -55,7 +55,7 @@ def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
     return row.id
 
 
-def derive(store: Store, fold_id: str, size: int, *, age_s: float = 2 * FRESH_S) -> None:
+def derive(store: Store, fold_id: str, size: int, *, age_s: float = 2 * MIN_DERIVED_AGE_S) -> None:
     """Gives a fold an export of so many bytes."""
     path = store.folders.place(fold_id) / EXPORTS_DIR / "fold.csv"
     path.parent.mkdir()
@@ -66,7 +66,9 @@ def derive(store: Store, fold_id: str, size: int, *, age_s: float = 2 * FRESH_S)
     store.add_derived(fold_id, size)
 
 
-def movie(store: Store, fold_id: str, *, of_owner: bool, age_s: float = 2 * FRESH_S) -> Path:
+def movie(
+    store: Store, fold_id: str, *, of_owner: bool, age_s: float = 2 * MIN_DERIVED_AGE_S
+) -> Path:
     """The file of a movie that counts as one MiB."""
     row = a_movie(fold_id, "movie", job=f"{fold_id}.movie.mp4", of_owner=of_owner, bytes=MIB)
     row.created_at -= age_s
@@ -167,7 +169,7 @@ def test_who_wants_it_after_all_is_in_time(store: Store) -> None:
 
 
 def test_a_cancelled_fold_goes_an_hour_after_the_last_look(tmp_path: Path, store: Store) -> None:
-    hour = KEPT_S / DAY_S
+    hour = CANCELLED_FOLD_S / DAY_S
     old, late, pinned, seen = (
         fold(store, days=days, status="cancelled", pinned=days > 2 * hour, visitor=f"{days}")
         for days in (1.1 * hour, 0.9 * hour, 3 * hour, 1.2 * hour)
@@ -178,10 +180,13 @@ def test_a_cancelled_fold_goes_an_hour_after_the_last_look(tmp_path: Path, store
 
 
 def test_of_one_visitor_only_the_latest_cancelled_folds_stay(store: Store) -> None:
-    folds = [fold(store, days=n / 1e4, size=1, status="cancelled") for n in range(MAX_KEPT + 2)]
+    folds = [
+        fold(store, days=n / 1e4, size=1, status="cancelled")
+        for n in range(MAX_CANCELLED_FOLDS + 2)
+    ]
     others = fold(store, days=0.01, status="cancelled", visitor="another")
     sweep_cancelled_of(store, "somebody")
-    assert left(store, *folds, others) == MAX_KEPT * [True] + [False, False, True]
+    assert left(store, *folds, others) == MAX_CANCELLED_FOLDS * [True] + [False, False, True]
 
 
 def test_a_sweep_reads_no_rows_that_stay(tmp_path: Path, store: Store) -> None:
@@ -305,7 +310,7 @@ def test_files_of_no_fold_go_when_they_were_seen_twice(tmp_path: Path, store: St
     kept, orphan, fresh = fold(store, days=1), new_id(), new_id()
     for name in (orphan, fresh):
         store.folders.place(name).mkdir()
-    before = time.time() - 2 * ORPHAN_AGE_S
+    before = time.time() - 2 * MIN_ORPHAN_AGE_S
     for name in (kept, orphan):
         os.utime(store.folders.place(name), (before, before))
     sweeping = janitor(tmp_path, store)

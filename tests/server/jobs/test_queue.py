@@ -6,8 +6,8 @@ from pathlib import Path
 
 from dbos import DBOSClient
 
-from server.jobs.queue import KEEP_S, QUEUE, QUICK_QUEUE, Jobs
-from server.limits.fair_queue import QUICK_S
+from server.jobs.queue import JOB_RECORD_S, QUEUE, QUICK_QUEUE, Jobs
+from server.limits.fair_queue import QUICK_FOLD_S
 from server.settings import Settings
 from tests.server.rows import statements
 
@@ -17,7 +17,7 @@ def test_folds_are_taken_in_their_turn(tmp_path: Path) -> None:
     turns = {"last": 70, "first": 0, "middle": 3}
     jobs = Jobs(settings)
     for fold_id, turn in turns.items():
-        jobs.enqueue(fold_id, turn, QUICK_S)
+        jobs.enqueue(fold_id, turn, QUICK_FOLD_S)
     jobs.close()
     client = DBOSClient(system_database_url=settings.queue_url)
     priorities = {job.workflow_id: job.priority for job in client.list_queued_workflows()}
@@ -30,8 +30,8 @@ def test_folds_are_taken_in_their_turn(tmp_path: Path) -> None:
 def test_quick_folds_wait_in_a_queue_of_their_own(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path)
     jobs = Jobs(settings)
-    jobs.enqueue("quick", 0, QUICK_S)
-    jobs.enqueue("long", 0, QUICK_S + 1.0)
+    jobs.enqueue("quick", 0, QUICK_FOLD_S)
+    jobs.enqueue("long", 0, QUICK_FOLD_S + 1.0)
     jobs.close()
     client = DBOSClient(system_database_url=settings.queue_url)
     queues = {job.workflow_id: job.queue_name for job in client.list_queued_workflows()}
@@ -42,12 +42,12 @@ def test_quick_folds_wait_in_a_queue_of_their_own(tmp_path: Path) -> None:
 def test_jobs_that_are_over_are_deleted_and_no_others_are_read(tmp_path: Path) -> None:
     jobs = Jobs(Settings(data_dir=tmp_path))
     for name in ("waits", "gone", "gone-too"):
-        jobs.enqueue(name, 0, QUICK_S)
+        jobs.enqueue(name, 0, QUICK_FOLD_S)
     jobs.forget("gone")
     jobs.forget("gone-too")
     assert jobs.sweep(time.time()) == 0, "they are kept for a while"
     with statements() as said:
-        assert jobs.sweep(time.time() + 2 * KEEP_S) == 2
+        assert jobs.sweep(time.time() + 2 * JOB_RECORD_S) == 2
     assert jobs.going(["waits", "gone", "gone-too"]) == {"waits": True}
     jobs.close()
     with sqlite3.connect(tmp_path / "jobs.db") as database:

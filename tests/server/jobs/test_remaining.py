@@ -11,9 +11,9 @@ import pytest
 
 from planner.progress import COMPILING
 from server.api.schemas import progress_of
-from server.jobs.remaining import Remaining, left_s
+from server.jobs.remaining import EtaEstimator, left_s
 from server.settings import Settings
-from server.store.durations import MIN_SAMPLES, Duration, typical_s
+from server.store.durations import MIN_SIMILAR_FOLDS, Duration, typical_s
 from server.store.folds import Store
 from server.store.leases import Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
@@ -45,16 +45,16 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def remaining(tmp_path: Path, store: Store, clock: Clock) -> Remaining:
+def remaining(tmp_path: Path, store: Store, clock: Clock) -> EtaEstimator:
     leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
-    leases.beat("one", host="here", pid=1, folds_at_once=1)
-    return Remaining(store, leases, clock=clock)
+    leases.heartbeat("one", host="here", pid=1, folds_at_once=1)
+    return EtaEstimator(store, leases, clock=clock)
 
 
 def ended(store: Store, name: str, *, modules: int = 160, times: float = 1.0, **how: Any) -> None:
     stage_s = {stage: times * seconds for stage, seconds in USUAL.items()}
     took = {"started_at": NOW - 100.0, "ended_at": NOW - 100.0 + sum(stage_s.values())}
-    for k in range(MIN_SAMPLES):
+    for k in range(MIN_SIMILAR_FOLDS):
         row = a_fold(f"{name} {k}", modules=modules, progress={"stage_s": stage_s}, **took, **how)
         store.add(row, "a token of somebody")
 
@@ -73,7 +73,7 @@ def running(store: Store, stage: str, fraction: float, *, began_at: float, **how
 
 
 def test_remaining_uses_only_similar_folds(
-    store: Store, remaining: Remaining, clock: Clock
+    store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
     fold = running(store, "explode", 0.0, began_at=NOW)
     expected = remaining.of(store.fold(fold)).remaining_s
@@ -82,10 +82,10 @@ def test_remaining_uses_only_similar_folds(
     ended(store, "another preset", preset="paper")
     ended(store, "one that failed", status="failed")
     clock.now += 10.0
-    fresh = Remaining(store, remaining._leases, clock=lambda: NOW)
+    fresh = EtaEstimator(store, remaining._leases, clock=lambda: NOW)
     assert fresh.of(store.fold(fold)).remaining_s == expected
     ended(store, "one like it")
-    fresh = Remaining(store, remaining._leases, clock=lambda: NOW)
+    fresh = EtaEstimator(store, remaining._leases, clock=lambda: NOW)
     assert (fresh.of(store.fold(fold)).remaining_s or 0) > expected
 
 
@@ -97,7 +97,7 @@ def test_typical_duration_with_one_slow_fold_is_not_decided_by_it() -> None:
 
 
 def test_what_is_left_of_the_stage_and_the_stages_after_it(
-    store: Store, remaining: Remaining
+    store: Store, remaining: EtaEstimator
 ) -> None:
     for name in ("first", "second", "third"):
         ended(store, name)
@@ -106,7 +106,7 @@ def test_what_is_left_of_the_stage_and_the_stages_after_it(
 
 
 def test_it_runs_down_like_a_clock_and_follows_what_is_seen_bit_by_bit(
-    store: Store, remaining: Remaining, clock: Clock
+    store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
     ended(store, "another")
     fold = running(store, "play_back", 0.0, began_at=NOW)
@@ -129,7 +129,7 @@ def test_it_runs_down_like_a_clock_and_follows_what_is_seen_bit_by_bit(
 
 
 def test_longer_than_usual_is_said_and_never_less_than_nothing(
-    store: Store, remaining: Remaining, clock: Clock
+    store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
     ended(store, "another")
     fold = running(store, "certify", 0.4, began_at=NOW)
@@ -140,7 +140,7 @@ def test_longer_than_usual_is_said_and_never_less_than_nothing(
     assert remaining.of(store.fold(fold)).remaining_s == 0
 
 
-def test_in_the_queue_it_is_the_wait_and_the_fold(store: Store, remaining: Remaining) -> None:
+def test_in_the_queue_it_is_the_wait_and_the_fold(store: Store, remaining: EtaEstimator) -> None:
     ended(store, "another")
     first = a_fold("first", status="queued", modules=160)
     second = a_fold("second", status="queued", modules=160)
@@ -165,7 +165,7 @@ def test_the_middle_of_folds_of_its_size_counts() -> None:
 
 
 def test_what_the_stage_before_has_said_is_not_of_the_next(
-    store: Store, remaining: Remaining
+    store: Store, remaining: EtaEstimator
 ) -> None:
     ended(store, "another")
     fold = running(store, "explode", 1.0, began_at=NOW - 8.0)
@@ -196,7 +196,7 @@ def test_a_fold_that_chooses_goes_through_stages_again() -> None:
 
 
 def test_wait_of_queued_fold_includes_what_is_left_of_preparing(
-    store: Store, remaining: Remaining, monkeypatch: pytest.MonkeyPatch
+    store: Store, remaining: EtaEstimator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ended(store, "another")
     queued = a_fold("waiting", status="queued", modules=160)
@@ -205,7 +205,7 @@ def test_wait_of_queued_fold_includes_what_is_left_of_preparing(
     ready = {key: remaining.of(store.fold(key)) for key in (queued.id, now)}
     told = Preparing(fraction=0.5, remaining_s=30.0)
     monkeypatch.setattr(Leases, "preparing", lambda self: told)
-    fresh = Remaining(store, remaining._leases, clock=lambda: NOW)
+    fresh = EtaEstimator(store, remaining._leases, clock=lambda: NOW)
     later = {key: fresh.of(store.fold(key)) for key in (queued.id, now)}
     assert {outlook.preparing for outlook in later.values()} == {told}
     assert (later[queued.id].wait_s or 0) - (ready[queued.id].wait_s or 0) == 30.0
@@ -214,7 +214,7 @@ def test_wait_of_queued_fold_includes_what_is_left_of_preparing(
 
 
 def test_queued_fold_tells_the_running_fold_and_that_it_compiles(
-    store: Store, remaining: Remaining
+    store: Store, remaining: EtaEstimator
 ) -> None:
     queued = a_fold("waiting", status="queued", modules=160)
     store.add(queued, "a token of somebody")
@@ -228,7 +228,7 @@ def test_queued_fold_tells_the_running_fold_and_that_it_compiles(
 
 
 def test_smoothing_before_its_first_report_is_not_an_explosion(
-    store: Store, remaining: Remaining
+    store: Store, remaining: EtaEstimator
 ) -> None:
     fold = running(store, "explode", 0.0, began_at=NOW, smooths="another")
     assert progress_of(store.fold(fold), remaining)["message"] == "smoothing"

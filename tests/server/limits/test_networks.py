@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from server.errors import ServiceError, TooMany, Unavailable
-from server.limits.networks import SEPARATOR, hidden, networks_of, visitor_at
+from server.limits.networks import PSEUDONYM_SEPARATOR, hidden, networks_of, visitor_at
 from server.limits.quota import Permit, Quota, network_share
 from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import TokenBuckets
@@ -167,4 +167,4 @@ def test_hidden_visitor_has_hidden_networks_and_fits_its_column() -> None:
     assert networks_of(one)[0] != networks_of(same_site)[0]
     assert len(one) <= 64
     assert "2001" not in hidden(HOME[0], b"other") and hidden(HOME[0], b"other") != one
-    assert networks_of(SEPARATOR.join("abc")) == ("a", "a|b")
+    assert networks_of(PSEUDONYM_SEPARATOR.join("abc")) == ("a", "a|b")

@@ -12,7 +12,7 @@ import pytest
 
 from server.errors import ServiceError, TooMany, Unavailable
 from server.files.artifacts import Artifacts
-from server.limits.fair_threads import VISITOR, FairThreads
+from server.limits.fair_threads import CURRENT_VISITOR, FairThreads
 from server.limits.quota import Permit, Quota
 from server.settings import Settings
 from server.store.folds import Store
@@ -175,7 +175,7 @@ def test_fair_threads_with_many_calls_of_one_visitor_serve_another_next() -> Non
     with FairThreads(2) as threads:
         futures: list[Future[None]] = []
         for visitor in ("203.0.113.0/24|203.0.113.1", "198.51.100.0/24|198.51.100.1"):
-            token = VISITOR.set(visitor)
+            token = CURRENT_VISITOR.set(visitor)
             if not futures:
                 futures = [threads.submit(hold)]
                 assert inside.wait(30.0)
@@ -183,7 +183,7 @@ def test_fair_threads_with_many_calls_of_one_visitor_serve_another_next() -> Non
             else:  # the thread that one visitor cannot have
                 threads.submit(done.append, visitor).result(30.0)
                 assert done == [visitor]
-            VISITOR.reset(token)
+            CURRENT_VISITOR.reset(token)
         go_on.set()
         for future in futures:
             future.result(30.0)

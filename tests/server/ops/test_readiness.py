@@ -8,7 +8,7 @@ from pathlib import Path
 
 import httpx
 
-from planner.pipeline.compiling_lock import FIRST, FIRST_BYTES, CompilingLock
+from planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK, CompilingLock
 from server.ops.readiness import Readiness
 from server.settings import Settings
 from server.store.folds import Store
@@ -91,9 +91,9 @@ def test_readiness_while_kernels_are_compiled_says_how_far_that_is(tmp_path: Pat
     settings = Settings(data_dir=tmp_path, workers=0)
     store = Store(settings)
     stats = Stats(settings, Leases.of(settings, store))
-    lock = CompilingLock(settings.root / FIRST)
+    lock = CompilingLock(settings.root / FIRST_LOCK)
     lock.acquire(lambda _: None)
-    lock.add(FIRST_BYTES // 4)
+    lock.add(FIRST_KERNELS_BYTES // 4)
     reasons = Readiness(settings, stats).state().reasons
     lock.release()
     assert reasons == ("kernels are being compiled (25%)",)

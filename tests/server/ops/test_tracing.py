@@ -99,6 +99,6 @@ def test_nothing_is_traced_unless_told_so() -> None:
 
 
 def test_missing_packages_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.ops.tracing.NEEDED", ("opentelemetry.nowhere.sdk",))
+    monkeypatch.setattr("server.ops.tracing.TRACING_PACKAGES", ("opentelemetry.nowhere.sdk",))
     with pytest.raises(NoTracingError, match=r"foldback\[otel\]"):
         tracing(Settings(otlp_endpoint="http://127.0.0.1:4318/v1/traces"))

@@ -7,17 +7,17 @@ from dataclasses import replace
 import pytest
 
 from server.pages.cards import (
-    CHAINS,
-    KINDS,
-    SELECTED,
+    CHAIN_LABELS,
+    FEATURED_SHAPES,
+    TAG_LABELS,
     Card,
-    Sieve,
-    Standing,
+    FoldStatus,
+    GalleryFilter,
     cards,
+    fold_statuses,
     kinds,
     method_words,
     selected,
-    standings,
 )
 from server.store.folds import Store
 from server.store.gallery import Gallery
@@ -34,7 +34,7 @@ RING = Card(
     modules=12,
     tags=("tetrahedra", "ring"),
 )
-VERIFIED = Standing(status="verified", fold="a")
+VERIFIED = FoldStatus(status="verified", fold="a")
 
 
 @pytest.mark.parametrize(
@@ -64,10 +64,10 @@ VERIFIED = Standing(status="verified", fold="a")
     ],
 )
 def test_an_address_says_which_are_wanted(query: dict[str, str], found: str) -> None:
-    sieve = Sieve.of(query)
+    sieve = GalleryFilter.of(query)
     let = [
         name
-        for name, card, standing in (("heart", HEART, VERIFIED), ("ring", RING, Standing()))
+        for name, card, standing in (("heart", HEART, VERIFIED), ("ring", RING, FoldStatus()))
         if sieve.lets(card, standing)
     ]
     assert let == {"both": ["heart", "ring"], "": []}.get(found, [found])
@@ -75,10 +75,10 @@ def test_an_address_says_which_are_wanted(query: dict[str, str], found: str) -> 
 
 def test_every_selected_shape_is_there_and_every_kind_has_a_name() -> None:
     gallery = Gallery()
-    assert [card.name for card in selected(gallery)] == list(SELECTED)
+    assert [card.name for card in selected(gallery)] == list(FEATURED_SHAPES)
     assert len(cards(gallery)) == len(gallery.shapes())
-    assert {tag for tag, _ in kinds(gallery)} <= set(KINDS)
-    assert not {text for _, text in kinds(gallery)} & set(CHAINS.values())
+    assert {tag for tag, _ in kinds(gallery)} <= set(TAG_LABELS)
+    assert not {text for _, text in kinds(gallery)} & set(CHAIN_LABELS.values())
 
 
 def test_the_best_of_several_folds_counts(store: Store) -> None:
@@ -95,9 +95,9 @@ def test_the_best_of_several_folds_counts(store: Store) -> None:
         values = {"id": f"fold{number}", "shape": shape, "status": status, "public": True}
         assert store.add(row(None, **values), "token")
     assert store.add(row(None, id="private", shape="dog", status="verified", public=False), "t")
-    assert standings(store) == {
-        "heart": Standing(status="verified", fold="fold1"),
-        "cat": Standing(status="running", fold="fold3"),
+    assert fold_statuses(store) == {
+        "heart": FoldStatus(status="verified", fold="fold1"),
+        "cat": FoldStatus(status="running", fold="fold3"),
     }
 
 
@@ -116,7 +116,7 @@ def test_cards_say_within_what_a_shape_rests_on_a_table() -> None:
     ("preset", "world", "words"),
     [
         ("default", "floating", ""),
-        ("direct", "floating", "direct"),
+        ("direct", "floating", "direct servoing"),
         ("paper", "floating", "published method"),
         ("default", "table", "on a table"),
     ],

@@ -10,7 +10,7 @@ import pytest
 
 from planner.pipeline.preference import PREFERENCES, Preference
 from server.cli.fold import show_choice
-from server.pages.choice_words import COLUMNS, PREFERENCE_WORDS, choice_of, superlative
+from server.pages.choice_words import PLAN_COLUMNS, PREFERENCE_WORDS, choice_of, superlative
 
 FIGURES = {"frames": 100, "seconds": 3.0}
 SLOW = {"fold_time_s": 100.0, "peak_torque_nm": 0.0001, "clearance_bound": 0.04}
@@ -81,7 +81,7 @@ def test_each_plan_has_a_name_and_a_row(tmp_path: Path) -> None:
     assert [plan["verified"] for plan in choice["plans"]] == [True, True, True, False]
     assert choice["plans"][1]["cells"] == ["20", "1 mN·m", "40 µN·m", "0.0312", "3"]
     assert choice["plans"][1]["torque_mnm"] == pytest.approx(0.04)
-    assert all(len(plan["cells"]) == len(COLUMNS) - 1 for plan in choice["plans"])
+    assert all(len(plan["cells"]) == len(PLAN_COLUMNS) - 1 for plan in choice["plans"])
 
 
 def test_without_a_wish_or_a_plan_there_is_no_choice(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from planner.parameters.parameters import PRESETS, preset
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.parameters.published import PaperExplosionParameters
 from server.api.schemas import Fold
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.pages import quantities
 from server.pages.facts import fold_facts
 from server.pages.properties import used_parameters
@@ -66,13 +66,13 @@ def test_every_parameter_has_words_of_its_own() -> None:
     kinds = (ExplosionParameters, PaperExplosionParameters, PlaybackParameters, RobotParameters)
     for kind in kinds:
         names = [field.name for field in dataclasses.fields(kind) if field.name != "robot"]
-        assert set(names) <= set(quantities.PARAMETERS)
+        assert set(names) <= set(quantities.PARAMETER_WORDS)
         labels = [label for label, _ in parameters(dict.fromkeys(names, 1.5))]
         assert len(set(labels)) == len(labels)
         assert not [label for label in labels if "_" in label]
     controllers = {preset(name).playback.controller for name in PRESETS}
-    assert controllers <= set(quantities.CONTROLLERS)
-    assert set(quantities.PRESETS) == set(PRESETS)
+    assert controllers <= set(quantities.CONTROLLER_LABELS)
+    assert set(quantities.PRESET_LABELS) == set(PRESETS)
 
 
 def test_a_parameter_without_words_shows_its_unit() -> None:
@@ -191,7 +191,7 @@ def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Pat
     with closing(Store(settings)) as store:
         store.add(a_fold("earlier", summary=summary), "a token")
         leases = Leases(store, WorkerIdentities(settings), 1.0)
-        state = Fold.of(store.fold("earlier"), store, Remaining(store, leases)).summary
+        state = Fold.of(store.fold("earlier"), store, EtaEstimator(store, leases)).summary
     assert state["certificate"]["verdict"] == "verified (kinematics only)"
     assert state["certificate"]["rms_position_error"] is None
     assert state["playback"] == {

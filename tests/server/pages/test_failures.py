@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 
 from planner.motion.stuck_figures import KnotFigures, SpentKind
-from server.pages.failures import HEADINGS, attempts, failure
+from server.pages.failures import FAILURE_HEADINGS, attempts, failure
 from server.pages.knot_drawing import KnotDrawing, drawing_of
 
 KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
@@ -105,7 +105,7 @@ def test_what_blocks_what_is_listed_and_a_budget_told_in_numbers() -> None:
     budget = {"kind": "budget", "spent": "steps"}
     told = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
     assert told is not None and told["heading"] == "Stalled: step limit reached"
-    assert set(get_args(SpentKind)) <= HEADINGS.keys()
+    assert set(get_args(SpentKind)) <= FAILURE_HEADINGS.keys()
 
 
 def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:

@@ -14,7 +14,7 @@ from fastapi import FastAPI
 from server.http.compression import Asset
 from server.pages import same_for_all, static
 from server.pages.page import script_addresses
-from server.pages.static import IMMUTABLE
+from server.pages.static import IMMUTABLE_CACHE_CONTROL
 from tests.server.service import SNAKE, Service, bearer
 from web.static_files import VERSIONED, scripts_version
 
@@ -70,7 +70,7 @@ def test_scripts_and_styles_are_sent_packed_to_who_takes_them_so() -> None:
 def test_scripts_with_their_version_in_the_address_are_kept_by_browsers() -> None:
     address, *_ = script_addresses("fold")
     kept = get(address)
-    assert kept.headers["cache-control"] == IMMUTABLE
+    assert kept.headers["cache-control"] == IMMUTABLE_CACHE_CONTROL
     earlier = get(address.replace(scripts_version(), "0123456789ab"))
     assert (earlier.content, earlier.headers["cache-control"]) == (kept.content, "no-cache")
     for name in ("css/fold.css", "js/no-such.js"):

@@ -16,7 +16,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from server.files.artifacts import Artifacts
-from server.files.pictures import MAX_RECENT, RecentPictures
+from server.files.pictures import MAX_CACHED_PICTURES, RecentPictures
 from server.pages import pictures
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store, new_token
@@ -113,7 +113,7 @@ def test_picture_of_a_nonsense_view_is_refused(store: Store, drawn: Drawn) -> No
 
 def test_recent_pictures_beyond_the_limit_are_dropped() -> None:
     recent = RecentPictures()
-    for key in range(MAX_RECENT + 1):
+    for key in range(MAX_CACHED_PICTURES + 1):
         recent.put(key, b"a picture")
         recent.get(0)
     assert recent.get(0) is not None

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from server.pages import privacy
 from server.pages.privacy import time_words, who_and_how_long
-from server.settings import MIB, Settings
+from server.settings import MIB_BYTES, Settings
 from server.store.shown import ShownFold
 from tests.server.rows import a_fold
 
@@ -39,7 +39,7 @@ def test_the_page_says_what_the_settings_are() -> None:
     assert "Stored until you delete it." in plain and "storage runs low, the folds" not in plain
     assert "Who runs this service" not in plain
     bounded = words(
-        keep_days=30, storage_bytes=64 * MIB, preview_keep_s=7200, movies_of_fold=3,
+        keep_days=30, storage_bytes=64 * MIB_BYTES, preview_keep_s=7200, movies_of_fold=3,
         imprint_url="https://example.org/imprint?a=1&b=2",
     )  # fmt: skip
     assert "Stored for 30 days after it was last viewed." in bounded
@@ -57,14 +57,14 @@ def test_each_fold_says_what_becomes_of_it() -> None:
     who = "Only people with the link can see it."
     assert who_and_how_long(settings) == who_and_how_long(settings, mine)
     assert who_and_how_long(settings, mine) == (f"Stored for 1 day after it was last viewed. {who}")
-    assert who_and_how_long(settings, shared) == privacy.FOR_ALL
+    assert who_and_how_long(settings, shared) == privacy.PUBLIC_FOLD
     assert who_and_how_long(settings, pinned) == f"Stored permanently. {who}"
     cancelled = ShownFold.of(a_fold("a", status="cancelled"))
     assert who_and_how_long(settings, cancelled) == (
         f"Cancelled: its files will be deleted within 1 hour. {who}"
     )
     for bound in ("storage_bytes", "storage_of_visitor_bytes"):
-        told = who_and_how_long(Settings.model_validate({bound: MIB}))
+        told = who_and_how_long(Settings.model_validate({bound: MIB_BYTES}))
         assert told.startswith("Stored while there is space;")
 
 

@@ -12,7 +12,7 @@ from planner.parameters.settings import SETTINGS
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
 from server.cli.command_line import application
-from server.pages.setting_words import ROWS, SOURCES, changed, in_a_line
+from server.pages.setting_words import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
 from tests.server.service import STAIRS
 
 
@@ -38,8 +38,8 @@ def test_the_command_line_lists_them() -> None:
     assert code == 0
     for setting in SETTINGS:
         assert f"{setting.name} " in told
-    assert set(SOURCES) == {row.source for row in ROWS}
-    assert all(f"{source}: {meaning}" in told for source, meaning in SOURCES.items())
+    assert set(SOURCE_LABELS) == {row.source for row in PAPER_ROWS}
+    assert all(f"{source}: {meaning}" in told for source, meaning in SOURCE_LABELS.items())
     rows = {row["name"]: row for row in json.loads(cli("settings", "--json")[1])}
     assert rows["damping"]["default"] == "0.1"
     assert rows["motor_max_force"]["default"] == "none"

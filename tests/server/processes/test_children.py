@@ -125,7 +125,7 @@ def test_time_is_limited(child: Child, directory: Path) -> None:
     assert not child.alive
 
 
-@pytest.mark.parametrize(("limit", "value"), [("START_S", 0.0), ("START_CPU_S", 0.1)])
+@pytest.mark.parametrize(("limit", "value"), [("MAX_START_S", 0.0), ("MAX_START_CPU_S", 0.1)])
 def test_a_start_is_limited(
     directory: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: float
 ) -> None:

@@ -117,7 +117,7 @@ def test_one_that_was_ended_before_it_was_forked_does_not_stay(
     child = Child("reader", LIMITS, fork_server=server)
     child.call("check", directory, wall_s=60)
     os.kill(pid_of(server), signal.SIGSTOP)
-    monkeypatch.setattr(children, "START_S", 0.0)
+    monkeypatch.setattr(children, "MAX_START_S", 0.0)
     early = Child("reader", LIMITS, fork_server=server)
     with pytest.raises(ChildError, match="did not start: took too long"):
         early.call("check", directory, wall_s=60)

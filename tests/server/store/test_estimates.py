@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from server.api.schemas import ExpectedTimes
-from server.jobs.remaining import Remaining
+from server.jobs.remaining import EtaEstimator
 from server.settings import Settings
-from server.store.durations import MIN_SAMPLES
+from server.store.durations import MIN_SIMILAR_FOLDS
 from server.store.estimates import Estimates, expected_of_cost, plain_fold
 from server.store.folds import Store
 from server.store.leases import Leases
@@ -39,15 +39,15 @@ def told_everywhere(store: Store, tmp_path: Path) -> tuple[float, float]:
     estimates = Estimates(store)
     preview = ExpectedTimes.of(REPORT, "floating", estimates.total_s)
     leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
-    leases.beat("one", host="here", pid=1, folds_at_once=1)
+    leases.heartbeat("one", host="here", pid=1, folds_at_once=1)
     store.add(a_fold("asked", status="queued", modules=160, created_at=time.time()), "a token")
-    outlook = Remaining(store, leases, estimates).of(store.fold("asked"))
+    outlook = EtaEstimator(store, leases, estimates).of(store.fold("asked"))
     assert outlook.remaining_s is not None
     return preview.expected_s, outlook.remaining_s
 
 
 def test_estimate_with_few_samples_is_the_expected_cost(store: Store, tmp_path: Path) -> None:
-    add_ended(store, MIN_SAMPLES - 1)
+    add_ended(store, MIN_SIMILAR_FOLDS - 1)
     preview_s, fold_s = told_everywhere(store, tmp_path)
     assert preview_s == pytest.approx(expected_of_cost(plain_fold(160)))
     assert fold_s == round(preview_s)
@@ -56,14 +56,14 @@ def test_estimate_with_few_samples_is_the_expected_cost(store: Store, tmp_path: 
 def test_estimate_with_enough_samples_is_measured_for_preview_and_fold(
     store: Store, tmp_path: Path
 ) -> None:
-    add_ended(store, MIN_SAMPLES)
+    add_ended(store, MIN_SIMILAR_FOLDS)
     preview_s, fold_s = told_everywhere(store, tmp_path)
     assert preview_s == pytest.approx(sum(STAGE_S.values()))
     assert fold_s == round(preview_s)
 
 
 def test_estimate_of_other_options_uses_their_own_samples(store: Store) -> None:
-    add_ended(store, MIN_SAMPLES)
+    add_ended(store, MIN_SIMILAR_FOLDS)
     times = ExpectedTimes.of(REPORT, "floating", Estimates(store).total_s)
     assert times.expected_as_published_s == pytest.approx(
         expected_of_cost(plain_fold(160, preset="paper"))

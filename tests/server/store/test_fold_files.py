@@ -9,7 +9,7 @@ import pytest
 
 from server.settings import Settings
 from server.store import fold_files
-from server.store.fold_files import IN_USE_S, Folders
+from server.store.fold_files import MIN_COPY_AGE_S, Folders
 from server.store.tables import FoldRow
 from tests.server.bucket import Bucket
 
@@ -54,7 +54,7 @@ def test_what_is_kept_under_an_epoch_is_shown_elsewhere(
     (work / "frames").write_bytes(b"more")
     here.keep(FOLD, 1)
     assert (there.shown(row(1)) / "frames").read_bytes() == b"one"
-    monkeypatch.setattr(fold_files, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(fold_files, "COPY_CACHE_S", 0.0)
     assert (there.shown(row(1, "verified")) / "frames").read_bytes() == b"more"
     (work / "frames").write_bytes(b"changed")
     here.keep(FOLD, 1)
@@ -97,8 +97,8 @@ def test_copies_that_nobody_has_looked_at_make_room(
         copies.append(there.shown(row(epoch, "verified")))
         assert all(copy.is_dir() for copy in copies)  # each was looked at just now
     for copy, age in zip(copies, (3.0, 2.0, 1.0), strict=True):
-        long_ago = copy.stat().st_mtime - age * IN_USE_S
+        long_ago = copy.stat().st_mtime - age * MIN_COPY_AGE_S
         os.utime(copy, (long_ago, long_ago))
-    monkeypatch.setattr(fold_files, "TIDY_EVERY_S", 0.0)
+    monkeypatch.setattr(fold_files, "CACHE_SWEEP_S", 0.0)
     there.shown(row(3, "verified"))
     assert [copy.is_dir() for copy in copies] == [False, True, True]

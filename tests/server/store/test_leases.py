@@ -8,7 +8,7 @@ import pytest
 
 from server.settings import Settings
 from server.store.folds import Store
-from server.store.leases import STARTING_S, Leases, Preparing
+from server.store.leases import SERVICE_START_S, Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
 
 LEASE_S = 15.0
@@ -35,7 +35,7 @@ def leases(store: Store, tmp_path: Path, clock: Clock) -> Leases:
 
 
 def beat(leases: Leases, name: str, pid: int = 1) -> None:
-    leases.beat(name, host="far away", pid=pid, folds_at_once=2)
+    leases.heartbeat(name, host="far away", pid=pid, folds_at_once=2)
 
 
 def passing(leases: Leases, clock: Clock, seconds: float, *living: str) -> set[str]:
@@ -45,14 +45,14 @@ def passing(leases: Leases, clock: Clock, seconds: float, *living: str) -> set[s
         clock.now += 1.0
         for name in living:
             beat(leases, name)
-        dead = leases.dead(())
+        dead = leases.expired(())
     return dead
 
 
 def test_silence_for_a_lease_is_death(leases: Leases, clock: Clock) -> None:
     for name in ("a/x/0", "b/x/0"):
         beat(leases, name)
-    assert leases.dead(()) == set()
+    assert leases.expired(()) == set()
     assert passing(leases, clock, LEASE_S - 1, "b/x/0") == set()
     assert passing(leases, clock, 2, "b/x/0") == {"a/x/0"}
     assert [row.name for row in leases.workers()] == ["b/x/0"]
@@ -61,36 +61,36 @@ def test_silence_for_a_lease_is_death(leases: Leases, clock: Clock) -> None:
 
 def test_who_holds_folds_and_has_no_row_is_given_a_lease_too(leases: Leases, clock: Clock) -> None:
     for _ in range(int(LEASE_S)):
-        assert leases.dead(["unknown/x/3"]) == set()
+        assert leases.expired(["unknown/x/3"]) == set()
         clock.now += 1.0
-    assert leases.dead(["unknown/x/3"]) == {"unknown/x/3"}
+    assert leases.expired(["unknown/x/3"]) == {"unknown/x/3"}
 
 
 def test_nobody_dies_of_a_database_that_was_away(leases: Leases, clock: Clock) -> None:
     beat(leases, "a/x/0")
-    assert leases.dead(()) == set()
+    assert leases.expired(()) == set()
     clock.now += 10 * LEASE_S  # nobody could beat, and nobody could look
-    assert leases.dead(()) == set()
+    assert leases.expired(()) == set()
     assert passing(leases, clock, LEASE_S, "a/x/0") == set()
 
 
 def test_who_was_thought_dead_comes_back(leases: Leases, clock: Clock) -> None:
     beat(leases, "a/x/0")
-    leases.dead(())
+    leases.expired(())
     assert passing(leases, clock, LEASE_S + 1) == {"a/x/0"}
-    leases.leave("a/x/0")
+    leases.deregister("a/x/0")
     assert leases.workers() == []
     beat(leases, "a/x/0")
-    assert leases.dead(()) == set()
+    assert leases.expired(()) == set()
     assert [row.name for row in leases.workers()] == ["a/x/0"]
 
 
 def test_on_this_machine_a_lock_tells_at_once(leases: Leases, tmp_path: Path, clock: Clock) -> None:
     identity = WorkerIdentities(Settings(data_dir=tmp_path)).take()
     beat(leases, identity.name)
-    assert leases.dead(()) == set()
+    assert leases.expired(()) == set()
     identity.close()
-    assert len(leases.dead(())) == 1
+    assert len(leases.expired(())) == 1
 
 
 def test_preparing_is_that_of_workers_until_one_is_ready(leases: Leases, clock: Clock) -> None:
@@ -107,7 +107,7 @@ def test_preparing_is_that_of_workers_until_one_is_ready(leases: Leases, clock: 
     left_s = leases.preparing()
     assert left_s is not None and left_s.remaining_s is not None
     leases.note_preparing("a/x/0", 0.8)
-    leases.leave("b/x/0")
+    leases.deregister("b/x/0")
     assert told() == 0.8
     leases.note_preparing("a/x/0", None)
     assert told() is None
@@ -119,6 +119,6 @@ def test_preparing_without_worker_lasts_while_workers_start(
     identities = WorkerIdentities(Settings(data_dir=tmp_path))
     leases = Leases(store, identities, LEASE_S, clock=clock, expects_workers=True)
     assert leases.preparing() == Preparing(fraction=0.0, remaining_s=None)
-    clock.now += STARTING_S
+    clock.now += SERVICE_START_S
     assert leases.preparing() is None
     assert Leases(store, identities, LEASE_S, clock=clock).preparing() is None

@@ -91,7 +91,7 @@ def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
         return not cancelled()
 
     monkeypatch.setattr(movie_runner, "run_movie", run_movie)
-    monkeypatch.setattr(progress, "REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr(progress, "REPORT_INTERVAL_S", 0.0)
     return acts
 
 

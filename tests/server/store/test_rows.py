@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from server.jobs.slices import LOOK_EVERY_S, Slice
+from server.jobs.slices import SLICE_POLL_S, Slice
 from server.limits.fair_queue import slice_s, wait_s
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store, new_id, new_token
@@ -340,10 +340,10 @@ def test_a_slice_is_over_when_its_time_is_and_another_waits(store: Store) -> Non
     other = row(visitor="another", modules=16)
     store.add(other, new_token())
     assert not part.over(), "the queue was looked at a moment ago"
-    now[0] += LOOK_EVERY_S
+    now[0] += SLICE_POLL_S
     assert part.over()
     assert part.pause()
-    assert store.fold(fold.id).cost_s == 100.0 + LOOK_EVERY_S
+    assert store.fold(fold.id).cost_s == 100.0 + SLICE_POLL_S
     assert store.ahead(store.fold(other.id))[0] == 1
 
 

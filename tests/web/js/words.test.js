@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { degrees, duration, modulesFromOne, newtonMetres, number, radians, refusal, remaining, si, whole } from "../../../web/static/js/lib/text.js";
+import { degrees, duration, countFromOne, newtonMetres, number, radians, refusal, remaining, si, whole } from "../../../web/static/js/lib/text.js";
 import { motorWords } from "../../../web/static/js/panels/motor_words.js";
 import { vectors } from "./vectors.js";
 
@@ -18,9 +18,11 @@ test("a quantity has the same text in scripts and on the server", () => {
   }
 });
 
-test("modules in a text count from 1 in scripts as on the server", () => {
-  for (const [text, fromOne] of vectors.module_texts) assert.equal(modulesFromOne(text), fromOne);
+test("modules and cells in a text count from 1 in scripts as on the server", () => {
+  for (const [text, fromOne] of vectors.module_texts) assert.equal(countFromOne(text), fromOne);
   assert.equal(refusal({ detail: "modules 0 and 9 overlap", where: "modules 0 and 9" }, 422), "Modules 1 and 10 overlap");
+  const apart = { detail: "cells 1 and 2 are 3 apart; consecutive cells must share a face.", where: "cells 1 and 2" };
+  assert.equal(refusal(apart, 422), "Cells 2 and 3 are 3 apart; consecutive cells must share a face.");
 });
 
 test("a torque that is not 0 is never shown as 0", () => {

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from web.pictures.colours import (
-    ERROR,
-    NEUTRAL,
-    UNKNOWN,
+    LARGEST_ERROR_RGB,
+    NO_ERROR_RGB,
+    UNKNOWN_ERROR_RGB,
     error_colours,
     error_ramp,
     error_scale,
@@ -41,18 +41,18 @@ def test_linear_light_of_known_greys() -> None:
 def test_more_error_is_more_red() -> None:
     colours = error_colours(np.linspace(0.0, 2e-3, 50), 2e-3)
     assert (np.diff(redness(colours)) > 0).all()
-    assert tuple(colours[0]) == NEUTRAL
-    assert tuple(colours[-1]) == ERROR
+    assert tuple(colours[0]) == NO_ERROR_RGB
+    assert tuple(colours[-1]) == LARGEST_ERROR_RGB
 
 
 def test_beyond_the_scale_is_fully_red() -> None:
-    assert tuple(error_colours(np.array([5.0]), 1e-3)[0]) == ERROR
+    assert tuple(error_colours(np.array([5.0]), 1e-3)[0]) == LARGEST_ERROR_RGB
 
 
 def test_no_error_recorded_is_grey() -> None:
     colours = error_colours(np.array([np.nan, 0.0]), 1e-3)
-    assert tuple(colours[0]) == UNKNOWN
-    assert tuple(colours[1]) == NEUTRAL
+    assert tuple(colours[0]) == UNKNOWN_ERROR_RGB
+    assert tuple(colours[1]) == NO_ERROR_RGB
 
 
 def test_ramp_is_even_in_linear_light() -> None:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from web.pictures.camera import View
-from web.pictures.ground_shadow import SHARPEST, WIDTH, ground_shadow
+from web.pictures.ground_shadow import MIN_BLUR_PITCH, MODULE_WIDTH_PITCH, ground_shadow
 from web.pictures.lighting import THEMES, fill_light, key_light, shade_colours
-from web.pictures.occlusion import FAR, face_light
+from web.pictures.occlusion import MAX_OCCLUDER_DISTANCE, face_light
 
 VIEW = View(target=np.zeros(3), azimuth_rad=0.7, elevation_rad=0.4, distance=9.0)
 UPWARDS = np.array([0.0, 0.0, 1.0])
@@ -31,7 +31,7 @@ def test_a_face_under_another_module_has_none() -> None:
 
 
 def test_light_comes_back_evenly_with_distance() -> None:
-    heights = np.linspace(1.0, FAR + 1.0, 200)
+    heights = np.linspace(1.0, MAX_OCCLUDER_DISTANCE + 1.0, 200)
     sky, lit = np.array([light_on_top((0.0, 0.0, h)) for h in heights]).T
     for left in (sky, lit):
         assert (np.diff(left) >= -1e-6).all()
@@ -62,10 +62,12 @@ def test_higher_modules_throw_wider_and_fainter_shadows_of_the_same_weight() -> 
         return float(density.mean() * shadow.side**2), float(shadow.shade.max())
 
     (low, sharp), (high, faint) = weight_and_peak(0.5), weight_and_peak(20.0)
-    assert low == pytest.approx(WIDTH**2, rel=0.02)
-    assert high == pytest.approx(WIDTH**2, rel=0.02)
+    assert low == pytest.approx(MODULE_WIDTH_PITCH**2, rel=0.02)
+    assert high == pytest.approx(MODULE_WIDTH_PITCH**2, rel=0.02)
     assert faint < sharp / 4
-    assert SHARPEST < WIDTH  # a shadow on the ground still has the shape of its module
+    assert (
+        MIN_BLUR_PITCH < MODULE_WIDTH_PITCH
+    )  # a shadow on the ground still has the shape of its module
 
 
 def test_shadow_leans_with_height() -> None:

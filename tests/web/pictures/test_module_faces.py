@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner.chain.module import CUBE, TETRAHEDRON, Module
-from web.pictures.meshes import SHOWN_SIZE, module_mesh
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh
 from web.pictures.module_faces import Piece, module_faces
 
 
@@ -38,4 +38,6 @@ def test_faces_are_flat_and_bevels_turn_towards_their_neighbours(module: Module)
         on = piece.vertices @ piece.normal > piece.middle @ piece.normal - 1e-9
         assert piece.normals[on] == pytest.approx(np.tile(piece.normal, (on.sum(), 1)))
         assert (piece.normals[~on] @ piece.normal < 0.99).all()
-        assert piece.middle @ piece.normal == pytest.approx(SHOWN_SIZE * module.inner_radius)
+        assert piece.middle @ piece.normal == pytest.approx(
+            DISPLAYED_MODULE_SIZE * module.inner_radius
+        )

@@ -12,9 +12,9 @@ from PIL import Image
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from web.pictures.camera import View
-from web.pictures.caption import BAD, Caption, write_caption
-from web.pictures.picture_view import ROOM, PictureView
-from web.pictures.social_picture import SIZE, Moment, social_picture
+from web.pictures.caption import FAILED_RGB, Caption, write_caption
+from web.pictures.picture_view import MIN_FOLLOW_ZOOM, PictureView
+from web.pictures.social_picture import SOCIAL_PICTURE_PX, Moment, social_picture
 
 POINTS = np.array([[0.0, 0, 0], [5, 0, 0], [5, 3, 0], [5, 3, 2]])
 CHAIN = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0), (2, 1, 0)]))
@@ -49,7 +49,7 @@ def test_camera_that_follows_cuts_nothing_off() -> None:
         view, base = camera(near), camera(usual)
         assert view.azimuth_rad == azimuth
         assert view.elevation_rad < np.pi / 2
-        assert base.distance / (2 * ROOM) < view.distance < base.distance
+        assert base.distance / (2 * MIN_FOLLOW_ZOOM) < view.distance < base.distance
 
 
 def test_camera_beside_the_chain_keeps_its_distance() -> None:
@@ -67,8 +67,8 @@ def pixels(**options: object) -> np.ndarray:
 def test_social_picture_of_a_failure_is_red() -> None:
     good = pixels(caption=Caption("Stairs", "Verified", "good"))
     bad = pixels(caption=Caption("Stairs", "Not verified", "bad"))
-    assert good.shape == (SIZE[1], SIZE[0], 3)
-    red = [(np.abs(picture - BAD).max(axis=-1) < 8).mean() for picture in (good, bad)]
+    assert good.shape == (SOCIAL_PICTURE_PX[1], SOCIAL_PICTURE_PX[0], 3)
+    red = [(np.abs(picture - FAILED_RGB).max(axis=-1) < 8).mean() for picture in (good, bad)]
     assert red[0] < 0.001
     assert red[1] > 0.1
 
@@ -84,7 +84,7 @@ def test_social_picture_shows_the_moment_and_the_camera() -> None:
 
 
 def test_caption_leaves_out_letters_that_the_font_lacks() -> None:
-    shown = [Image.new("RGB", SIZE) for _ in range(2)]
+    shown = [Image.new("RGB", SOCIAL_PICTURE_PX) for _ in range(2)]
     for picture, name in zip(shown, ("Fold", "Fold\u6298\u308a"), strict=True):
         write_caption(picture, Caption(name, "Verified", "good"))
     assert shown[0].tobytes() == shown[1].tobytes()

@@ -8,7 +8,7 @@ import numpy as np
 from planner.pathfinding.options import PathOptions
 from planner.pipeline.prepare import prepare
 from web.pictures.isometric import isometric_svg
-from web.pictures.preview_drawing import LARGEST_DRAWING, preview_svg
+from web.pictures.preview_drawing import MAX_DRAWN_CUBES, preview_svg
 
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
 
@@ -44,6 +44,6 @@ def test_tetrahedra_are_drawn_as_they_lie() -> None:
 
 
 def test_what_would_take_long_is_not_drawn() -> None:
-    cells = np.argwhere(np.ones((1, 1, LARGEST_DRAWING + 1))).tolist()
+    cells = np.argwhere(np.ones((1, 1, MAX_DRAWN_CUBES + 1))).tolist()
     assert preview_svg({"module": "cube", "cells": cells}) is None
     assert preview_svg({"module": "cube", "cells": []}) is None

@@ -5,7 +5,7 @@ import pytest
 
 from planner.chain.module import MODULES
 from web.pictures.camera import FIELD_OF_VIEW_RAD
-from web.pictures.meshes import SHOWN_SIZE
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE
 from web.pictures.sketch import sketch_outline
 
 
@@ -16,7 +16,7 @@ def test_the_drawn_hull_is_closed_and_turns_outwards(name: str) -> None:
     assert outline["modules"] == 2
     assert outline["field_of_view_rad"] == pytest.approx(FIELD_OF_VIEW_RAD)
     corners = np.array(outline["corners"])
-    np.testing.assert_allclose(corners, module.vertices * SHOWN_SIZE)
+    np.testing.assert_allclose(corners, module.vertices * DISPLAYED_MODULE_SIZE)
     edges: list[tuple[int, int]] = []
     for face, normal in zip(outline["faces"], outline["normals"], strict=True):
         ring = corners[face]

@@ -11,13 +11,13 @@ from planner.chain.path import Path as CellPath
 from planner.readers import read
 from server.store.gallery import Gallery
 from web.pictures.lighting import THEMES
-from web.pictures.social_picture import SIZE, social_picture
+from web.pictures.social_picture import SOCIAL_PICTURE_PX, social_picture
 
 
 def pixels(chain: Chain) -> np.ndarray:
     data = social_picture(chain)
     with Image.open(io.BytesIO(data)) as picture:
-        assert (picture.format, picture.size, picture.mode) == ("PNG", SIZE, "RGB")
+        assert (picture.format, picture.size, picture.mode) == ("PNG", SOCIAL_PICTURE_PX, "RGB")
         return np.asarray(picture).astype(int)
 
 
@@ -36,7 +36,7 @@ def test_the_shape_fills_the_picture_and_is_whole(name: str) -> None:
     found = read(shape.data, filename=shape.filename)
     picture = pixels(found if isinstance(found, Chain) else Chain.from_path(found))
     rows, columns = np.nonzero(drawn(picture))
-    assert max(np.ptp(rows) / SIZE[1], np.ptp(columns) / SIZE[0]) > 0.6
+    assert max(np.ptp(rows) / SOCIAL_PICTURE_PX[1], np.ptp(columns) / SOCIAL_PICTURE_PX[0]) > 0.6
     edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])
     assert np.abs(edge - THEMES["light"].ground).max() < 30
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 200  # shades, not a silhouette

@@ -7,7 +7,7 @@ import pytest
 
 from planner.chain.module import CUBE, MODULES, Module
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD
-from web.pictures.colours import ERROR, NEUTRAL, STUCK
+from web.pictures.colours import LARGEST_ERROR_RGB, NO_ERROR_RGB, STALLED_RGB
 from web.pictures.still import still
 
 POSITIONS = np.array([(x, 0.0, 0.0) for x in range(6)])
@@ -24,7 +24,7 @@ def pixels(colours: np.ndarray, **how: object) -> np.ndarray:
 
 @pytest.mark.parametrize("module", [CUBE, MODULES["tetrahedron"]])
 def test_only_modules_are_drawn_and_none_is_cut_off(module: Module) -> None:
-    drawn = pixels(np.tile(np.array(NEUTRAL, np.uint8), (6, 1)), module=module)
+    drawn = pixels(np.tile(np.array(NO_ERROR_RGB, np.uint8), (6, 1)), module=module)
     alpha = drawn[..., 3]
     edge = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
     assert edge.max() == 0 and 0.03 < (alpha == 255).mean() < 0.8
@@ -32,8 +32,8 @@ def test_only_modules_are_drawn_and_none_is_cut_off(module: Module) -> None:
 
 
 def test_colours_are_those_of_the_modules_and_a_part_is_seen_larger() -> None:
-    colours = np.tile(np.array(NEUTRAL, np.uint8), (6, 1))
-    colours[2], colours[3] = STUCK, ERROR
+    colours = np.tile(np.array(NO_ERROR_RGB, np.uint8), (6, 1))
+    colours[2], colours[3] = STALLED_RGB, LARGEST_ERROR_RGB
     whole = pixels(colours)
     near = pixels(colours, around=POSITIONS[2:4])
     orange, red = (
@@ -52,7 +52,7 @@ def test_colours_are_those_of_the_modules_and_a_part_is_seen_larger() -> None:
 
 def test_what_is_flat_is_not_seen_by_its_edge() -> None:
     """A wall that the usual view looks along."""
-    grey = np.tile(np.array(NEUTRAL, np.uint8), (36, 1))
+    grey = np.tile(np.array(NO_ERROR_RGB, np.uint8), (36, 1))
     away = np.array([np.cos(AZIMUTH_RAD), np.sin(AZIMUTH_RAD), 0.0])
     out = np.cos(ELEVATION_RAD) * away + [0.0, 0.0, np.sin(ELEVATION_RAD)]
     along = np.array([-np.sin(AZIMUTH_RAD), np.cos(AZIMUTH_RAD), 0.0])

@@ -7,7 +7,7 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from web.pictures.table_top import BESIDE, LEAST_SIDE, TableTop, disc_mesh
+from web.pictures.table_top import MIN_TABLE_SIDE_PITCH, TABLE_MARGIN_PITCH, TableTop, disc_mesh
 
 CHAIN = Chain.from_path(Path.from_cells([(x, 0, 0) for x in range(12)] + [(11, 1, 0), (11, 1, 1)]))
 
@@ -17,7 +17,7 @@ def test_it_is_as_high_as_the_lowest_modules_and_larger_than_the_motion() -> Non
     table = TableTop.under(CHAIN, positions)
     assert table.height == pytest.approx(-0.5)
     assert table.middle == (8.5, 3.0)
-    assert table.sides == (23.0 + 1.0 + 2 * BESIDE, LEAST_SIDE)
+    assert table.sides == (23.0 + 1.0 + 2 * TABLE_MARGIN_PITCH, MIN_TABLE_SIDE_PITCH)
     unknown = TableTop.under(CHAIN)
     assert min(unknown.sides) > 2 * len(CHAIN)
 

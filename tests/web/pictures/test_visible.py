@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner.chain.module import CUBE, TETRAHEDRON
-from web.pictures.visible import MOST_DRAWN, visible_modules
+from web.pictures.visible import MAX_FULLY_DRAWN_MODULES, visible_modules
 
 BOX = np.stack(np.meshgrid(*[np.arange(20.0)] * 3), axis=-1).reshape(-1, 3)
 
@@ -23,6 +23,6 @@ def test_of_a_short_chain_all_are_drawn() -> None:
 def test_of_a_long_rod_the_nearest_are_drawn(module: object) -> None:
     rod = np.arange(10_000.0)[:, None] * [1.0, 0.0, 0.0]
     drawn = visible_modules(rod, module, target=np.array([5000.0, 0, 0]))  # type: ignore[arg-type]
-    assert len(drawn) == MOST_DRAWN
+    assert len(drawn) == MAX_FULLY_DRAWN_MODULES
     assert (np.diff(drawn) == 1).all()
     assert abs(drawn.mean() - 5000) < 1

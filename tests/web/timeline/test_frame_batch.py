@@ -11,12 +11,12 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
-from planner.motion.frames import PHASES
+from planner.motion.motion import PHASES
 from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds
 from web.timeline.columns import decode
-from web.timeline.frame_batch import batch_of, chosen, kept_batch, thinned, unpacked_bytes
+from web.timeline.frame_batch import batch_of, cached_batch, chosen, thinned, unpacked_bytes
 from web.timeline.view import TimelineView
 from web.timeline.window_columns import windows_of
 
@@ -99,7 +99,7 @@ def test_no_batch_mixes_two_timelines(
         whole = 0
         while not over.is_set():
             try:
-                header, found = decode(kept_batch(timeline))
+                header, found = decode(cached_batch(timeline))
             except TimelineError:
                 continue
             whole += 1
@@ -110,19 +110,19 @@ def test_no_batch_mixes_two_timelines(
             one.result()
     assert whole
     timeline.refresh(at_once=True)
-    assert decode(kept_batch(timeline))[0]["total"] == 10
+    assert decode(cached_batch(timeline))[0]["total"] == 10
 
 
 def test_a_batch_of_a_finished_film_is_made_once(
     timeline_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     timeline = TimelineView(timeline_path)
-    first = kept_batch(timeline, 3, 90, 7)
+    first = cached_batch(timeline, 3, 90, 7)
     assert first == batch_of(timeline, 3, 90, 7)
     # Not even another view of the same timeline reads its frames again.
     again = TimelineView(timeline_path)
     monkeypatch.delattr(TimelineView, "frames")
-    assert kept_batch(again, 3, 90, 7) == first
+    assert cached_batch(again, 3, 90, 7) == first
 
 
 def test_a_batch_is_made_anew_when_its_film_goes_on(
@@ -130,19 +130,19 @@ def test_a_batch_is_made_anew_when_its_film_goes_on(
 ) -> None:
     path, writer, add = growing
     timeline = TimelineView(path)
-    assert decode(kept_batch(timeline))[0]["total"] == 10
+    assert decode(cached_batch(timeline))[0]["total"] == 10
     add(5)
     timeline.refresh(at_once=True)
-    assert decode(kept_batch(timeline))[0]["total"] == 15
+    assert decode(cached_batch(timeline))[0]["total"] == 15
     writer.close()
     timeline.refresh(at_once=True)
-    assert decode(kept_batch(timeline))[0]["status"] == "complete"
+    assert decode(cached_batch(timeline))[0]["status"] == "complete"
     some = Timeline.open(path).frames(0, 10)
     with TimelineWriter.reopen(path, frames=5) as writer:  # as many as before
         writer.append(some)
     timeline.refresh(at_once=True)
     assert np.array_equal(
-        decode(kept_batch(timeline))[1]["time_s"], Timeline.open(path).frames().time_s
+        decode(cached_batch(timeline))[1]["time_s"], Timeline.open(path).frames().time_s
     )
 
 

@@ -70,7 +70,7 @@ def test_many_frames_are_shown_with_little_memory(
 ) -> None:
     whole = TimelineView(timeline_path)
     expected = [whole.snapshot(f).positions.copy() for f in range(200)]
-    monkeypatch.setattr("web.timeline.view.CHUNK_BYTES", 1)
+    monkeypatch.setattr("web.timeline.view.MAX_CHUNK_CACHE_BYTES", 1)
     timeline = TimelineView(timeline_path)
     for frame in range(199, -1, -1):
         assert np.array_equal(timeline.snapshot(frame).positions, expected[frame])

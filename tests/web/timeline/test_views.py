@@ -41,7 +41,7 @@ def test_films_beyond_the_bound_are_let_go(
     timeline_path: Path, tmp_path: Path, opened: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shared, paths = TimelineViews(), copies(timeline_path, tmp_path, 3)
-    monkeypatch.setattr(views, "MOST_BYTES", 2 * TimelineView(paths[0]).nbytes)
+    monkeypatch.setattr(views, "MAX_VIEW_CACHE_BYTES", 2 * TimelineView(paths[0]).nbytes)
     for path in (*paths, paths[2], paths[1], paths[0]):
         shared.get(path)
     assert [Path(path).stem for path in opened] == ["0", "1", "2", "0"]

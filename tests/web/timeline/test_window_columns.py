@@ -5,24 +5,37 @@ import dataclasses
 import numpy as np
 import pytest
 
-from planner.motion.windows import Windows
+from planner.motion.motion import Motion
 from tests.planner import peels
 from tests.web import long_folds
 from web.timeline.columns import decode, encode
-from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, SHORT, window_columns, windows_of
+from web.timeline.window_columns import (
+    PLANE_COLUMNS,
+    SENT_ANGLE_STEP_RAD,
+    SINGLE_BYTE_COLUMNS,
+    window_columns,
+    windows_of,
+)
 
 CHAIN = peels.snake((4, 4, 6))
 
 
-def there_and_back(windows: Windows) -> Windows:
-    message = encode({}, window_columns(windows, CHAIN.folded_rad), planes=PLANES, short=SHORT)
+def there_and_back(windows: Motion) -> Motion:
+    message = encode(
+        {},
+        window_columns(windows, CHAIN.folded_rad),
+        planes=PLANE_COLUMNS,
+        short=SINGLE_BYTE_COLUMNS,
+    )
     return windows_of(decode(message)[1], CHAIN.folded_rad)
 
 
-def assert_same(found: Windows, windows: Windows) -> None:
-    for name in ("time_s", "phase", "first", "offsets", "base_position", "base_wxyz"):
+def assert_same(found: Motion, windows: Motion) -> None:
+    for name in ("time_s", "phase", "first", "offsets", "anchor_position", "anchor_wxyz"):
         assert np.array_equal(getattr(found, name), getattr(windows, name)), name
-    assert np.abs(found.angles_rad - windows.angles_rad).max(initial=0.0) <= 0.51 * ANGLE_STEP_RAD
+    assert (
+        np.abs(found.angles_rad - windows.angles_rad).max(initial=0.0) <= 0.51 * SENT_ANGLE_STEP_RAD
+    )
     assert np.allclose(found.errors, windows.errors, rtol=1 / 256, atol=0.0, equal_nan=True)
     assert np.array_equal(found.recorded, windows.recorded)
 
@@ -69,7 +82,7 @@ def test_none_at_all() -> None:
 def test_hinges_that_rest_cost_next_to_nothing() -> None:
     windows = long_folds.fold(CHAIN, width=20, step=1.3)
     one = windows[np.full(200, 30)]
-    still = encode({}, window_columns(one, CHAIN.folded_rad), planes=PLANES)
-    moving = encode({}, window_columns(windows[:200], CHAIN.folded_rad), planes=PLANES)
+    still = encode({}, window_columns(one, CHAIN.folded_rad), planes=PLANE_COLUMNS)
+    moving = encode({}, window_columns(windows[:200], CHAIN.folded_rad), planes=PLANE_COLUMNS)
     assert len(still) < len(moving) / 5
     assert_same(windows_of(decode(still)[1], CHAIN.folded_rad), dataclasses.replace(one))

@@ -76,11 +76,11 @@ export function sentence(text) {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
-const MODULE_NUMBERS = /\bmodules? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?/gi;
+const NUMBERED_PARTS = /\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?/gi;
 
-// A text of the planner, which counts modules from 0, counting them from 1: `modules_from_one` of server/pages/failures.py.
+// A text of the planner, which counts modules and cells from 0, counting from 1: `count_from_one` of server/pages/failures.py.
 /** @param {string} text */
-export const modulesFromOne = (text) => text.replace(MODULE_NUMBERS, (named) => named.replace(/\d+(?! more)\b/g, (index) => String(Number(index) + 1)));
+export const countFromOne = (text) => text.replace(NUMBERED_PARTS, (named) => named.replace(/\d+(?! more)\b/g, (index) => String(Number(index) + 1)));
 
 // What an error that was thrown says.
 /** @param {unknown} error */
@@ -92,8 +92,8 @@ export const wordsOf = (error) => (error instanceof Error ? error.message : Stri
  * @param {number} status
  */
 export function refusal(told, status) {
-  const text = modulesFromOne(told.message ?? told.detail ?? `The server answered ${status}.`);
-  const where = modulesFromOne(told.where ?? "");
+  const text = countFromOne(told.message ?? told.detail ?? `The server answered ${status}.`);
+  const where = countFromOne(told.where ?? "");
   const said = text.includes(where) || text.includes(where.replaceAll("_", " "));
   return sentence(said ? text : `${where}: ${text}`);
 }

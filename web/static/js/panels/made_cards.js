@@ -7,7 +7,7 @@ import { toast } from "./toast.js";
 const LONGEST_NAME = 200;
 const S = 1000;
 /** @type {Record<string, string>} */
-const METHODS = { direct: "direct", paper: "published method" };
+const METHODS = { direct: "direct servoing", paper: "published method" };
 /** @type {Record<string, string>} */
 const PLURALS = { cube: "modules", tetrahedron: "tetrahedra" };
 

@@ -1,4 +1,4 @@
-"""Windows hold what frames of all angles do."""
+"""A windowed motion holds what a dense one does; neither copies what it need not."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+import planner
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.motion.frames import PHASES, Frames
-from planner.motion.motion import motion_arrays, motion_from_arrays
-from planner.motion.windows import Windows
+from planner.motion.motion import PHASES, Motion
 
 CELLS = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
 
@@ -21,7 +20,7 @@ def chain() -> Chain:
     return Chain.from_path(Path.from_cells(CELLS, name="snake"))
 
 
-def frames_of(chain: Chain) -> Frames:
+def frames_of(chain: Chain) -> Motion:
     """Folded, three that are folded up to some hinge and straight from another on, straight."""
     rng = np.random.default_rng(1)
     count = len(chain.folded_rad)
@@ -32,8 +31,8 @@ def frames_of(chain: Chain) -> Frames:
         angles[k, a:b] = rng.uniform(-1.5, 1.5, b - a)
     angles = angles.astype(np.float32).astype(np.float64)
     turns = rng.normal(size=(5, 4))
-    return Frames.of_phase(
-        "explosion",
+    return Motion.from_frames(
+        phase="explosion",
         time_s=np.arange(5.0),
         joint_angles_rad=angles,
         root_position=rng.normal(size=(5, 3)),
@@ -43,7 +42,7 @@ def frames_of(chain: Chain) -> Frames:
 
 def test_frames_come_back_as_they_were(chain: Chain) -> None:
     frames = frames_of(chain)
-    windows = Windows.of(chain, frames)
+    windows = frames.windowed(chain)
     again = windows.dense(chain)
     np.testing.assert_allclose(again.joint_angles_rad, frames.joint_angles_rad, atol=1e-7)
     before = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
@@ -54,7 +53,7 @@ def test_frames_come_back_as_they_were(chain: Chain) -> None:
 
 
 def test_only_what_is_neither_folded_nor_straight_is_held(chain: Chain) -> None:
-    windows = Windows.of(chain, frames_of(chain))
+    windows = frames_of(chain).windowed(chain)
     count = len(chain.folded_rad)
     # Hinges that are 0 when folded may be either; windows begin behind all that are folded.
     assert windows.first.tolist()[0] == count
@@ -65,19 +64,19 @@ def test_only_what_is_neither_folded_nor_straight_is_held(chain: Chain) -> None:
 
 
 def test_some_of_them_and_all_in_a_row(chain: Chain) -> None:
-    windows = Windows.of(chain, frames_of(chain))
+    windows = frames_of(chain).windowed(chain)
     parts = [windows[:2], windows[2:3], windows[np.array([3, 4])]]
-    joined = Windows.joined(parts)
-    for name, values in motion_arrays(windows).items():
-        np.testing.assert_array_equal(motion_arrays(joined)[name], values)
+    joined = Motion.joined(parts)
+    for name, values in windows.columns().items():
+        np.testing.assert_array_equal(joined.columns()[name], values)
     np.testing.assert_array_equal(windows.angles(chain, 2, 4), windows[2:4].angles(chain))
-    assert isinstance(motion_from_arrays(motion_arrays(windows)), Windows)
+    assert Motion.from_columns(windows.columns()).is_windowed
     assert len(windows[::-1]) == 5
     np.testing.assert_array_equal(windows[::-1].angles(chain), windows.angles(chain)[::-1])
 
 
 def test_joint_errors_are_those_of_the_windows(chain: Chain) -> None:
-    windows = Windows.of(chain, frames_of(chain))
+    windows = frames_of(chain).windowed(chain)
     rng = np.random.default_rng(2)
     errors = rng.uniform(1e-4, 1e-3, len(windows.angles_rad)).astype(np.float32)
     errors[: windows.offsets[2]] = np.nan  # of the first two, of which one is empty
@@ -99,3 +98,45 @@ def test_joint_errors_are_those_of_the_windows(chain: Chain) -> None:
     assert not windows.recorded.any()
     assert np.isnan(windows.largest_errors).all()
     assert np.isnan(windows.joint_errors(chain)).all()
+
+
+def test_a_dense_motion_copies_no_angles(chain: Chain) -> None:
+    angles = np.zeros((4, len(chain.folded_rad)))
+    motion = Motion.from_angles(angles)
+    assert not motion.is_windowed and motion.layout == "frames"
+    for part in (motion.joint_angles_rad, motion.angles(chain), motion[1:3].joint_angles_rad):
+        assert np.shares_memory(part, angles)
+    assert motion.dense(chain, 1, 3).joint_angles_rad.shape == (2, len(chain.folded_rad))
+    assert np.shares_memory(motion[1:3].angles_rad, motion.angles_rad)
+
+
+def test_layouts_are_not_mixed(chain: Chain) -> None:
+    dense = frames_of(chain)
+    windows = dense.windowed(chain)
+    with pytest.raises(TypeError, match="expected one layout"):
+        Motion.joined([dense, windows])
+    with pytest.raises(TypeError, match="expected a dense one"):
+        _ = windows.root_position
+    assert not dense.passes_as(windows)
+    assert windows.in_layout_of(dense, chain).layout == "frames"
+    assert windows.in_layout_of(windows, chain) is windows
+
+
+def test_columns_of_either_layout_make_the_same_motion(chain: Chain) -> None:
+    for motion in (frames_of(chain), frames_of(chain).windowed(chain)):
+        again = Motion.from_columns(motion.columns())
+        assert again.layout == motion.layout and again.passes_as(motion)
+        moved = motion.with_columns(time_s=motion.time_s + 1.0)
+        assert moved.time_s[0] == 1.0 and moved.errors_rad is None
+
+
+def test_steps_are_the_same_in_either_layout(chain: Chain) -> None:
+    dense = frames_of(chain)
+    largest, moving = dense.steps(chain, fraction=0.1)
+    of_windows = dense.windowed(chain).steps(chain, fraction=0.1)
+    np.testing.assert_allclose(of_windows[0], largest, rtol=0.0, atol=1e-7)
+    np.testing.assert_array_equal(of_windows[1], moving)
+
+
+def test_a_motion_has_the_names_of_earlier_versions() -> None:
+    assert planner.Motion is planner.Frames is planner.Windows  # type: ignore[attr-defined]

@@ -1,0 +1,178 @@
+"""Checkpoint, pulses and progress: when a run restarts, and when it is jammed."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.motion.record import Spent
+from planner.simulation.reduced import State
+
+Array = NDArray[np.float64]
+MAX_CHECKPOINT_RETRIES: Final = 6
+"""Maximum number of restarts from one checkpoint. Beyond it deep contacts are accepted and a solver
+error ends the run. Chosen."""
+RESTORED_VELOCITY_SCALE: Final = 0.3
+"""Factor of all velocities when a run goes back to a checkpoint. Smaller values avoid the same
+contact more surely and cost more steps. Chosen."""
+PULSE_STEPS: Final = (120, 300)
+"""Steps with weak tension and strong repulsion at the start of a pulse, and steps of the whole
+pulse. Chosen."""
+MAX_STALLED_PULSES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
+"""Maximum number of pulses in a row without progress, by strategy; one more ends the run as
+stalled. Chosen."""
+STUCK_HINGE_BEND_RAD: Final = 1.0
+"""Bend, rad, above which a hinge that has not moved counts as stuck. Chosen."""
+MIN_UNFOLDING_PROGRESS: Final = 0.005
+"""Minimum growth of ``unfolded``, 0…1, between two checks. Larger values start pulses earlier.
+Chosen."""
+
+
+class Checkpoint:
+    """Last state that a run may restart from.
+
+    Args:
+        time_s: Simulated time of the first one, s.
+        state: First state.
+    """
+
+    def __init__(self, time_s: float, state: State) -> None:
+        self._saved = self._candidate = (time_s, state.copy())
+        self.retries = 0
+        """Number of restarts from the present checkpoint."""
+
+    @property
+    def is_worn_out(self) -> bool:
+        """True if the run has restarted from it as often as it may."""
+        return self.retries >= MAX_CHECKPOINT_RETRIES
+
+    def save(self, time_s: float, state: State) -> None:
+        """Make a state the checkpoint."""
+        self._saved = (time_s, state.copy())
+        self.retries = 0
+
+    def propose(self, time_s: float, state: State) -> None:
+        """Remember a state, whose contacts have been checked, for ``confirm``."""
+        self._candidate = (time_s, state.copy())
+
+    def confirm(self) -> None:
+        """Make the last proposed state the checkpoint."""
+        self._saved = self._candidate
+        self.retries = 0
+
+    def restore(self) -> tuple[float, State]:
+        """Count a restart; return the time, s, and a slowed copy of the state."""
+        self.retries += 1
+        time_s, state = self._saved[0], self._saved[1].copy()
+        state.scale_velocities(RESTORED_VELOCITY_SCALE)
+        return time_s, state
+
+
+class Pulses:
+    """Pulses: a while of weak tension and strong repulsion that loosens a jam.
+
+    Args:
+        max_count: Maximum number of pulses in a row without progress.
+    """
+
+    def __init__(self, max_count: int) -> None:
+        self.max_count = max_count
+        self.count = 0
+        """Number of pulses in a row without progress."""
+        self.remaining_steps = 0
+        """Steps until the present pulse is over."""
+
+    @property
+    def is_weak(self) -> bool:
+        """True if the next step has weak tension and strong repulsion."""
+        return self.remaining_steps > PULSE_STEPS[1] - PULSE_STEPS[0]
+
+    @property
+    def are_used_up(self) -> bool:
+        """True if there were more pulses in a row than allowed."""
+        return self.count > self.max_count
+
+    @property
+    def spent(self) -> Spent:
+        """Pulses as a limit that has ended a run."""
+        return Spent("pushes", self.max_count, self.count)
+
+    def advance(self) -> None:
+        """Count one step of the present pulse."""
+        self.remaining_steps = max(0, self.remaining_steps - 1)
+
+    def weaken(self) -> None:
+        """Begin with the weak part of a pulse."""
+        self.remaining_steps = PULSE_STEPS[1]
+
+    def start(self) -> None:
+        """Begin the next pulse."""
+        self.count += 1
+        self.weaken()
+
+
+class JamDetector:
+    """Detector of jams of a whole chain: bent hinges that do not move, or no progress.
+
+    Args:
+        folded_rad: (J,) angles of the folded chain, rad.
+        pulses: Pulses that loosen a jam.
+    """
+
+    def __init__(self, folded_rad: Array, pulses: Pulses) -> None:
+        self._pulses = pulses
+        self._bends_rad = np.abs(folded_rad)
+        self._unfolded = -1.0
+
+    def compare_with(self, angles: Array) -> None:
+        """Compare the bends of the next check with those of (J,) angles, rad."""
+        self._bends_rad = np.abs(angles)
+
+    def check(self, angles: Array, unfolded: float) -> None:
+        """Start a pulse if there was no progress since the last check.
+
+        Args:
+            angles: (J,) present angles, rad.
+            unfolded: Progress, 0…1.
+        """
+        before, bends = self._bends_rad, np.abs(angles)
+        stuck = (bends > STUCK_HINGE_BEND_RAD) & (bends > before - 0.05)
+        eased = (bends > 0.6).sum() < 0.95 * (before > 0.6).sum()
+        self._bends_rad = bends
+        advanced = unfolded > self._unfolded + MIN_UNFOLDING_PROGRESS
+        if advanced:
+            self._unfolded = unfolded
+            self._pulses.count = 0
+        if (stuck.any() and not eased) or not advanced:
+            self._pulses.start()
+
+
+class BendDecrease:
+    """Detector of jams of a peeling: the sum of all bends has not decreased for some steps.
+
+    Args:
+        min_decrease_rad: Minimum decrease that counts as progress, rad.
+        patience: Number of steps without progress that count as a jam.
+    """
+
+    def __init__(self, min_decrease_rad: float, patience: int) -> None:
+        self._min_decrease_rad = min_decrease_rad
+        self._patience = patience
+        self._least_rad = np.inf
+        self._since_step = 0
+
+    def begin_anew(self, remaining_rad: float, step: int) -> None:
+        """Count progress from a state on."""
+        self._least_rad, self._since_step = remaining_rad, step
+
+    def check(self, remaining_rad: float, step: int) -> Literal["progress", "jam"] | None:
+        """Return the result of a check; None while it is too early for one."""
+        if remaining_rad < self._least_rad - self._min_decrease_rad:
+            self.begin_anew(remaining_rad, step)
+            return "progress"
+        if step - self._since_step >= self._patience:
+            self._since_step = step
+            return "jam"
+        return None

@@ -1,0 +1,264 @@
+"""Policy of a peeling: when a unit is released, joints retire, and the run restarts or ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.explosion.checkpoint import (
+    MAX_CHECKPOINT_RETRIES,
+    MAX_STALLED_PULSES,
+    BendDecrease,
+)
+from planner.explosion.explosion import COMMIT_EVERY_STEPS, STRAIGHT, End, Explosion, Watch
+from planner.explosion.peeling_recorder import TOO_CLOSE, Proof, Refusal, WindowRecorder
+from planner.explosion.straightening import KINEMATIC_FRAME_S
+from planner.explosion.window import Window, WindowConfiguration
+from planner.motion.record import Spent
+from planner.parameters.explosion import PeelingParameters
+
+if TYPE_CHECKING:
+    from planner.explosion.peeling import FloatingRules
+    from planner.explosion.table import TableRules
+
+Array = NDArray[np.float64]
+RELEASE_CHECK_STEPS: Final = 5
+"""Steps between two checks for the release of the next unit. Chosen."""
+RETIRE_CHECK_STEPS: Final = 20
+"""Steps between two checks for outer joints that may become part of the rod. Chosen."""
+MIN_RETIRED_JOINTS: Final = 6
+"""Minimum number of joints that become part of the rod together: each time the model of the window
+is built anew. Chosen."""
+WINDOW_FINISH_STEPS: Final = 25
+"""Steps between two attempts to straighten the last window by kinematics. Chosen."""
+PROGRESS_CHECK_STEPS: Final = 50
+"""Steps between two checks of the progress. Chosen."""
+SAME_HEADING_COSINE: Final = 0.9
+"""Minimum cosine of the angle between two directions of the rod that count as the same. Chosen."""
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Peeling:
+    """Policy of a run in which one unit after the other is released.
+
+    Attributes:
+        explosion, window, recorder: Parts of the run.
+        proof: Proof of the clearance of snapshots.
+        progress: Detector of jams.
+        rules: Rules of releases, and remedies for a jam.
+        watch: Channel to the caller.
+        refusal: Refusal of the guard that has not been answered yet.
+    """
+
+    explosion: Explosion[WindowConfiguration]
+    window: Window
+    recorder: WindowRecorder
+    proof: Proof
+    progress: BendDecrease
+    rules: FloatingRules | TableRules
+    watch: Watch
+    refusal: Refusal | None = None
+
+    @property
+    def parameters(self) -> PeelingParameters:
+        """Parameters of the peeling."""
+        return self.window.setting.parameters
+
+    @property
+    def max_steps(self) -> int:
+        """Maximum number of steps of the run, by the chain's length."""
+        return self.parameters.most_steps(len(self.window.setting.peelable))
+
+    @property
+    def error_limit(self) -> Spent:
+        """Number of pushes without progress after which an error ends the run."""
+        return Spent("pushes", MAX_STALLED_PULSES["peel"], self.explosion.pulses.count)
+
+    def begin(self) -> None:
+        """Record the folded configuration."""
+        self.window.place()
+        self.recorder.add(self.window.snapshot())
+        self.refusal = self.recorder.commit()
+
+    def check_placed(self) -> None:
+        """Step in any case."""
+
+    def may_restart(self, *, after_error: bool) -> bool:
+        """Return True unless an error comes after too many pushes in a row."""
+        limit = self.error_limit
+        return not after_error or limit.used < limit.allowed
+
+    def restart(self) -> None:
+        """Restart from the checkpoint; change the forces if that has not helped before."""
+        self.explosion.restart()
+        checkpoint, steps = self.explosion.checkpoint, self.explosion.control.steps
+        refusal, self.refusal = self.refusal, None
+        if refusal is not None:
+            self.rules.answer(refusal, self.window, steps)
+        elif checkpoint.retries > MAX_CHECKPOINT_RETRIES:
+            checkpoint.retries = 0
+            self.rules.loosen(steps)
+            self.window.state.scale_velocities(0.0)
+
+    def check_step(self, *, moved: bool) -> End | None:
+        """Commit, retire, release; end a run that is straight, stuck or cancelled."""
+        control, window = self.explosion.control, self.window
+        steps = control.steps
+        if steps % COMMIT_EVERY_STEPS == 0:
+            if moved and control.is_shallow:
+                self.commit()
+            if (end := self.watch.check(self.explosion)) is not None:
+                return end
+        if (end := self.rules.end(window)) is not None:
+            return end
+        if steps % RETIRE_CHECK_STEPS == 0 and control.is_shallow:
+            self.retire()
+        if (
+            window.first
+            and steps % RELEASE_CHECK_STEPS == 0
+            and self.rules.is_ready(window, self.explosion)
+        ):
+            self.release()
+        if not window.first and steps % WINDOW_FINISH_STEPS == 0 and self.finish():
+            return STRAIGHT
+        if steps % PROGRESS_CHECK_STEPS == 0:
+            self.check_progress()
+            if self.explosion.pulses.are_used_up and not self.rules.retreat(self):
+                return self.rules.end(window) or self._stalled()
+        return None
+
+    def commit(self) -> None:
+        """Make the present state the checkpoint, if it keeps the clearance."""
+        if self.proof.is_clear([self.window.snapshot()]) and self.settle():
+            self.save()
+            self.rules.committed()
+
+    def save(self) -> None:
+        """Make the present state the checkpoint."""
+        self.explosion.checkpoint.save(self.window.time_s, self.window.state)
+
+    def settle(self) -> bool:
+        """Record the present state as a snapshot, as the window changes after it.
+
+        Returns:
+            False if it is refused: then the run has restarted.
+        """
+        self.window.place()
+        self.recorder.add(self.window.snapshot())
+        refusal = self.recorder.commit_clear(self.proof.least)
+        if refusal is not TOO_CLOSE:
+            self.refusal = refusal
+        if refusal is not None:
+            self.restart()
+            return False
+        self.window.time_s += 1e-6
+        return True
+
+    def release(self) -> None:
+        """Release the next unit."""
+        point = self.window.release_point()
+        if self.settle():
+            self.window.release()
+            self.save()
+            self.rules.released(point, self.recorder.mark(), self.window.first)
+
+    def retire(self) -> None:
+        """Make the outer hinges that are nearly straight part of the rod."""
+        p, window = self.parameters, self.window
+        window.place()
+        bent = window.bends_rad
+        if bent[-MIN_RETIRED_JOINTS:].max() >= p.retire_rad:
+            return
+        heights = window.heights(window.model.positions)
+        good = (bent < p.retire_rad) & (heights[1:-1] > p.retire_height)
+        count = len(good) if good.all() else int(np.argmin(good[::-1]))
+        count = min(count, len(good) - 4)
+        while count >= MIN_RETIRED_JOINTS:
+            configurations = self._straightened(count)
+            if configurations is not None:
+                break
+            count //= 2
+        else:
+            return
+        if self.settle():
+            self.recorder.append(configurations)
+            window.time_s = configurations[-1].time_s + 1e-6
+            window.retire(configurations[-1].angles)
+            self.save()
+
+    def _straightened(self, count: int) -> list[WindowConfiguration] | None:
+        """Return snapshots that straighten the last ``count`` joints; None if modules touch."""
+        window, angles = self.window, self.window.state.angles
+        remaining = angles[: len(angles) - window.setting.peelable.hinges * count]
+        _, rotations = window.setting.peelable.poses(window.first, remaining)
+        turned = float(rotations[-1][:, 0] @ window.rod_direction)
+        if turned < SAME_HEADING_COSINE:
+            return None
+        bent = float(np.abs(angles[len(remaining) :]).max())
+        largest = max(float(np.arccos(min(turned, 1.0))), bent)
+        frames = int(np.ceil(largest / self.parameters.retire_step_rad))
+        configurations: list[WindowConfiguration] = []
+        for k in range(1, frames):
+            partly = angles.copy()
+            partly[len(remaining) :] *= 1.0 - k / frames
+            configurations.append(self._frame(k, partly))
+        configurations.append(self._frame(frames, remaining.copy()))
+        return configurations if self._may_follow(configurations) else None
+
+    def finish(self) -> bool:
+        """Straighten the window by pure kinematics; return False if modules may touch."""
+        p, angles = self.parameters, self.window.state.angles.copy()
+        largest = float(np.abs(angles).max(initial=0.0))
+        contacts = self.explosion.control.contacts
+        if largest > p.finish_rad or contacts > self.rules.max_finish_contacts:
+            return False
+        count = int(np.ceil(max(largest / p.snapshot_rad, 1.0)))
+        configurations = [self._frame(k, (1.0 - k / count) * angles) for k in range(1, count + 1)]
+        if not self._may_follow(configurations) or not self.settle():
+            return False
+        self.recorder.append(configurations)
+        return True
+
+    def _frame(self, k: int, angles: Array) -> WindowConfiguration:
+        """Return the ``k``-th configuration of a kinematic motion from the present state."""
+        return self.window.bent_to(angles, self.window.time_s + k * KINEMATIC_FRAME_S)
+
+    def _may_follow(self, configurations: list[WindowConfiguration]) -> bool:
+        """Return True if configurations may be recorded after the present state."""
+        motion = [self.window.snapshot(), *configurations]
+        return self.proof.is_clear(motion) and self.rules.allows(motion)
+
+    def check_progress(self) -> None:
+        """Release a unit or change the forces if nothing moves."""
+        pulses, steps = self.explosion.pulses, self.explosion.control.steps
+        result = self.progress.check(self.window.remaining_rad, steps)
+        if result == "progress" and pulses.count:
+            pulses.count = 0
+            self.rules.progressed()
+        elif result == "jam":
+            pulses.count += 1
+            if self.window.first and self.rules.is_ready_in_jam(self.window, self.explosion):
+                self.release()
+            else:
+                self.rules.loosen_jam(steps)
+
+    def _stalled(self) -> End:
+        """Return the end of a stuck run: the modules that are released, and the most bent joint."""
+        window, pulses = self.window, self.explosion.pulses
+        bends = window.bends_rad
+        worst = int(np.argmax(bends))
+        released = (
+            f"with modules 0 to {window.first + 1} still folded"
+            if window.first
+            else "with all modules released"
+        )
+        return End(
+            "stalled",
+            f"the chain is stuck {released}: {pulses.count} random pushes in a row made no "
+            f"progress. The joint of module {window.first + 1 + worst} is still bent by "
+            f"{np.rad2deg(bends[worst]):.0f}°. Try to start at the other end, or try another path.",
+            pulses.spent,
+        )

@@ -1,0 +1,152 @@
+"""Step control: time step, drag and tension of an explosion, which adapt to speeds and contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from planner.simulation.reduced import State
+
+MIN_TENSION_SCALE: Final = 0.05
+"""Minimum factor to which deep contacts reduce the tension. Chosen."""
+MIN_CONTACT_TIME_CONSTANT_S: Final = 0.03
+"""Minimum time constant of contacts, s; else it is two steps, MuJoCo's limit of stability. Larger
+values make contacts softer. Chosen."""
+MIN_ALLOWED_DEPTH_PITCH: Final = 0.002
+"""Minimum allowed depth of contacts, pitches, even where the size to verify leaves less. Chosen."""
+BACK_OFF_DEPTH_SHARE: Final = 0.7
+"""Depth of contacts, as a fraction of the allowed depth, beyond which the tension falls. Chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContactDepth:
+    """Limits of the depth of contacts during an explosion, in pitches.
+
+    Attributes:
+        most: Maximum depth; a run restarts from its checkpoint when a contact is deeper.
+        back_off: Depth beyond which the tension falls.
+    """
+
+    most: float
+    back_off: float
+
+    @classmethod
+    def within(cls, room: float, deepest: float) -> ContactDepth:
+        """Build the limits for the room that the size to verify leaves, at most ``deepest``."""
+        most = float(np.clip(room, MIN_ALLOWED_DEPTH_PITCH, deepest))
+        return cls(most, BACK_OFF_DEPTH_SHARE * most)
+
+
+class StepControl:
+    """Time step, drag and tension of the next step, and the depth of contacts that they answer.
+
+    Args:
+        step_range_s: Minimum and maximum time step, s.
+        drag_range: Minimum and maximum drag α, 1/s.
+        max_step_in_contact_s: Maximum time step while modules touch, s.
+        allowed: Limits of the depth of contacts.
+        depth_after_restart: Depth, pitches, that counts as that of the step before a checkpoint:
+            infinite where the checkpoint's own contacts may be deeper than allowed.
+    """
+
+    def __init__(
+        self,
+        step_range_s: tuple[float, float],
+        drag_range: tuple[float, float],
+        max_step_in_contact_s: float,
+        *,
+        allowed: ContactDepth,
+        depth_after_restart: float = 0.0,
+    ) -> None:
+        self.allowed = allowed
+        self.max_step_in_contact_s = max_step_in_contact_s
+        self._step_range_s = step_range_s
+        self._drag_range = drag_range
+        self._depth_after_restart = depth_after_restart
+        self.steps = 0
+        """Number of steps so far."""
+        self.step_s = 5.0 * step_range_s[0]
+        self.drag = 1.0
+        self.tension = 1.0
+        """Factor of the tension, 0…1."""
+        self.depth = 0.0
+        """Depth of the deepest contact in the last step, pitches."""
+        self.contacts = 0
+        """Number of contacts in the last step that moved on."""
+
+    @classmethod
+    def adaptive(
+        cls,
+        parameters: ExplosionParameters | PeelingParameters,
+        allowed: ContactDepth,
+        *,
+        depth_after_restart: float = 0.0,
+    ) -> StepControl:
+        """Build the control of an explosion by its parameters."""
+        return cls(
+            parameters.step_s,
+            parameters.drag,
+            parameters.step_in_contact_s,
+            allowed=allowed,
+            depth_after_restart=depth_after_restart,
+        )
+
+    @classmethod
+    def fixed(cls, step_s: float, drag: float) -> StepControl:
+        """Build a control whose step and drag are constant, whatever the contacts."""
+        unlimited = ContactDepth(np.inf, np.inf)
+        control = cls((step_s, step_s), (drag, drag), step_s, allowed=unlimited)
+        control.step_s, control.drag = step_s, drag
+        return control
+
+    @property
+    def contact_time_constant_s(self) -> float:
+        """Time constant of contacts in this step, s."""
+        return max(2.0 * self.step_s, MIN_CONTACT_TIME_CONSTANT_S)
+
+    @property
+    def is_shallow(self) -> bool:
+        """True if no contact is deep enough to lower the tension."""
+        return self.depth < self.allowed.back_off
+
+    def is_too_deep(self, depth: float) -> bool:
+        """Return True if contacts are deeper than allowed and than in the step before."""
+        return depth > self.allowed.most and depth > self.depth
+
+    def adapt_tension(self, depth: float) -> None:
+        """Adapt the tension to the depth of contacts, pitches."""
+        self.depth = depth
+        if depth > self.allowed.back_off:
+            self.tension = max(MIN_TENSION_SCALE, 0.85 * self.tension)
+        else:
+            self.tension = min(1.0, 1.02 * self.tension)
+
+    def limit_speeds(self, state: State, inverse_step_limit: float, contacts: int) -> None:
+        """Scale all velocities to what one step allows; adapt time step and drag.
+
+        Args:
+            state: State whose velocities are scaled.
+            inverse_step_limit: 1/Δt_max, 1/s: the step is allowed while its product is at most 1.
+            contacts: Number of contacts.
+        """
+        self.contacts = contacts
+        excess = self.step_s * inverse_step_limit
+        low_s, high_s = self._step_range_s
+        if excess > 1.0:
+            state.scale_velocities(1.0 / excess)
+            self.drag = min(self._drag_range[1], 1.05 * self.drag)
+            self.step_s = max(low_s, 0.97 * self.step_s)
+        else:
+            self.drag = max(self._drag_range[0], 0.97 * self.drag)
+            self.step_s = min(high_s, 1.03 * self.step_s)
+        if contacts:
+            self.step_s = min(self.step_s, self.max_step_in_contact_s)
+
+    def restart(self) -> None:
+        """Go on from a checkpoint with a smaller step and less tension."""
+        self.step_s = max(self._step_range_s[0], 0.5 * self.step_s)
+        self.tension = max(MIN_TENSION_SCALE, 0.5 * self.tension)
+        self.depth = self._depth_after_restart
