@@ -17,7 +17,6 @@ from planner.simulation.model import Material
 from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
-__all__ = ["Anchored", "ContactFinder"]
 
 
 class Anchored(SpringChain):

@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.simulation.anchored import Anchored, ContactFinder
+from planner.simulation.anchored import Anchored
+from planner.simulation.contacts import ContactFinder
 from planner.simulation.model import (
     Material,
     add_module_geom,
