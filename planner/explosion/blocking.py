@@ -90,8 +90,8 @@ def _turn(
         poses = forward_kinematics(chain.module, now)
         pairs = near_pairs(poses.positions, 2.0 * chain.module.radius * size, chain.module.apart)
         across = (pairs.min(axis=1) <= module) & (pairs.max(axis=1) > module)
-        kept = [pair for pair in pairs[across].tolist() if tuple(pair) not in before]
-        depth, pair = _deepest(chain, poses, kept, size)
+        new = [pair for pair in pairs[across].tolist() if tuple(pair) not in before]
+        depth, pair = _deepest(chain, poses, new, size)
         if pair is not None:
             return Turn(
                 hinge=hinge,

@@ -41,9 +41,9 @@ BLOCK_STEP_IN_CONTACT_S: Final = 0.1
 """Maximum time step in contact, s: blocks are heavier and slower than modules. Larger steps are
 fewer and press contacts deeper. Chosen."""
 SNAPSHOT_TURN_SCALE: Final = 3.0
-"""Factor of the turn between two snapshots. Larger values keep fewer snapshots. Chosen."""
+"""Factor of the turn between two snapshots. Larger values record fewer snapshots. Chosen."""
 SNAPSHOT_DISTANCE_SCALE: Final = 8.0
-"""Factor of the distance between two snapshots. Larger values keep fewer snapshots; the certificate
+"""Factor of the distance between two snapshots. Larger values record fewer; the certificate
 bounds the clearance between them. Chosen."""
 MIN_BLOCK_STEPS: Final = 200
 """Minimum number of steps before all joints are released. Chosen."""
@@ -84,7 +84,7 @@ def explode_blocks_first(
     block = max(MIN_BLOCK_MODULES, -(-len(chain) // MAX_BLOCKS))
     starts = block_starts(len(chain), block, TETHER_MODULES)
     watch = Watch(progress, cancelled, "exploding")
-    policy = Simultaneous.from_parameters(
+    explosion = Simultaneous.from_parameters(
         chain,
         replace(
             coarser,
@@ -97,7 +97,7 @@ def explode_blocks_first(
         block_starts=starts,
         release=Tethers(parameters).release_when_apart,
     )
-    return run(policy.explosion, policy, watch, strategy="blocks")
+    return run(explosion, "blocks")
 
 
 def block_starts(modules: int, block: int, tether: int) -> Ints:
@@ -120,9 +120,9 @@ class Tethers:
     parameters: ExplosionParameters
     bend_rad: float | None = None
 
-    def release_when_apart(self, policy: Simultaneous) -> None:
+    def release_when_apart(self, explosion: Simultaneous) -> None:
         """Free all joints of a run if the blocks are apart, or get no farther apart."""
-        world, steps = policy.world, policy.explosion.control.steps
+        world, steps = explosion.world, explosion.control.steps
         if not isinstance(world.engine, Blocks) or steps % TETHER_CHECK_STEPS:
             return
         folded = world.chain.folded_rad
@@ -131,11 +131,11 @@ class Tethers:
         self.bend_rad = bend = mean_bend_rad(world.state.angles[free])
         eased = bend < (1.0 - MIN_TETHER_EASING) * before
         if steps >= MIN_BLOCK_STEPS and (bend < LOOSE_TETHER_RAD or not eased):
-            policy.commit()
+            explosion.commit()
             world.forces.tension = self.parameters.tension
-            policy.explosion.control.max_step_in_contact_s = self.parameters.step_in_contact_s
+            explosion.control.max_step_in_contact_s = self.parameters.step_in_contact_s
             world.release_all()
-            policy.jam.compare_with(world.state.angles)
+            explosion.jam.compare_with(world.state.angles)
 
 
 def mean_bend_rad(angles: Array) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -70,19 +71,19 @@ class Checkpoint:
         return time_s, state
 
 
+@dataclass(slots=True)
 class Pulses:
     """Pulses: a while of weak tension and strong repulsion that loosens a jam.
 
-    Args:
+    Attributes:
         max_count: Maximum number of pulses in a row without progress.
+        count: Number of pulses in a row without progress.
+        remaining_steps: Steps until the present pulse is over.
     """
 
-    def __init__(self, max_count: int) -> None:
-        self.max_count = max_count
-        self.count = 0
-        """Number of pulses in a row without progress."""
-        self.remaining_steps = 0
-        """Steps until the present pulse is over."""
+    max_count: int
+    count: int = 0
+    remaining_steps: int = 0
 
     @property
     def is_weak(self) -> bool:
@@ -149,30 +150,32 @@ class JamDetector:
             self._pulses.start()
 
 
+@dataclass(slots=True)
 class BendDecrease:
     """Detector of jams of a peeling: the sum of all bends has not decreased for some steps.
 
-    Args:
+    Attributes:
         min_decrease_rad: Minimum decrease that counts as progress, rad.
         patience: Number of steps without progress that count as a jam.
+        least_rad: Least sum so far, rad.
+        since_step: Step since which there was no progress.
     """
 
-    def __init__(self, min_decrease_rad: float, patience: int) -> None:
-        self._min_decrease_rad = min_decrease_rad
-        self._patience = patience
-        self._least_rad = np.inf
-        self._since_step = 0
+    min_decrease_rad: float
+    patience: int
+    least_rad: float = np.inf
+    since_step: int = 0
 
     def begin_anew(self, remaining_rad: float, step: int) -> None:
         """Count progress from a state on."""
-        self._least_rad, self._since_step = remaining_rad, step
+        self.least_rad, self.since_step = remaining_rad, step
 
     def check(self, remaining_rad: float, step: int) -> Literal["progress", "jam"] | None:
         """Return the result of a check; None while it is too early for one."""
-        if remaining_rad < self._least_rad - self._min_decrease_rad:
+        if remaining_rad < self.least_rad - self.min_decrease_rad:
             self.begin_anew(remaining_rad, step)
             return "progress"
-        if step - self._since_step >= self._patience:
-            self._since_step = step
+        if step - self.since_step >= self.patience:
+            self.since_step = step
             return "jam"
         return None

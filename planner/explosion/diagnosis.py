@@ -142,8 +142,7 @@ def _where(chain: Chain, record: Record, last: Motion) -> tuple[Kind, Ints]:
         if record.status == "timeout":
             return "limit", stuck
         return "joints", _most_bent(bent) + first
-    poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
-    cluster = _largest_cluster(poses.positions, chain.module.apart)
+    cluster = _largest_cluster(last.poses(chain).positions[0], chain.module.apart)
     return "contacts" if len(cluster) >= MIN_CLUSTER_SHARE * len(chain) else "joints", stuck
 
 
@@ -151,8 +150,7 @@ def _knot(chain: Chain, last: Motion) -> KnotEvidence | None:
     """Return the knot of the chain where it stopped: as folded it may have been another one."""
     if len(chain) > MAX_STALLED_KNOT_MODULES:
         return None
-    poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
-    found = diagram_of(poses.positions)
+    found = diagram_of(last.poses(chain).positions[0])
     if found is None:
         return None
     return KnotEvidence(
@@ -175,7 +173,7 @@ def _blocks(
         return None
     size, hinges, unit, first = parameters.module_size, chain.module.hinges_per_joint, None, 0
     if record.strategy == "peel":
-        if record.table is None:  # on a table, the module size to verify is what is kept clear
+        if record.table is None:  # on a table, frames are clear at the size to verify
             size = max(size, parameters.peeling.verify_size)
         peeling = parameters.peeling if record.table is None else parameters.table
         first = _first_released(chain, record, last)

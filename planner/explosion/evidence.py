@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Final, cast
 
+import msgspec
 import numpy as np
 
 from planner.motion.stuck_figures import (
@@ -177,35 +178,6 @@ class BlockEvidence:
         """Return plain JSON values."""
         return cast("BlockFigures", {"kind": "blocks", **_plain_fields(self)})
 
-    @classmethod
-    def from_dict(cls, values: BlockFigures) -> BlockEvidence:
-        """Build the evidence from the values of ``as_dict``."""
-        return cls(
-            module_size=values["module_size"],
-            bent_above_rad=values["bent_above_rad"],
-            first_hinge=values["first_hinge"],
-            turns=tuple(
-                Turn(
-                    hinge=turn["hinge"],
-                    module=turn["module"],
-                    turned_rad=turn["turned_rad"],
-                    modules=_pair(turn["modules"]),
-                    overlap=turn["overlap"],
-                )
-                for turn in values["turns"]
-            ),
-            unit=None if values["unit"] is None else _pair(values["unit"]),
-            moves=tuple(
-                Move(
-                    direction=(move["direction"][0], move["direction"][1], move["direction"][2]),
-                    moved=move["moved"],
-                    modules=_pair(move["modules"]),
-                    overlap=move["overlap"],
-                )
-                for move in values["moves"]
-            ),
-        )
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BudgetEvidence:
@@ -214,7 +186,7 @@ class BudgetEvidence:
     Attributes:
         spent: Kind of the limit: simulation ``steps``; ``pushes``, pulses in a row without
             progress; ``retries``, returns to the last checkpoint before an error; ``snapshots``
-            that are kept; on a table, ``refusals`` of frames that need more than the torque limit;
+            taken; on a table, ``refusals`` of frames that need more than the torque limit;
             or, as published, the ``motion`` itself, which came to rest.
         allowed, used: Limit and count. Where a count in a row is limited, the last one used is one
             too many.
@@ -231,14 +203,14 @@ class BudgetEvidence:
     @property
     def words(self) -> str:
         """Evidence as a phrase in plain English."""
-        told = USED_UP[self.spent].format(allowed=_whole(self.allowed), used=_whole(self.used))
+        limit = USED_UP[self.spent].format(allowed=_whole(self.allowed), used=_whole(self.used))
         hinges = "hinge was" if self.bent_hinges == 1 else "hinges were"
         left = (
             f"{self.bent_hinges} {hinges} still bent, by up to"
             if self.bent_hinges
             else ("no hinge was bent by more than")
         )
-        return f"{told}; {left} {np.rad2deg(self.largest_bend_rad):.0f}°"
+        return f"{limit}; {left} {np.rad2deg(self.largest_bend_rad):.0f}°"
 
     def as_dict(self) -> BudgetFigures:
         """Return plain JSON values."""
@@ -249,38 +221,22 @@ Evidence = KnotEvidence | BlockEvidence | BudgetEvidence
 
 
 def evidence_from(values: EvidenceFigures | None) -> Evidence | None:
-    """Build evidence from ``as_dict``; None if an earlier version wrote none."""
+    """Build evidence from ``as_dict``; None if an earlier version wrote none.
+
+    Raises:
+        TypeError: When a value has another type.
+    """
     if values is None:
         return None
-    if values["kind"] == "knot":
-        return KnotEvidence(
-            determinant=values["determinant"],
-            closings=tuple(tuple(map(_point, corners)) for corners in values["closings"]),
-            polygon=tuple(map(_point, values["polygon"])),
-            sight=_point(values["sight"]),
-            diagram=tuple(Crossing(**crossing) for crossing in values["diagram"]),
-        )
-    if values["kind"] == "blocks":
-        return BlockEvidence.from_dict(values)
-    return BudgetEvidence(
-        spent=values["spent"],
-        allowed=values["allowed"],
-        used=values["used"],
-        bent_hinges=values["bent_hinges"],
-        largest_bend_rad=values["largest_bend_rad"],
-    )
-
-
-def _point(values: Sequence[float]) -> Point:
-    return (values[0], values[1], values[2])
+    kinds = {"knot": KnotEvidence, "blocks": BlockEvidence}
+    try:
+        return msgspec.convert(values, kinds.get(values["kind"], BudgetEvidence))
+    except msgspec.ValidationError as error:
+        raise TypeError(str(error)) from error
 
 
 def _whole(number: int) -> str:
     return f"{number:,}".replace(",", "\u00a0")
-
-
-def _pair(values: Sequence[int]) -> tuple[int, int]:
-    return (values[0], values[1])
 
 
 def _listed(modules: Sequence[int]) -> str:

@@ -55,7 +55,7 @@ def by_cost(modules: int, *, in_layers: bool) -> tuple[str, ...]:
 
     Args:
         modules: Number of modules of the chain.
-        in_layers: True if its path comes off unit by unit.
+        in_layers: True if its path leaves the core unit by unit.
     """
     costs = IN_LAYERS if in_layers else INTERLOCKED
     fitting = {

@@ -2,22 +2,24 @@
 
 A ``World`` is what moves: the whole chain, rigid blocks of it, or a window. It computes its own
 forces. ``StepControl`` adapts step, drag and tension, ``Checkpoint`` is the state to restart from,
-``Pulses`` loosen jams, and a ``Recording`` chooses the snapshots. A ``Policy`` says when to commit,
-what to do about a jam, and when the run ends: see ``simultaneous``, ``peeling`` and ``paper``.
+``Pulses`` loosen jams, and the ``Recorder`` chooses the snapshots. An ``Explosion`` holds them all
+and decides when to commit, what to do about a jam, and when the run ends: see ``simultaneous``,
+``peeling_run`` and ``paper``.
 """
 
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Final, Generic, Protocol, TypeVar
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
 from planner.errors import SimulationError
 from planner.explosion.checkpoint import Checkpoint, Pulses
+from planner.explosion.recorder import Recorder
 from planner.explosion.step_control import StepControl
-from planner.motion.motion import Motion
 from planner.motion.record import Record, RecordStatus, Spent
 from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 from planner.simulation.reduced import Acceleration, State
@@ -39,7 +41,7 @@ UNREPELLED_LINKS: Final = 1
 
 S = TypeVar("S")
 S_co = TypeVar("S_co", covariant=True)
-S_contra = TypeVar("S_contra", contravariant=True)
+W = TypeVar("W")
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,57 +94,6 @@ class World(Protocol[S_co]):
         ...
 
 
-class Recording(Protocol[S_contra]):
-    """Choice of the snapshots of a run."""
-
-    def add(self, step: S_contra) -> None:
-        """Add a step that may still be taken back."""
-
-    def take_back(self) -> None:
-        """Drop the steps since the last commit."""
-
-    def close(self, step: S_contra, *, straight: bool) -> None:
-        """Make all steps final; ``step`` is the state at the end."""
-
-    def motion(self) -> Motion:
-        """Return all snapshots."""
-        ...
-
-
-class Policy(Protocol):
-    """Decisions of a strategy while it runs."""
-
-    @property
-    def max_steps(self) -> int:
-        """Maximum number of steps of the run."""
-        ...
-
-    @property
-    def error_limit(self) -> Spent:
-        """Limit that is used up when an error of the simulation ends the run."""
-        ...
-
-    def begin(self) -> None:
-        """Record the folded configuration, so that there is a record whatever comes."""
-
-    def check_placed(self) -> End | None:
-        """Return how the run ends at a state whose poses are known; None to step."""
-
-    def may_restart(self, *, after_error: bool) -> bool:
-        """Return True if the run may restart, after an error or because of deep contacts."""
-        ...
-
-    def restart(self) -> None:
-        """Restart from the checkpoint."""
-
-    def check_step(self, *, moved: bool) -> End | None:
-        """Commit, release, loosen; return how the run ends after a step, or None.
-
-        Args:
-            moved: False if the run restarted instead of moving on.
-        """
-
-
 class Watch:
     """Channel to the caller of a run: progress, a few times a second, and cancellation.
 
@@ -164,7 +115,7 @@ class Watch:
         """Wall time since the run began, s."""
         return time.perf_counter() - self._begin
 
-    def check(self, explosion: Explosion[S], *, simulated_s: float = 0.0) -> End | None:
+    def check(self, explosion: Explosion[Any, Any], *, simulated_s: float = 0.0) -> End | None:
         """Report the progress if it is due; return the end of a cancelled run."""
         if self._cancelled():
             return End("cancelled", "the explosion was cancelled.")
@@ -185,91 +136,133 @@ class Watch:
         return None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Explosion(Generic[S]):
-    """Parts of one run, each with a state of its own."""
+@dataclass(slots=True, kw_only=True, eq=False)
+class Explosion(ABC, Generic[W, S]):
+    """Parts of a run, each with a state of its own, and the decisions of its strategy.
 
-    world: World[S]
+    Attributes:
+        world: State and forces.
+        control: Time step, drag and tension.
+        checkpoint: State to restart from.
+        pulses: Pulses that loosen a jam.
+        recorder: Choice of the snapshots.
+        watch: Channel to the caller.
+    """
+
+    world: W
     control: StepControl
     checkpoint: Checkpoint
     pulses: Pulses
-    recorder: Recording[S]
+    recorder: Recorder[S]
+    watch: Watch
 
-    def step(self, policy: Policy) -> bool:
-        """Make one step from a placed state; return False if the run restarted instead."""
-        world, control = self.world, self.control
-        control.steps += 1
-        try:
-            acceleration = world.accelerations(control)
-        except SimulationError:
-            if not policy.may_restart(after_error=True):
-                raise
-            policy.restart()
-            return False
-        too_deep = control.is_too_deep(acceleration.depth)
-        control.adapt_tension(acceleration.depth)
-        if too_deep and policy.may_restart(after_error=False):
-            policy.restart()
-            return False
-        if control.steps % COMMIT_EVERY_STEPS == 0:
-            self.checkpoint.propose(world.time_s, world.state)
-        world.state.accelerate(acceleration, control.step_s, control.drag)
-        control.limit_speeds(world.state, world.inverse_step_limit(), acceleration.contacts)
-        world.state.advance(control.step_s)
-        world.time_s += control.step_s
-        world.limit_hinges()
-        return True
+    @property
+    @abstractmethod
+    def max_steps(self) -> int:
+        """Maximum number of steps of the run."""
 
+    @property
+    @abstractmethod
+    def error_limit(self) -> Spent:
+        """Limit that is used up when an error of the simulation ends the run."""
+
+    @abstractmethod
+    def begin(self) -> None:
+        """Record the folded configuration, so that there is a record whatever comes."""
+
+    @abstractmethod
+    def record(self) -> End | None:
+        """Record a placed state; return how the run ends there, or None."""
+
+    @abstractmethod
+    def may_restart(self, *, after_error: bool) -> bool:
+        """Return True if the run may restart, after an error or because of deep contacts."""
+
+    @abstractmethod
     def restart(self) -> None:
-        """Return to the checkpoint, slower and with less tension."""
-        self.recorder.take_back()
-        self.world.time_s, self.world.state = self.checkpoint.restore()
-        self.control.restart()
+        """Restart from the checkpoint."""
+
+    @abstractmethod
+    def check_step(self, *, moved: bool) -> End | None:
+        """Commit, release, loosen; return how the run ends after a step, or None.
+
+        Args:
+            moved: False if the run restarted instead of moving on.
+        """
+
+    @abstractmethod
+    def close(self, end: End) -> None:
+        """Make all steps final."""
 
 
 def run(
-    explosion: Explosion[S],
-    policy: Policy,
-    watch: Watch,
-    *,
+    explosion: Explosion[Any, Any],
     strategy: str,
+    *,
     advice: str = "; try another seed, or another path through the same cells",
 ) -> Record:
     """Record an explosion: step until the chain is straight, or a limit ends the run.
 
     Args:
         explosion: Parts of the run.
-        policy: Decisions of the strategy.
-        watch: Channel to the caller.
         strategy: Name of the strategy.
         advice: End of the reason if the steps are used up.
     """
-    world, control, recorder = explosion.world, explosion.control, explosion.recorder
+    control, max_steps = explosion.control, explosion.max_steps
     end: End | None = None
-    policy.begin()
+    explosion.begin()
     try:
-        while end is None and control.steps < policy.max_steps:
-            world.place()
-            recorder.add(world.snapshot())
-            end = policy.check_placed() or policy.check_step(moved=explosion.step(policy))
+        while end is None and control.steps < max_steps:
+            explosion.world.place()
+            end = explosion.record() or explosion.check_step(moved=step(explosion))
     except SimulationError as error:
-        end = End("diverged", f"the simulation failed: {error}", policy.error_limit)
+        end = End("diverged", f"the simulation failed: {error}", explosion.error_limit)
     if end is None:
-        end = End(
-            "timeout",
-            f"the chain was not straight after {policy.max_steps} steps{advice}.",
-            Spent("steps", policy.max_steps, control.steps),
-        )
-    world.place()
-    recorder.close(world.snapshot(), straight=end.status == "straight")
+        reason = f"the chain was not straight after {max_steps} steps{advice}."
+        end = End("timeout", reason, Spent("steps", max_steps, control.steps))
+    explosion.close(end)
     return Record(
         status=end.status,
         reason=end.reason,
-        frames=recorder.motion(),
+        frames=explosion.recorder.motion(),
         steps=control.steps,
-        seconds=watch.seconds,
+        seconds=explosion.watch.seconds,
         strategy=strategy,
         pushes=explosion.pulses.count,
         retries=explosion.checkpoint.retries,
         spent=end.spent,
     )
+
+
+def step(explosion: Explosion[Any, Any]) -> bool:
+    """Make one step from a placed state; return False if the run restarted instead."""
+    world: World[Any] = explosion.world
+    control = explosion.control
+    control.steps += 1
+    try:
+        acceleration = world.accelerations(control)
+    except SimulationError:
+        if not explosion.may_restart(after_error=True):
+            raise
+        explosion.restart()
+        return False
+    too_deep = control.is_too_deep(acceleration.depth)
+    control.adapt_tension(acceleration.depth)
+    if too_deep and explosion.may_restart(after_error=False):
+        explosion.restart()
+        return False
+    if control.steps % COMMIT_EVERY_STEPS == 0:
+        explosion.checkpoint.propose(world.time_s, world.state)
+    world.state.accelerate(acceleration, control.step_s, control.drag)
+    control.limit_speeds(world.state, world.inverse_step_limit(), acceleration.contacts)
+    world.state.advance(control.step_s)
+    world.time_s += control.step_s
+    world.limit_hinges()
+    return True
+
+
+def return_to_checkpoint(explosion: Explosion[Any, Any]) -> None:
+    """Return to the checkpoint, slower and with less tension."""
+    explosion.recorder.take_back()
+    explosion.world.time_s, explosion.world.state = explosion.checkpoint.restore()
+    explosion.control.restart()

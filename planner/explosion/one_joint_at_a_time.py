@@ -1,7 +1,7 @@
 """One joint at a time: the baseline that bends a chain's joints in their order, and nothing else.
 
 No simulation is needed: the chain is folded up to some joint and straight behind it, so its record
-is told at once. Whether its modules touch on the way is for the certificate to say.
+is computed at once. The certificate checks whether its modules touch on the way.
 """
 
 from __future__ import annotations

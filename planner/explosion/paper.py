@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from planner.explosion.explosion import (
     Watch,
     run,
 )
-from planner.explosion.recorder import FrameRecorder, Step
+from planner.explosion.recorder import FrameRule, Recorder, Step
 from planner.explosion.step_control import StepControl
 from planner.explosion.whole_chain import chain_at_rest, unfolded_share
 from planner.kernels.pairs import near_pairs, repulsion
@@ -82,71 +82,24 @@ def explode_as_published(
     p = parameters
     control = StepControl.fixed(p.step_s, p.damping / (1.0 - p.damping) / p.step_s)
     world = PublishedChain(chain, p, control)
-    recorder = IntervalRecorder(
-        FrameRecorder(
-            chain,
-            snapshot_rad=FRAME_SPACING_RAD,
-            snapshot_distance=FRAME_SPACING_PITCH,
-            size=BETWEEN_FRAMES_SIZE,
-            sink=sink,
-        ),
-        p.snapshot_interval,
+    rule = FrameRule(
+        chain=chain,
+        snapshot_rad=FRAME_SPACING_RAD,
+        snapshot_distance=FRAME_SPACING_PITCH,
+        size=BETWEEN_FRAMES_SIZE,
     )
-    explosion = Explosion(
+    explosion = Published(
         world=world,
         control=control,
         checkpoint=Checkpoint(world.time_s, world.state),
         pulses=Pulses(0),
-        recorder=recorder,
+        recorder=Recorder(rule, sink),
+        watch=Watch(progress, cancelled, "exploding as published"),
+        parameters=p,
     )
-    watch = Watch(progress, cancelled, "exploding as published")
-    policy = Published(
-        explosion=explosion, world=world, recorder=recorder, max_steps=p.max_steps, watch=watch
-    )
-    record = run(explosion, policy, watch, strategy="simultaneous", advice="")
-    snapshots = snapped(np.array(recorder.angles), chain.module.angle_limit_rad)
+    record = run(explosion, "simultaneous", advice="")
+    snapshots = snapped(np.array(explosion.snapshots), chain.module.angle_limit_rad)
     return replace(record, snapshots_rad=snapshots)
-
-
-@dataclass(slots=True)
-class IntervalRecorder:
-    """Recorder of a snapshot every few steps; some of them become frames.
-
-    Attributes:
-        frames: Recorder of the frames.
-        interval: Steps from one snapshot to the next.
-        angles: (J,) hinge angles of each snapshot, rad.
-        steps: Number of steps so far.
-    """
-
-    frames: FrameRecorder
-    interval: int
-    angles: list[Array] = field(default_factory=list)
-    steps: int = 0
-
-    def add(self, step: Step) -> None:
-        """Add a step; one in ``interval`` is a snapshot."""
-        if self.steps % self.interval == 0:
-            self.frames.add(step)
-            self.angles.append(step.angles)
-            if len(self.angles) % COMMIT_EVERY_SNAPSHOTS == 0:
-                self.frames.commit()
-        self.steps += 1
-
-    def take_back(self) -> None:
-        """Do nothing: no run restarts."""
-
-    def close(self, step: Step, *, straight: bool) -> None:
-        """Make all steps final; the last state is a frame, and a snapshot if it is straight."""
-        self.frames.commit(end=True)
-        if straight:
-            self.angles.append(step.angles)
-        self.frames.add(step)
-        self.frames.commit(end=True)
-
-    def motion(self) -> Motion:
-        """Return all frames."""
-        return self.frames.motion()
 
 
 class PublishedChain:
@@ -211,30 +164,41 @@ class PublishedChain:
         return unfolded_share(self.chain, self.state.angles, self.segments.positions)
 
 
-@dataclass(slots=True, kw_only=True)
-class Published:
-    """Policy of the published recipe: it steps on until the chain is straight, or at rest.
+@dataclass(slots=True, kw_only=True, eq=False)
+class Published(Explosion[PublishedChain, Step]):
+    """Run of the published recipe: it steps on until the chain is straight, or at rest.
 
     Attributes:
-        explosion, world, recorder: Parts of the run.
-        max_steps: Maximum number of steps.
-        watch: Channel to the caller.
+        parameters: Interval of snapshots, and maximum number of steps.
+        snapshots: (J,) hinge angles of each snapshot, rad; some of them become frames.
     """
 
-    explosion: Explosion[Step]
-    world: PublishedChain
-    recorder: IntervalRecorder
-    max_steps: int
-    watch: Watch
-    error_limit: ClassVar = Spent("retries", 0, 0)
+    parameters: PaperExplosionParameters
+    snapshots: list[Array] = field(default_factory=list)
+
+    @property
+    def max_steps(self) -> int:
+        """Maximum number of steps of the run."""
+        return self.parameters.max_steps
+
+    @property
+    def error_limit(self) -> Spent:
+        """Limit that is used up when an error of the simulation ends the run."""
+        return Spent("retries", 0, 0)
 
     def begin(self) -> None:
         """Do nothing: the first step is a snapshot."""
 
-    def check_placed(self) -> End | None:
-        """End a run whose chain is straight or at rest, and one with too many snapshots."""
-        steps, world = self.explosion.control.steps, self.world
-        hinges, count = len(world.state.angles), len(self.recorder.angles)
+    def record(self) -> End | None:
+        """Record a snapshot every few steps; end a run that is straight, at rest or too long."""
+        steps, world = self.control.steps, self.world
+        if steps % self.parameters.snapshot_interval == 0:
+            snapshot = world.snapshot()
+            self.recorder.add(snapshot)
+            self.snapshots.append(snapshot.angles)
+            if len(self.snapshots) % COMMIT_EVERY_SNAPSHOTS == 0:
+                self.recorder.commit()
+        hinges, count = len(world.state.angles), len(self.snapshots)
         if count * hinges > MAX_SNAPSHOT_ANGLES:
             return End(
                 "timeout",
@@ -259,7 +223,17 @@ class Published:
         ):
             world.state.angles[:] = 0.0
             return STRAIGHT
-        return self.watch.check(self.explosion, simulated_s=world.time_s)
+        return self.watch.check(self, simulated_s=steps * self.control.step_s)
+
+    def close(self, end: End) -> None:
+        """Make all steps final; the last state is a frame, and a snapshot if it is straight."""
+        self.recorder.commit(end=True)
+        self.world.place()
+        last = self.world.snapshot()
+        if end.status == "straight":
+            self.snapshots.append(last.angles)
+        self.recorder.add(last)
+        self.recorder.commit(end=True)
 
     def may_restart(self, *, after_error: bool) -> bool:
         """Return False: an error ends the run, and contacts may be as deep as they get."""

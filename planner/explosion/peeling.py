@@ -1,4 +1,4 @@
-"""Peeling: a long chain comes off its folded core unit by unit, from its far end.
+"""Peeling: a long chain leaves its folded core unit by unit, from its far end.
 
 Only a window of modules near the unit that was released last is simulated. What is still folded is
 the core, boxes that don't move; what is straight already is one rod on the window's last module. So
@@ -24,12 +24,12 @@ from planner.explosion.explosion import (
     PULSE_REPULSION_SCALE,
     PULSE_TENSION_SCALE,
     STOP_COMPLIANCE_RAD,
-    Explosion,
     Watch,
     run,
 )
-from planner.explosion.peeling_policy import SAME_HEADING_COSINE, Peeling
-from planner.explosion.peeling_recorder import Guarding, Mark, Proof, Refusal, WindowRecorder
+from planner.explosion.peeling_recorder import Proof, WindowRule
+from planner.explosion.peeling_run import SAME_HEADING_COSINE, Peeling
+from planner.explosion.recorder import Mark, Recorder, Refusal
 from planner.explosion.step_control import ContactDepth, StepControl
 from planner.explosion.whole_chain import radial_weights
 from planner.explosion.window import (
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from planner.explosion.peeling_core import Core, CoreOnTable
     from planner.explosion.table import TableRules
     from planner.explosion.table_forces import TableForces
+    from planner.explosion.table_guard import Guard
 
 Array = NDArray[np.float64]
 MIN_PEELING_PROGRESS_RAD: Final = 0.5
@@ -93,8 +94,8 @@ def peel(
         InputError: ``not-peelable`` for modules that are no cubes, or off the lattice.
     """
     watch = Watch(progress, cancelled, "peeling")
-    policy = floating_peeling(chain, parameters, seed=seed, sink=sink, watch=watch)
-    return run(policy.explosion, policy, watch, strategy="peel")
+    peeling = floating_peeling(chain, parameters, seed=seed, sink=sink, watch=watch)
+    return run(peeling, "peel")
 
 
 def floating_peeling(
@@ -130,7 +131,7 @@ def build_peeling(
     rules: FloatingRules | TableRules,
     pulses: Pulses,
     min_progress_rad: float,
-    guard: Guarding | None = None,
+    guard: Guard | None = None,
     sink: Callable[[Motion], None] | None,
     watch: Watch,
 ) -> Peeling:
@@ -153,32 +154,21 @@ def build_peeling(
         )
     )
     proof = Proof(chain, parameters.verify_size)
-    recorder = WindowRecorder(
-        peelable,
-        proof,
-        snapshot_rad=parameters.snapshot_rad,
-        snapshot_distance=parameters.snapshot_distance,
-        sink=sink,
-        guard=guard,
-    )
+    rule = WindowRule(peelable, proof, parameters.snapshot_rad, parameters.snapshot_distance)
     room = CONTACT_ROOM_SHARE * (parameters.geom_size - parameters.verify_size)
     allowed = ContactDepth.within(room, MAX_PEELING_DEPTH_PITCH)
     return Peeling(
-        explosion=Explosion(
-            world=window,
-            # Contacts at a checkpoint may be deeper than allowed already: what makes them less
-            # deep is no reason to restart again.
-            control=StepControl.adaptive(parameters, allowed, depth_after_restart=np.inf),
-            checkpoint=Checkpoint(window.time_s, window.state),
-            pulses=pulses,
-            recorder=recorder,
-        ),
-        window=window,
-        recorder=recorder,
+        world=window,
+        # Contacts at a checkpoint may be deeper than allowed already: what makes them less deep is
+        # no reason to restart again.
+        control=StepControl.adaptive(parameters, allowed, depth_after_restart=np.inf),
+        checkpoint=Checkpoint(window.time_s, window.state),
+        pulses=pulses,
+        recorder=Recorder(rule, sink, guard=None if guard is None else guard.refusal),
+        watch=watch,
         proof=proof,
         progress=BendDecrease(min_progress_rad, parameters.patience),
         rules=rules,
-        watch=watch,
     )
 
 
@@ -238,9 +228,9 @@ class FloatingRules:
     pulses: Pulses
     max_finish_contacts: ClassVar = 0.0
 
-    def is_ready(self, window: Window, explosion: Explosion[WindowConfiguration]) -> bool:
+    def is_ready(self, window: Window, control: StepControl) -> bool:
         """Return True if the next unit may be released."""
-        p, control, heading = window.setting.parameters, explosion.control, window.heading
+        p, heading = window.setting.parameters, window.heading
         # The joints next to the core may have to wait for what lies in their way.
         hinges = window.setting.peelable.hinges
         unit = np.abs(window.state.angles[hinges * p.skipped : hinges * window.held.unit])
@@ -253,10 +243,10 @@ class FloatingRules:
             and heading.aim @ heading.target > SAME_HEADING_COSINE
         )
 
-    def is_ready_in_jam(self, window: Window, explosion: Explosion[WindowConfiguration]) -> bool:
+    def is_ready_in_jam(self, window: Window, control: StepControl) -> bool:
         """Return True if the window has room for the next unit."""
         p = window.setting.parameters
-        return window.modules + p.unit <= p.most_modules and explosion.control.is_shallow
+        return window.modules + p.unit <= p.most_modules and control.is_shallow
 
     def allows(self, configurations: Sequence[WindowConfiguration]) -> bool:
         """Return True: the clearance is all that counts."""
@@ -266,7 +256,7 @@ class FloatingRules:
     def committed(self) -> None:
         """Do nothing."""
 
-    def released(self, point: ReleasePoint, mark: Mark, first: int) -> None:
+    def released(self, point: ReleasePoint, mark: Mark[WindowConfiguration], first: int) -> None:
         """Do nothing: no run returns to a release."""
 
     def answer(self, refusal: Refusal, window: Window, step: int) -> None:
@@ -285,9 +275,9 @@ class FloatingRules:
     def progressed(self) -> None:
         """Do nothing: the pulse ends by itself."""
 
-    def retreat(self, policy: Peeling) -> bool:
+    def retreat(self, peeling: Peeling) -> bool:
         """Return False: no run returns to a release."""
-        del policy
+        del peeling
         return False
 
     def end(self, window: Window) -> None:

@@ -1,17 +1,17 @@
-"""Recorder of a peeling: windows of hinges, proved as the certificate proves them."""
+"""Snapshots of a peeling: windows of hinges, proved as the certificate proves them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.clearance.sweep import windows_shape
-from planner.explosion.recorder import MIN_CLEARANCE_LOSS_PITCH, Recorder
+from planner.explosion.recorder import MIN_CLEARANCE_LOSS_PITCH
 from planner.explosion.window import Peelable, WindowConfiguration
 from planner.kernels.sweep import Angles, sweep_frames
 from planner.motion.angle_steps import snapped
@@ -27,24 +27,6 @@ CLEARANCE_ROUNDING_PITCH: Final = 1e-9
 """Clearance that rounding may take from a snapshot, or from the motion to it, pitches."""
 MIN_SNAPSHOT_COSINE: Final = float(np.cos(0.1))
 """Cosine of the maximum turn of the rod between two snapshots, 0.1 rad. Chosen."""
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """Reason why snapshots are not recorded.
-
-    Attributes:
-        reason: Reason as a phrase.
-        is_torque: True if stronger motors would help.
-    """
-
-    reason: str
-    is_torque: bool = False
-
-
-TOO_CLOSE: Final = Refusal("modules would come too close")
-Guarding = Callable[[WindowConfiguration | None, Sequence[WindowConfiguration]], Refusal | None]
-"""Returns why snapshots, one after the other, may not follow an earlier one; None if they may."""
 
 
 class Proof:
@@ -95,137 +77,60 @@ class Proof:
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
-    """Position in a record that it may return to: number of parts, and last snapshot."""
+class WindowRule:
+    """Rule for configurations that are folded, bent, then straight.
 
-    parts: int
-    last: WindowConfiguration | None
+    Snapshots are chosen by a proof of clearance, at and between them, as in the certificate.
 
-
-class WindowRecorder(Recorder[WindowConfiguration]):
-    """Records configurations that are folded, bent, then straight.
-
-    Snapshots are kept only with a proof of clearance, at and between them, as in the certificate.
-
-    Args:
+    Attributes:
         peelable: The chain.
         proof: Proof of its clearance.
         snapshot_rad: Maximum turn of a hinge from one snapshot to the next, rad.
         snapshot_distance: Maximum distance that a module of both windows moves, pitches.
-        sink: Receives the windows.
-        guard: Refuses snapshots for other reasons than their clearance.
     """
 
-    def __init__(
-        self,
-        peelable: Peelable,
-        proof: Proof,
-        *,
-        snapshot_rad: float,
-        snapshot_distance: float,
-        sink: Callable[[Motion], None] | None,
-        guard: Guarding | None = None,
-    ) -> None:
-        super().__init__()
-        self._peelable = peelable
-        self._proof = proof
-        self._snapshot_rad = snapshot_rad
-        self._snapshot_distance = snapshot_distance
-        self._sink = sink
-        self._guard = guard
-        self._kept: list[Motion] = []
-        self._least = CLEARANCE_CAP_PITCH
-        """Least clearance of the snapshots that are about to be kept, pitches."""
+    peelable: Peelable
+    proof: Proof
+    snapshot_rad: float
+    snapshot_distance: float
+    commits_all: ClassVar[bool] = True
 
-    def commit(self, *, end: bool = False) -> Refusal | None:
-        """Make the steps so far final, whatever their clearance; see ``commit_clear``.
-
-        Args:
-            end: Without effect: the last step is a snapshot in any case.
-        """
-        del end
-        return self.commit_clear(-np.inf)
-
-    def commit_clear(self, least: float) -> Refusal | None:
-        """Make the steps so far final and pass their snapshots on; the last step is one of them.
-
-        Args:
-            least: Minimum clearance, pitches, of snapshots and of the motion between them.
-
-        Returns:
-            The reason why the steps were dropped instead, or None.
-        """
-        waiting, self._waiting = self._waiting, []
-        self._least = CLEARANCE_CAP_PITCH
-        chosen, _ = self._chosen(waiting, to_the_end=True)
-        if self._least < least:
-            return TOO_CLOSE
-        refusal = None if self._guard is None else self._guard(self._last, chosen)
-        if refusal is not None:
-            return refusal
-        if chosen:
-            self._last = chosen[-1]
-        self._emit(chosen)
-        return None
-
-    def append(self, bends: list[WindowConfiguration]) -> None:
-        """Add snapshots that were made without a simulation, and proved, after a ``commit``."""
-        self._last = bends[-1]
-        self._emit(bends)
-
-    def mark(self) -> Mark:
-        """Return the present end of the record."""
-        return Mark(len(self._kept), self._last)
-
-    def return_to(self, mark: Mark) -> None:
-        """Drop all snapshots after a mark; the sink is not told."""
-        self._waiting = []
-        del self._kept[mark.parts :]
-        self._last = mark.last
-
-    def motion(self) -> Motion:
-        """Return all snapshots so far."""
-        return Motion.joined(self._kept)
-
-    def _emit(self, bends: list[WindowConfiguration]) -> None:
-        if not bends:
-            return
-        chain = self._peelable.chain
-        hinges = self._peelable.hinges
-        count = len(bends)
-        windows = Motion.from_windows(
-            time_s=np.array([b.time_s for b in bends]),
-            phase="explosion",
-            first=np.array([hinges * b.first for b in bends], dtype=np.int64),
-            offsets=np.concatenate([[0], np.cumsum([len(b.angles) for b in bends])]),
-            angles_rad=snapped(np.concatenate([b.angles for b in bends])).astype(np.float32),
-            base_position=np.tile(chain.folded_position, (count, 1)),
-            base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
-        )
-        self._kept.append(windows)
-        if self._sink is not None:
-            self._sink(windows)
-
-    def _far(self, a: WindowConfiguration, b: WindowConfiguration) -> bool:
-        _, one, other = self._peelable.together(a, b)
-        if np.abs(one - other).max(initial=0.0) >= self._snapshot_rad:
+    def are_far(self, a: WindowConfiguration, b: WindowConfiguration) -> bool:
+        """Return True if two snapshots are farther apart than allowed."""
+        _, one, other = self.peelable.together(a, b)
+        if np.abs(one - other).max(initial=0.0) >= self.snapshot_rad:
             return True
         if a.along is not None and b.along is not None and a.along @ b.along < MIN_SNAPSHOT_COSINE:
             return True
-        return self._moved(a, b) >= self._snapshot_distance
+        return _moved(a, b) >= self.snapshot_distance
 
-    def _moved(self, a: WindowConfiguration, b: WindowConfiguration) -> float:
-        """Return the largest distance of a module of both windows, pitches; 0 if unknown."""
-        if a.centres is None or b.centres is None:
-            return 0.0
-        low = max(a.first, b.first)
-        high = min(a.first + len(a.centres), b.first + len(b.centres))
-        gone = a.centres[low - a.first : high - a.first] - b.centres[low - b.first : high - b.first]
-        return float(np.sqrt((gone**2).sum(axis=1).max(initial=0.0)))
+    def clearance(
+        self, a: WindowConfiguration, b: WindowConfiguration, *, more: bool
+    ) -> float | None:
+        """Return the proved clearance; None if it is less between two snapshots than at them."""
+        least, each = self.proof.keeps((a, b), CLEARANCE_CAP_PITCH)
+        closer = more and least < each.min() - MIN_CLEARANCE_LOSS_PITCH
+        return None if closer else least
 
-    def _needs_more(self, a: WindowConfiguration, b: WindowConfiguration, *, more: bool) -> bool:
-        least, each = self._proof.keeps((a, b), CLEARANCE_CAP_PITCH)
-        if more and least < each.min() - MIN_CLEARANCE_LOSS_PITCH:
-            return True
-        self._least = min(self._least, least)
-        return False
+    def motion(self, snapshots: list[WindowConfiguration]) -> Motion:
+        """Return snapshots as a windowed motion."""
+        chain, hinges, count = self.peelable.chain, self.peelable.hinges, len(snapshots)
+        return Motion.from_windows(
+            time_s=np.array([s.time_s for s in snapshots]),
+            phase="explosion",
+            first=np.array([hinges * s.first for s in snapshots], dtype=np.int64),
+            offsets=np.concatenate([[0], np.cumsum([len(s.angles) for s in snapshots])]),
+            angles_rad=snapped(np.concatenate([s.angles for s in snapshots])).astype(np.float32),
+            base_position=np.tile(chain.folded_position, (count, 1)),
+            base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
+        )
+
+
+def _moved(a: WindowConfiguration, b: WindowConfiguration) -> float:
+    """Return the largest distance of a module of both windows, pitches; 0 if unknown."""
+    if a.centres is None or b.centres is None:
+        return 0.0
+    low = max(a.first, b.first)
+    high = min(a.first + len(a.centres), b.first + len(b.centres))
+    moved = a.centres[low - a.first : high - a.first] - b.centres[low - b.first : high - b.first]
+    return float(np.sqrt((moved**2).sum(axis=1).max(initial=0.0)))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Generic, TypeVar
+from functools import cached_property
+from typing import ClassVar, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,90 +20,187 @@ from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
 CLEAR_ENOUGH_PITCH: Final = 0.06
-"""Clearance between two snapshots, pitches, that needs no further snapshot. Larger values keep
-more. Chosen."""
+"""Clearance between two snapshots, pitches, that needs no further snapshot. Larger values
+record more. Chosen."""
 MIN_CLEARANCE_LOSS_PITCH: Final = 0.002
-"""Minimum loss of clearance between two snapshots, pitches, for which another one is kept between
-them. Smaller values keep more. Chosen."""
+"""Minimum loss of clearance between two snapshots, pitches, for which another one is recorded
+between them. Smaller values record more. Chosen."""
 
 S = TypeVar("S")
 
 
-class Recorder(ABC, Generic[S]):
-    """Recorder of every step: it keeps the snapshots that the record needs, and passes them on.
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Reason why snapshots are not recorded.
+
+    Attributes:
+        reason: Reason as a phrase.
+        is_torque: True if stronger motors would help.
+    """
+
+    reason: str
+    is_torque: bool = False
+
+
+TOO_CLOSE: Final = Refusal("modules would come too close")
+
+
+@dataclass(frozen=True, slots=True)
+class Mark(Generic[S]):
+    """Position in a record that it may return to: number of parts, and last snapshot."""
+
+    parts: int
+    last: S | None
+
+
+class SnapshotRule(Protocol[S]):
+    """Rule by which snapshots are chosen from steps, and form of their motion."""
+
+    commits_all: ClassVar[bool]
+    """True if the last step of each commit is a snapshot."""
+
+    def are_far(self, a: S, b: S) -> bool:
+        """Return True if two snapshots are farther apart than allowed."""
+        ...
+
+    def clearance(self, a: S, b: S, *, more: bool) -> float | None:
+        """Return the clearance of two snapshots and between them, pitches, as far as it counts.
+
+        Args:
+            a, b: Snapshots, one after the other.
+            more: True if there are steps between them.
+
+        Returns:
+            None if another snapshot is needed between them.
+        """
+        ...
+
+    def motion(self, snapshots: list[S]) -> Motion:
+        """Return snapshots as a motion."""
+        ...
+
+
+class Recorder(Generic[S]):
+    """Recorder of every step: it chooses the snapshots that the record needs, and passes them on.
 
     Two neighbouring snapshots are about as far apart as they may be (a single step may be
     more), and the way between them is not closer to a collision than they are, as far as the
     steps allow.
+
+    Args:
+        rule: Rule by which snapshots are chosen.
+        sink: Receives the snapshots.
+        guard: Returns why snapshots, one after the other, may not follow an earlier one; None if
+            they may.
     """
 
-    def __init__(self) -> None:
-        self._waiting: list[S] = []
+    def __init__(
+        self,
+        rule: SnapshotRule[S],
+        sink: Callable[[Motion], None] | None,
+        *,
+        guard: Callable[[S | None, list[S]], Refusal | None] | None = None,
+    ) -> None:
+        self._rule = rule
+        self._sink = sink
+        self._guard = guard
+        self._steps: list[S] = []
         self._last: S | None = None
+        self._parts: list[Motion] = []
+
+    def __len__(self) -> int:
+        """Return the number of snapshots so far."""
+        return sum(len(part) for part in self._parts)
 
     def add(self, step: S) -> None:
         """Add a step that may still be taken back."""
-        self._waiting.append(step)
+        self._steps.append(step)
 
     def take_back(self) -> None:
         """Drop the steps since the last ``commit``."""
-        self._waiting = []
+        self._steps = []
 
-    @abstractmethod
-    def commit(self, *, end: bool = False) -> object:
+    def commit(self, *, end: bool = False, least: float = -np.inf) -> Refusal | None:
         """Make the steps so far final and pass their snapshots on.
 
         Args:
             end: Make the last step a snapshot in any case.
+            least: Minimum clearance, pitches, of snapshots and of the motion between them.
+
+        Returns:
+            The reason why the steps were dropped instead, or None.
         """
+        steps, self._steps = self._steps, []
+        chosen, done, clearance = self._choose(steps)
+        if clearance < least:
+            return TOO_CLOSE
+        if self._guard is not None and (refusal := self._guard(self._last, chosen)) is not None:
+            return refusal
+        if chosen:
+            self._last = chosen[-1]
+        if end and steps[done:]:
+            chosen.append(steps[-1])
+        elif not end:
+            self._steps = steps[done:]
+        if chosen:
+            self.append_motion(self._rule.motion(chosen))
+        return None
 
-    def close(self, step: S, *, straight: bool) -> None:
-        """Make all steps final; the last one is a snapshot unless the record ends straight."""
-        del step
-        self.commit(end=not straight)
+    def append(self, snapshots: list[S]) -> None:
+        """Add snapshots that were made without a simulation, after a ``commit``."""
+        self._last = snapshots[-1]
+        self.append_motion(self._rule.motion(snapshots))
 
-    @abstractmethod
-    def _far(self, a: S, b: S) -> bool:
-        """Return True if two snapshots are farther apart than allowed."""
+    def append_motion(self, motion: Motion) -> None:
+        """Add the end of a motion, and pass it on."""
+        if len(motion):
+            self._parts.append(motion)
+            if self._sink is not None:
+                self._sink(motion)
 
-    @abstractmethod
-    def _needs_more(self, a: S, b: S, *, more: bool) -> bool:
-        """Return True if the motion between two snapshots needs another one, of ``more`` steps."""
+    def mark(self) -> Mark[S]:
+        """Return the present end of the record."""
+        return Mark(len(self._parts), self._last)
 
-    def _chosen(self, waiting: list[S], *, to_the_end: bool) -> tuple[list[S], int]:
-        """Return the snapshots among steps, and the number of steps that are done with.
+    def return_to(self, mark: Mark[S]) -> None:
+        """Drop all snapshots after a mark, but not from the sink."""
+        self._steps = []
+        del self._parts[mark.parts :]
+        self._last = mark.last
 
-        Args:
-            waiting: The steps.
-            to_the_end: True if the last one is a snapshot in any case.
-        """
+    def motion(self) -> Motion:
+        """Return all snapshots so far."""
+        return Motion.joined(self._parts)
+
+    def _choose(self, steps: list[S]) -> tuple[list[S], int, float]:
+        """Return the snapshots among steps, how many steps are done with, and the clearance."""
         chosen: list[S] = []
-        last = self._last
-        first = 0
-        for k, step in enumerate(waiting):
-            if last is None or (to_the_end and k == len(waiting) - 1):
+        last, done, clearance = self._last, 0, np.inf
+        for k, step in enumerate(steps):
+            if last is None or (self._rule.commits_all and k == len(steps) - 1):
                 pick = k
-            elif self._far(last, step):
-                pick = max(first, k - 1)
+            elif self._rule.are_far(last, step):
+                pick = max(done, k - 1)
             else:
                 continue
             if last is not None:
-                chosen.extend(self._between(last, waiting[pick], waiting[first:pick]))
-            last = waiting[pick]
+                between, least = self._between(last, steps[pick], steps[done:pick])
+                chosen.extend(between)
+                clearance = min(clearance, least)
+            last = steps[pick]
             chosen.append(last)
-            first = pick + 1
-        return chosen, first
+            done = pick + 1
+        return chosen, done, clearance
 
-    def _between(self, a: S, b: S, steps: list[S]) -> list[S]:
-        """Return the snapshots that are needed between two, from the steps between them."""
-        if not self._needs_more(a, b, more=bool(steps)):
-            return []
-        middle = len(steps) // 2
-        return [
-            *self._between(a, steps[middle], steps[:middle]),
-            steps[middle],
-            *self._between(steps[middle], b, steps[middle + 1 :]),
-        ]
+    def _between(self, a: S, b: S, steps: list[S]) -> tuple[list[S], float]:
+        """Return the snapshots that are needed between two, and the clearance with them."""
+        clearance = self._rule.clearance(a, b, more=bool(steps))
+        if clearance is not None:
+            return [], clearance
+        k = len(steps) // 2
+        before, one = self._between(a, steps[k], steps[:k])
+        after, other = self._between(steps[k], b, steps[k + 1 :])
+        return [*before, steps[k], *after], min(one, other)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -128,106 +225,69 @@ class Step:
         )
 
 
-class FrameRecorder(Recorder[Step]):
-    """Records frames of the whole chain.
+@dataclass(frozen=True, kw_only=True)
+class FrameRule:
+    """Rule for frames of the whole chain.
 
-    Args:
+    Attributes:
         chain: The chain.
         snapshot_rad: Maximum turn of a hinge from one snapshot to the next, rad.
         snapshot_distance: Maximum distance of a module from one snapshot to the next, pitches.
         size: Module size, as a fraction of the pitch, at which the motion between them is checked.
-        sink: Receives the frames.
         spacing: Returns the factor of the allowed distance of snapshots. Above 1 the whole motion
             between two is checked, and not its middle only.
     """
 
-    def __init__(
-        self,
-        chain: Chain,
-        *,
-        snapshot_rad: float,
-        snapshot_distance: float,
-        size: float,
-        sink: Callable[[Motion], None] | None,
-        spacing: Callable[[], float] = lambda: 1.0,
-    ) -> None:
-        super().__init__()
-        self._chain = chain
-        self._snapshot_rad = snapshot_rad
-        self._snapshot_distance = snapshot_distance
-        self._size = size
-        self._sink = sink
-        self._kept: list[Motion] = []
-        self._spacing = spacing
-        self._way = Between(chain, size)
+    chain: Chain
+    snapshot_rad: float
+    snapshot_distance: float
+    size: float
+    spacing: Callable[[], float] = lambda: 1.0
+    commits_all: ClassVar[bool] = False
 
-    def __len__(self) -> int:
-        """Return the number of snapshots so far."""
-        return sum(len(part) for part in self._kept)
-
-    def commit(self, *, end: bool = False) -> None:
-        """Make the steps so far final and pass their snapshots on.
-
-        Args:
-            end: Make the last step a snapshot in any case.
-        """
-        waiting = self._waiting
-        chosen, first = self._chosen(waiting, to_the_end=False)
-        if chosen:
-            self._last = chosen[-1]
-        if end and waiting[first:]:
-            chosen.append(waiting[-1])
-        self._waiting = [] if end else waiting[first:]
-        self._emit(chosen)
-
-    def append(self, frames: Motion) -> None:
-        """Add frames that were made without a simulation."""
-        if len(frames):
-            self._kept.append(frames)
-            if self._sink is not None:
-                self._sink(frames)
-
-    def motion(self) -> Motion:
-        """Return all snapshots so far."""
-        return Motion.joined(self._kept)
-
-    def _emit(self, steps: list[Step]) -> None:
-        if not steps:
-            return
-        self.append(
-            Motion.from_frames(
-                phase="explosion",
-                time_s=np.array([s.time_s for s in steps]),
-                joint_angles_rad=np.array([s.angles for s in steps]),
-                root_position=np.array([s.position for s in steps]),
-                root_wxyz=wxyz_from_matrix(np.array([s.rotation for s in steps])),
-            )
-        )
-
-    def _far(self, a: Step, b: Step) -> bool:
-        spacing = self._spacing()
-        if np.abs(a.angles - b.angles).max() >= spacing * self._snapshot_rad:
+    def are_far(self, a: Step, b: Step) -> bool:
+        """Return True if two snapshots are farther apart than allowed."""
+        spacing = self.spacing()
+        if np.abs(a.angles - b.angles).max() >= spacing * self.snapshot_rad:
             return True
         moved = ((a.centres - b.centres) ** 2).sum(axis=1).max()
-        return bool(moved >= (spacing * self._snapshot_distance) ** 2)
+        return bool(moved >= (spacing * self.snapshot_distance) ** 2)
 
-    def _needs_more(self, a: Step, b: Step, *, more: bool) -> bool:
+    def clearance(self, a: Step, b: Step, *, more: bool) -> float | None:
+        """Return None if the motion between two snapshots comes closer than they are."""
         if not more:
-            return False
-        if self._spacing() > 1.0:
-            between = self._way.clearance(a.angles, b.angles, CLEAR_ENOUGH_PITCH)
+            return np.inf
+        if self.spacing() > 1.0:
+            between = self._between.clearance(a.angles, b.angles, CLEAR_ENOUGH_PITCH)
         else:
-            between = self._clearance(0.5 * (a.angles + b.angles))
-        return between < CLEAR_ENOUGH_PITCH and between < (
-            min(self._clearance(a.angles), self._clearance(b.angles)) - MIN_CLEARANCE_LOSS_PITCH
+            between = self._at(0.5 * (a.angles + b.angles))
+        closer = between < CLEAR_ENOUGH_PITCH and between < (
+            min(self._at(a.angles), self._at(b.angles)) - MIN_CLEARANCE_LOSS_PITCH
+        )
+        return None if closer else np.inf
+
+    def motion(self, snapshots: list[Step]) -> Motion:
+        """Return snapshots as a dense motion."""
+        return Motion.from_frames(
+            phase="explosion",
+            time_s=np.array([s.time_s for s in snapshots]),
+            joint_angles_rad=np.array([s.angles for s in snapshots]),
+            root_position=np.array([s.position for s in snapshots]),
+            root_wxyz=wxyz_from_matrix(np.array([s.rotation for s in snapshots])),
         )
 
-    def _clearance(self, angles: Array) -> float:
-        poses = forward_kinematics(self._chain.module, angles, root=self._chain.root)
+    @cached_property
+    def _between(self) -> Between:
+        """Clearance between two configurations."""
+        return Between(self.chain, self.size)
+
+    def _at(self, angles: Array) -> float:
+        """Return the clearance of one configuration, pitches."""
+        poses = forward_kinematics(self.chain.module, angles, root=self.chain.root)
         return closest(
-            self._chain.module,
+            self.chain.module,
             poses.positions,
             poses.rotations,
-            size=self._size,
+            size=self.size,
             enough=CLEAR_ENOUGH_PITCH,
         ).clearance

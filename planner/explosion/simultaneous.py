@@ -31,12 +31,13 @@ from planner.explosion.explosion import (
     End,
     Explosion,
     Watch,
+    return_to_checkpoint,
     run,
 )
-from planner.explosion.recorder import FrameRecorder, Step
+from planner.explosion.recorder import FrameRule, Recorder, Step
 from planner.explosion.step_control import ContactDepth, StepControl
 from planner.explosion.straightening import straightening
-from planner.explosion.whole_chain import RadialForces, WholeChain, body_cap_scale
+from planner.explosion.whole_chain import RadialForces, WholeChain, body_cap_scale, radial_weights
 from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
 from planner.parameters.explosion import ExplosionParameters
@@ -87,8 +88,8 @@ def explode(
         The record, whether straight or not.
     """
     watch = Watch(progress, cancelled, "exploding")
-    policy = Simultaneous.from_parameters(chain, parameters, seed=seed, sink=sink, watch=watch)
-    return run(policy.explosion, policy, watch, strategy="simultaneous")
+    explosion = Simultaneous.from_parameters(chain, parameters, seed=seed, sink=sink, watch=watch)
+    return run(explosion, "simultaneous")
 
 
 @dataclass(slots=True)
@@ -128,23 +129,17 @@ class KinematicFinish:
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Simultaneous:
-    """Policy of a run in which all modules move at once; see ``from_parameters``.
+class Simultaneous(Explosion[WholeChain, Step]):
+    """Run in which all modules move at once; see ``from_parameters``.
 
     Attributes:
-        explosion, world, recorder: Parts of the run.
         finish: Attempts to straighten the chain by kinematics.
         jam: Detector of jams.
-        watch: Channel to the caller.
         release: Called after each step that has moved on: it may free more joints.
     """
 
-    explosion: Explosion[Step]
-    world: WholeChain
-    recorder: FrameRecorder
     finish: KinematicFinish
     jam: JamDetector
-    watch: Watch
     release: Callable[[Simultaneous], None] | None = None
 
     @classmethod
@@ -180,33 +175,29 @@ class Simultaneous:
             if block_starts is None
             else Blocks(chain, material, block_starts)
         )
-        forces = RadialForces(parameters, seed=seed, modules=len(chain), pulses=pulses)
+        weights = radial_weights(seed, len(chain))
+        forces = RadialForces(parameters, weights, pulses, parameters.tension)
         world = WholeChain(chain, parameters, material, engine, forces)
         # Snapshots of blocks are far apart from the start.
         spacing = body_cap_scale(chain) ** 2 if block_starts is None else 1.0
-        recorder = FrameRecorder(
-            chain,
+        rule = FrameRule(
+            chain=chain,
             snapshot_rad=parameters.snapshot_rad,
             snapshot_distance=parameters.snapshot_distance,
             size=parameters.verify_size,
-            sink=sink,
             spacing=lambda: 1.0 + (spacing - 1.0) * forces.looseness,
         )
         room = 2.0 * chain.module.inner_radius * (parameters.geom_size - parameters.verify_size)
         allowed = ContactDepth.within(room, MAX_EXPLOSION_DEPTH_PITCH)
         return cls(
-            explosion=Explosion(
-                world=world,
-                control=StepControl.adaptive(parameters, allowed),
-                checkpoint=Checkpoint(world.time_s, world.state),
-                pulses=pulses,
-                recorder=recorder,
-            ),
             world=world,
-            recorder=recorder,
+            control=StepControl.adaptive(parameters, allowed),
+            checkpoint=Checkpoint(world.time_s, world.state),
+            pulses=pulses,
+            recorder=Recorder(rule, sink),
+            watch=watch,
             finish=KinematicFinish(parameters, spacing),
             jam=JamDetector(chain.folded_rad, pulses),
-            watch=watch,
             release=release,
         )
 
@@ -218,25 +209,30 @@ class Simultaneous:
     @property
     def error_limit(self) -> Spent:
         """Limit that is used up when an error of the simulation ends the run."""
-        return Spent("retries", MAX_CHECKPOINT_RETRIES, self.explosion.checkpoint.retries)
+        return Spent("retries", MAX_CHECKPOINT_RETRIES, self.checkpoint.retries)
 
     def begin(self) -> None:
         """Record the folded configuration."""
         self.world.place()
-        self.recorder.add(self.world.snapshot())
+        self.record()
         self.recorder.commit()
 
-    def check_placed(self) -> None:
-        """Step in any case."""
+    def record(self) -> None:
+        """Record the present state; step in any case."""
+        self.recorder.add(self.world.snapshot())
+
+    def close(self, end: End) -> None:
+        """Make all steps final."""
+        self.recorder.commit(end=True)
 
     def may_restart(self, *, after_error: bool) -> bool:
         """Return True if the run has not restarted too often from its checkpoint."""
         del after_error
-        return not self.explosion.checkpoint.is_worn_out
+        return not self.checkpoint.is_worn_out
 
     def restart(self) -> None:
         """Restart from the checkpoint."""
-        self.explosion.restart()
+        return_to_checkpoint(self)
         self.world.limit_hinges()
 
     def commit(self) -> None:
@@ -245,18 +241,18 @@ class Simultaneous:
         The checkpoint is the last state whose contacts were checked, before its step.
         """
         self.recorder.commit()
-        self.explosion.checkpoint.confirm()
+        self.checkpoint.confirm()
 
     def check_step(self, *, moved: bool) -> End | None:
         """Commit; end a run whose chain can be straightened, is stuck, or is cancelled."""
-        control, world = self.explosion.control, self.world
+        control, world = self.control, self.world
         steps = control.steps
         if moved and self.release is not None:
             self.release(self)
         if steps % COMMIT_EVERY_STEPS == 0:
             if moved and control.is_shallow:
                 self.commit()
-            if (end := self.watch.check(self.explosion)) is not None:
+            if (end := self.watch.check(self)) is not None:
                 return end
         if steps % FIRST_FINISH_STEPS == 0 and moved and not control.contacts and self.straighten():
             return STRAIGHT
@@ -264,20 +260,20 @@ class Simultaneous:
             self._check_knot()
         if steps % JAM_CHECK_STEPS == 0 and world.all_joints_free:
             self.jam.check(world.state.angles, world.unfolded())
-            if self.explosion.pulses.are_used_up:
+            if self.pulses.are_used_up:
                 return self._stalled()
         return None
 
     def straighten(self) -> bool:
         """Straighten the chain by pure kinematics; return False if modules may touch."""
         world = self.world
-        rest = self.finish.frames(world, self.explosion.control.steps)
+        rest = self.finish.frames(world, self.control.steps)
         if rest is None:
             return False
         world.place()
-        self.recorder.add(world.snapshot())
+        self.record()
         self.recorder.commit(end=True)
-        self.recorder.append(rest)
+        self.recorder.append_motion(rest)
         return True
 
     def _check_knot(self) -> None:
@@ -291,7 +287,7 @@ class Simultaneous:
 
     def _stalled(self) -> End:
         """Return the end of a stuck run, with the joint that stays bent."""
-        module, pulses = self.world.chain.module, self.explosion.pulses
+        module, pulses = self.world.chain.module, self.pulses
         angles = np.abs(self.world.state.angles).reshape(-1, module.hinges_per_joint)
         worst = int(np.argmax(angles.max(axis=1))) + module.rigid_links
         return End(

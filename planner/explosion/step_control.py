@@ -40,42 +40,36 @@ class ContactDepth:
         return cls(most, BACK_OFF_DEPTH_SHARE * most)
 
 
+@dataclass(slots=True, kw_only=True)
 class StepControl:
     """Time step, drag and tension of the next step, and the depth of contacts that they answer.
 
-    Args:
+    Attributes:
         step_range_s: Minimum and maximum time step, s.
         drag_range: Minimum and maximum drag α, 1/s.
         max_step_in_contact_s: Maximum time step while modules touch, s.
         allowed: Limits of the depth of contacts.
         depth_after_restart: Depth, pitches, that counts as that of the step before a checkpoint:
             infinite where the checkpoint's own contacts may be deeper than allowed.
+        step_s: Time step, s.
+        drag: Drag α, 1/s.
+        tension: Factor of the tension, 0…1.
+        steps: Number of steps so far.
+        depth: Depth of the deepest contact in the last step, pitches.
+        contacts: Number of contacts in the last step that moved on.
     """
 
-    def __init__(
-        self,
-        step_range_s: tuple[float, float],
-        drag_range: tuple[float, float],
-        max_step_in_contact_s: float,
-        *,
-        allowed: ContactDepth,
-        depth_after_restart: float = 0.0,
-    ) -> None:
-        self.allowed = allowed
-        self.max_step_in_contact_s = max_step_in_contact_s
-        self._step_range_s = step_range_s
-        self._drag_range = drag_range
-        self._depth_after_restart = depth_after_restart
-        self.steps = 0
-        """Number of steps so far."""
-        self.step_s = 5.0 * step_range_s[0]
-        self.drag = 1.0
-        self.tension = 1.0
-        """Factor of the tension, 0…1."""
-        self.depth = 0.0
-        """Depth of the deepest contact in the last step, pitches."""
-        self.contacts = 0
-        """Number of contacts in the last step that moved on."""
+    step_range_s: tuple[float, float]
+    drag_range: tuple[float, float]
+    max_step_in_contact_s: float
+    allowed: ContactDepth
+    depth_after_restart: float = 0.0
+    step_s: float
+    drag: float = 1.0
+    tension: float = 1.0
+    steps: int = 0
+    depth: float = 0.0
+    contacts: int = 0
 
     @classmethod
     def adaptive(
@@ -87,20 +81,25 @@ class StepControl:
     ) -> StepControl:
         """Build the control of an explosion by its parameters."""
         return cls(
-            parameters.step_s,
-            parameters.drag,
-            parameters.step_in_contact_s,
+            step_range_s=parameters.step_s,
+            drag_range=parameters.drag,
+            max_step_in_contact_s=parameters.step_in_contact_s,
             allowed=allowed,
             depth_after_restart=depth_after_restart,
+            step_s=5.0 * parameters.step_s[0],
         )
 
     @classmethod
     def fixed(cls, step_s: float, drag: float) -> StepControl:
         """Build a control whose step and drag are constant, whatever the contacts."""
-        unlimited = ContactDepth(np.inf, np.inf)
-        control = cls((step_s, step_s), (drag, drag), step_s, allowed=unlimited)
-        control.step_s, control.drag = step_s, drag
-        return control
+        return cls(
+            step_range_s=(step_s, step_s),
+            drag_range=(drag, drag),
+            max_step_in_contact_s=step_s,
+            allowed=ContactDepth(np.inf, np.inf),
+            step_s=step_s,
+            drag=drag,
+        )
 
     @property
     def contact_time_constant_s(self) -> float:
@@ -134,19 +133,19 @@ class StepControl:
         """
         self.contacts = contacts
         excess = self.step_s * inverse_step_limit
-        low_s, high_s = self._step_range_s
+        low_s, high_s = self.step_range_s
         if excess > 1.0:
             state.scale_velocities(1.0 / excess)
-            self.drag = min(self._drag_range[1], 1.05 * self.drag)
+            self.drag = min(self.drag_range[1], 1.05 * self.drag)
             self.step_s = max(low_s, 0.97 * self.step_s)
         else:
-            self.drag = max(self._drag_range[0], 0.97 * self.drag)
+            self.drag = max(self.drag_range[0], 0.97 * self.drag)
             self.step_s = min(high_s, 1.03 * self.step_s)
         if contacts:
             self.step_s = min(self.step_s, self.max_step_in_contact_s)
 
     def restart(self) -> None:
         """Go on from a checkpoint with a smaller step and less tension."""
-        self.step_s = max(self._step_range_s[0], 0.5 * self.step_s)
+        self.step_s = max(self.step_range_s[0], 0.5 * self.step_s)
         self.tension = max(MIN_TENSION_SCALE, 0.5 * self.tension)
-        self.depth = self._depth_after_restart
+        self.depth = self.depth_after_restart

@@ -124,7 +124,7 @@ def on_lattice(chain: Chain) -> bool:
     return square and chain.module.fills_cell and chain.module.rigid_links == 1
 
 
-def let_go(
+def run_strategy(
     chain: Chain,
     strategy: str,
     parameters: Parameters,

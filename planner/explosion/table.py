@@ -1,11 +1,11 @@
-"""Explosion on a table: a chain comes off its core under gravity and lies down on the table.
+"""Explosion on a table: a chain leaves its core under gravity and lies down on the table.
 
 The folded core stands on the table. From the chain's far end on, joints are released by springs
 whose torque is limited; modules fall, slide and come to lie, and the chain's end is drawn gently
 towards free space. A guard tests every frame before it is recorded: one that needs more torque of a
 hinge than the bound is dropped, and the forces are drawn anew.
 
-It is a peeling (``planner.explosion.peeling_policy``) with other forces, surroundings and rules.
+It is a peeling (``planner.explosion.peeling_run``) with other forces, surroundings and rules.
 Once all lies flat, what remains is a planar unfolding.
 """
 
@@ -21,12 +21,13 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz
 from planner.explosion.checkpoint import Pulses
-from planner.explosion.explosion import End, Explosion, Watch, run
+from planner.explosion.explosion import End, Watch, run
 from planner.explosion.from_above import Above
 from planner.explosion.peeling import build_peeling
 from planner.explosion.peeling_core import CoreOnTable
-from planner.explosion.peeling_policy import Peeling
-from planner.explosion.peeling_recorder import Mark, Refusal
+from planner.explosion.peeling_run import Peeling
+from planner.explosion.recorder import Mark, Refusal
+from planner.explosion.step_control import StepControl
 from planner.explosion.table_forces import TableForces
 from planner.explosion.table_guard import Guard
 from planner.explosion.window import Peelable, ReleasePoint, Window, WindowConfiguration
@@ -83,7 +84,7 @@ def explode_on_table(
     forces = TableForces(parameters, len(chain), above, seed=seed)
     pulses = Pulses(parameters.most_pushes)
     watch = Watch(progress, cancelled, "lying down")
-    policy = build_peeling(
+    peeling = build_peeling(
         peelable,
         parameters,
         forces=forces,
@@ -91,12 +92,11 @@ def explode_on_table(
         rules=TableRules(parameters, forces, guard, pulses),
         pulses=pulses,
         min_progress_rad=MIN_TABLE_PROGRESS_RAD,
-        guard=guard.refusal,
+        guard=guard,
         sink=sink,
         watch=watch,
     )
-    record = run(policy.explosion, policy, watch, strategy="peel")
-    return replace(record, table=guard.record())
+    return replace(run(peeling, "peel"), table=guard.record())
 
 
 @dataclass(slots=True)
@@ -117,25 +117,25 @@ class TableRules:
     forces: TableForces
     guard: Guard
     pulses: Pulses
-    releases: list[tuple[ReleasePoint, Mark]] = field(default_factory=list)
+    releases: list[tuple[ReleasePoint, Mark[WindowConfiguration]]] = field(default_factory=list)
     returns: int = 0
     farthest: int | None = None
     max_finish_contacts: ClassVar = np.inf  # the table is no reason to wait
 
-    def is_ready(self, window: Window, explosion: Explosion[WindowConfiguration]) -> bool:
+    def is_ready(self, window: Window, control: StepControl) -> bool:
         """Return True if the next unit may be released."""
         p, errors = self.parameters, self.forces.heading_errors
         return bool(
-            explosion.control.is_shallow
+            control.is_shallow
             and window.modules < p.window
             and np.abs(np.diff(errors[p.skipped :])).sum() < p.unbent
             and abs(errors[-1]) < MAX_RELEASE_ERROR_RAD
             and not self._would_loop(window)
         )
 
-    def is_ready_in_jam(self, window: Window, explosion: Explosion[WindowConfiguration]) -> bool:
+    def is_ready_in_jam(self, window: Window, control: StepControl) -> bool:
         """Return True if the next unit may be released after some draws without progress."""
-        del explosion
+        del control
         return (
             self.pulses.count % FORCED_RELEASE_PERIOD == 1
             and abs(self.forces.heading_errors[-1]) < MAX_FORCED_RELEASE_ERROR_RAD
@@ -157,7 +157,7 @@ class TableRules:
         """Let the guard count recorded frames."""
         self.guard.count_checkpoint()
 
-    def released(self, point: ReleasePoint, mark: Mark, first: int) -> None:
+    def released(self, point: ReleasePoint, mark: Mark[WindowConfiguration], first: int) -> None:
         """Remember a release; progress makes all returns possible again."""
         self.releases.append((point, mark))
         if self.farthest is None or first < self.farthest:
@@ -180,7 +180,7 @@ class TableRules:
         """End the perturbation."""
         self.forces.calm()
 
-    def retreat(self, policy: Peeling) -> bool:
+    def retreat(self, peeling: Peeling) -> bool:
         """Return to an earlier release, farther each time; return False at the limit of returns."""
         if self.returns >= self.parameters.most_returns or not self.releases:
             return False
@@ -188,13 +188,13 @@ class TableRules:
         self.returns += 1
         point, mark = self.releases[-count]
         del self.releases[-count:]
-        control, window = policy.explosion.control, policy.window
+        control, window = peeling.control, peeling.world
         window.return_to(point)
-        policy.recorder.return_to(mark)
-        policy.save()
+        peeling.recorder.return_to(mark)
+        peeling.save()
         self.guard.taken_back += 1
         control.depth, self.pulses.count = 0.0, 0
-        policy.progress.begin_anew(window.remaining_rad, control.steps)
+        peeling.progress.begin_anew(window.remaining_rad, control.steps)
         self.forces.draw(control.steps, 1.0 + PERTURBATION_GROWTH * self.returns)
         return True
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -41,37 +42,32 @@ MAX_BODY_CAP_SCALE: Final = 2.5
 pairs. The distance of snapshots grows with its square once the chain has come apart. Chosen."""
 
 
+@dataclass(slots=True)
 class RadialForces:
     """Forces on a whole chain: eq. 1 with the gain that gives the wanted tension, and eq. 3.
 
-    Args:
+    Attributes:
         parameters: Gains.
-        seed: Seed of the slight unevenness of the radial gain.
-        modules: Number of modules of the chain.
+        weights: (n,) relative radial gains of the modules.
         pulses: Pulses of weak tension and strong repulsion.
+        tension: Largest force that may add up along the chain, as a multiple of the springs'
+            stiffness.
+        looseness: State of the chain at the last step: 0 while it is packed, 1 once it has come
+            apart.
+        is_knotted: True if the last test found a knot: then the chain creeps along itself.
+        creep_direction: Direction of the creep: 1 towards the last module, −1 the other way, 0
+            while it is to be chosen.
+        creep_distance: Distance that it has crept, pitches.
     """
 
-    def __init__(
-        self,
-        parameters: ExplosionParameters,
-        *,
-        seed: int,
-        modules: int,
-        pulses: Pulses,
-    ) -> None:
-        self.tension = parameters.tension
-        """Largest force that may add up along the chain, as a multiple of the springs'
-        stiffness."""
-        self.looseness = 0.0
-        """State of the chain at the last step: 0 while it is packed, 1 once it has come apart."""
-        self.is_knotted = False
-        """True if the last test found a knot: then the chain creeps along itself."""
-        self.creep_direction, self.creep_distance = 0, 0.0
-        """Direction of the creep: 1 towards the last module, −1 the other way, 0 while it is to be
-        chosen; and its distance so far, pitches."""
-        self._parameters = parameters
-        self._pulses = pulses
-        self._weights = radial_weights(seed, modules)
+    parameters: ExplosionParameters
+    weights: Array
+    pulses: Pulses
+    tension: float
+    looseness: float = 0.0
+    is_knotted: bool = False
+    creep_direction: int = 0
+    creep_distance: float = 0.0
 
     def reset_creep(self) -> None:
         """Choose the direction of the creep anew."""
@@ -79,13 +75,13 @@ class RadialForces:
 
     def forces(self, world: WholeChain, control: StepControl) -> Array:
         """Return (n, 3) forces on the modules of a placed chain, and go on with the pulse."""
-        p, pulses, positions = self._parameters, self._pulses, world.engine.positions
+        p, pulses, positions = self.parameters, self.pulses, world.engine.positions
         weak = pulses.is_weak
         pulses.advance()
         creeps = self._creeps(world)
         arms = positions - positions.mean(axis=0)
         diameter = 2.0 * float(np.sqrt((arms**2).sum(axis=1).max()))
-        radial = self._weights[:, None] * arms / diameter
+        radial = self.weights[:, None] * arms / diameter
         radial -= radial.mean(axis=0)
         summed = float(np.sqrt((np.cumsum(radial, axis=0) ** 2).sum(axis=1).max()))
         gain = self.tension * p.spring * control.tension / summed
@@ -101,7 +97,7 @@ class RadialForces:
 
     def _creeps(self, world: WholeChain) -> bool:
         """Return True if the chain creeps: while it is knotted, and in every other pulse."""
-        pulses = self._pulses
+        pulses = self.pulses
         pulse = pulses.remaining_steps > 0 and pulses.count % 2 == 0 and world.all_joints_free
         return self.is_knotted or pulse
 

@@ -255,6 +255,7 @@ class TimelineWriter:
             return
         motion = Motion.joined(self._waiting)
         self._waiting = []
+        first = not self._frames
         stop = self._frames + len(motion)
         values = motion.columns()
         if motion.is_windowed:
@@ -269,7 +270,8 @@ class TimelineWriter:
         self._frames = stop
         self._mark("growing")
         now = time.monotonic()
-        pause = min((now - begun) / FLUSH_TIME_SHARE, MAX_FLUSH_PERIOD_S)
+        # Nothing moves before the second one, and the first takes long: it creates the files.
+        pause = 0.0 if first else min((now - begun) / FLUSH_TIME_SHARE, MAX_FLUSH_PERIOD_S)
         self._next_flush = now + max(pause, MIN_FLUSH_PERIOD_S)
 
     def _write_angles(self, motion: Motion, begins: int) -> None:

@@ -54,7 +54,8 @@ _BY_NAME: Final = {
     found.name: found for _, _, found in _described_fields() if isinstance(found, Setting)
 }
 _FIELDS: Final[dict[str, dict[str, str]]] = {name: {} for name in _BY_NAME}
-"""For each setting the field that it sets in each part."""
+"""Name of the parameter that a setting sets, by the setting's name and by the class of ``PARTS``
+that has it."""
 for _part, _field, _found in _described_fields():
     _FIELDS[_found if isinstance(_found, str) else _found.name][_part] = _field
 

@@ -21,8 +21,8 @@ CONFLICTS_PER_EFFORT: Final = 80_000
 """Conflicts of the SAT solver that count as an effort of 1, about a second of processor time.
 Measured."""
 CONFLICTS_PER_ROUND: Final = 20
-"""Number of conflicts that a call of the SAT solver counts as in addition to its own, for the time
-between calls. Chosen."""
+"""Number of conflicts that each call of the SAT solver counts as in addition to its own, for the
+work around it. Chosen."""
 MAX_CONFLICTS_PER_CALL: Final = 2000
 """Number of conflicts after which a call of the SAT solver returns, so that time limits and Ctrl-C
 are checked. Larger values delay these. Chosen."""

@@ -23,7 +23,7 @@ from planner.pipeline.fold_layout import MANIFEST as FILE
 
 MANIFEST_FORMAT: Final = "foldback-manifest/1"
 FILE_CONTENT: Final = "content"
-"""Field under which the digest of a file without parts is listed."""
+"""Field of a manifest with the digest of a file that is not divided into parts."""
 DIGEST_ROWS: Final = 1024
 """Rows of an array that are read and hashed at once. Larger values take more memory; digests stay
 the same. Chosen."""

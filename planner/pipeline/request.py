@@ -39,7 +39,7 @@ SMOOTH_SPACING_RAD: Final = 0.06
 Frames of a smoothed motion are joined by straight lines; a smaller value would reproduce their
 corners, a larger one cuts them more. Chosen."""
 PATH_SEED_MODULUS: Final = 2**31
-"""Path searches take a request's seed modulo this, as OR-Tools' seeds have 31 bits."""
+"""Path searches take seeds below this; a request's seed is reduced modulo it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

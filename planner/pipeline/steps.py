@@ -16,7 +16,7 @@ from typing import Any, Final
 from planner.certificate.certificate import certify
 from planner.certificate.table import table_certificate
 from planner.chain.chain import Chain
-from planner.explosion.strategies import let_go, on_lattice, strategies_for, windowed
+from planner.explosion.strategies import on_lattice, run_strategy, strategies_for, windowed
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
@@ -103,7 +103,7 @@ def explode(chain: Chain, trial: Trial, parameters: Parameters, watch: Watch) ->
     writer = None
     if watch.timeline is not None:
         writer = TimelineWriter.create(watch.timeline, chain, windowed=windowed(trial.strategy))
-    record = let_go(
+    record = run_strategy(
         chain,
         trial.strategy,
         parameters,
@@ -281,7 +281,10 @@ def _explode(job: Job, search: Search, trial: Trial, watch: Watch, pool: Attempt
     number, chain = len(search.history), job.candidates.chain_of(trial)
     parameters = job.parameters()
     record, recorded = None, None
-    if trial.smooths is not None or job.request.smooth:
+    smooths = trial.smooths is not None or job.request.smooth
+    if watch.timeline is not None and (smooths or parameters.explosion is None):
+        TimelineWriter.create(watch.timeline, chain)  # an explosion begins its own
+    if smooths:
         if trial.smooths is not None:
             recorded = search.results[trial.smooths].plan(job.request)
         source = recorded or job.recorded

@@ -26,7 +26,7 @@ from planner.explosion.diagnosis import stopped
 from planner.exports import mjcf
 from planner.files import write_json, write_whole
 from planner.motion.record import Record
-from planner.motion.timeline import TimelineWriter, chain_attributes, chain_from_attributes
+from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.pipeline import fold_layout as layout
 from planner.pipeline.attempt import Attempt, Candidates
 from planner.pipeline.fold_layout import last_frame
@@ -310,7 +310,7 @@ class Workspace:
     # Moves.
 
     def begin(self, number: int, chain: Chain) -> Workspace:
-        """Make the folder of an attempt, with its chain and an empty timeline.
+        """Make the folder of an attempt, with its chain.
 
         Folders that an earlier run made from there on are removed.
         """
@@ -318,7 +318,6 @@ class Workspace:
         place = self.attempt_of(number)
         place.directory.mkdir(parents=True)
         place._write_chain(chain)
-        TimelineWriter.create(place.timeline, chain)
         return place
 
     def clear(self) -> None:

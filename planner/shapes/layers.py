@@ -24,11 +24,12 @@ LAYER_TRIALS: Final = 4
 """Number of random spanning trees that are tried for a path through the same layers. Larger values
 find more paths, more slowly. Chosen."""
 ROUND_STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))
-"""Step of the cycle around a square from each of its corners."""
+"""Step (x, y) of the cycle around a 2×2 square from each of its cells to the next."""
 OUT_STEPS: Final = ((0, -1), (1, 0), (0, 1), (-1, 0))
-"""Step of the cycle into the neighbouring square from each corner."""
+"""Step (x, y) from each cell of a 2×2 square into the neighbouring square, if a spanning tree joins
+the two."""
 SQUARE_CORNERS: Final = ((0, 0), (1, 0), (1, 1), (0, 1))
-"""Corners of a square, in the order of the cycle around it."""
+"""Cells of a 2×2 square as (x, y) offsets, in the order of the cycle around it."""
 
 
 def layered_path(coarse: Ints, axis: int, rng: np.random.Generator) -> Ints | None:

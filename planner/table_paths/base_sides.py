@@ -26,7 +26,8 @@ SIDE_ROTATIONS: Final = {
     "-y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
     "+y": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
 }
-"""Rotations that lay a side of a shape down; ``-z`` leaves it as it stands."""
+"""Rotation matrices (3, 3) that lay the named side of a shape on the table; ``-z`` leaves it as it
+stands."""
 PLANE_SYMMETRIES: Final = tuple(
     np.array(turn, dtype=np.int64)
     for sign in (1, -1)

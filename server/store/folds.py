@@ -54,7 +54,7 @@ Chosen."""
 TURN_COUNTER: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
 SLICE_END_S: Final = 1.0
 """Time in which a fold whose slice has ended makes room, in s: a look at the queue and the end of a
-step. Estimates of waiting times use it. Measured."""
+step. Estimates of waiting times use it. Chosen."""
 CANCELLATION_MEMORY_S: Final = 3600.0
 """Time for which a visitor who has cancelled a gallery fold loses the first place for the next one,
 in s. Chosen."""

@@ -108,12 +108,12 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
     page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
     dropped(page, json.dumps({"format": "foldback-path/1", "cells": STAIRS, "name": "asked for"}))
     expect(page.locator("#verdict")).to_have_text(
-        "First start: preparing the solvers. This happens only once: 42 %"
+        "First start: preparing the solvers, 42 % done. This happens only once"
     )
     keep(page, "fold-compiling")
     told.pop(0)
     expect(page.locator("#verdict")).to_have_text(
-        "First start: preparing the solvers. This happens only once: 61 % · about 25 s left "
+        "First start: preparing the solvers, 61 % done. This happens only once · about 25 s left "
         "· then behind 1 other fold"
     )
     expect(page.get_by_role("progressbar", name="Preparing the solvers")).to_have_attribute(
@@ -255,8 +255,11 @@ def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, wrench: str) -> No
     page = visit(f"/folds/{wrench}", view=False)
     seek(page, 30)
     page.wait_for_url("**/folds/*#frame=31")
+    page.evaluate("() => window.foldback.player.send({ do: 'select', module: 3 })")
+    page.wait_for_url("**/folds/*#frame=31&module=4")
     page.reload()
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
+    expect(page.locator("#panel-module h2")).to_contain_text("Module 4")
     other = visit(f"/folds/{wrench}#frame=12&module=4", view=False, reduced_motion="no-preference")
     expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
     expect(other.locator("#panel-module h2")).to_contain_text("Module 4")

@@ -166,6 +166,7 @@ def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrenc
     names = page.locator("#phases span")
     expect(names).to_have_text(["Unfolding", "Playback"])
     refold = page.url.rsplit("/", 1)[1].partition("#")[0]
+    service.wait_over(refold)  # its plan is written after the verdict
     plan = Plan.load(service.directory(refold) / "plan.npz")
     first = Plan.load(service.directory(wrench) / "plan.npz")
     assert np.allclose(plan.joint_angles_rad[0], first.chain.folded_rad, atol=1e-9)
@@ -190,6 +191,7 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     expect(page.locator("#smooth")).to_be_hidden()
     expect(page.locator("#phases span")).to_have_text(["Playback"])
     smoothed = page.url.rsplit("/", 1)[1].partition("#")[0]
+    service.wait_over(smoothed)
     plan = Plan.load(service.directory(smoothed) / "plan.npz")
     assert plan.smoothing is not None
     page.locator("#details").click()

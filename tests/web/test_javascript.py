@@ -163,7 +163,7 @@ def windows() -> list[Vectors]:
             high = min(low + 1, len(told) - 1)
             q, at, turn = (
                 v[low] + share * (v[high] - v[low])
-                for v in (angles, told.base_position, told.base_wxyz)
+                for v in (angles, told.anchor_position, told.anchor_wxyz)
             )
             poses = forward_kinematics(
                 chain.module, q, root_position=at, root_wxyz=turn / np.linalg.norm(turn)

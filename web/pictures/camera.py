@@ -26,6 +26,9 @@ MAX_FRAMED_POINTS: Final = 600
 sample is taken. A larger value frames more exactly and takes longer. Chosen."""
 DEFAULT_ASPECT: Final = 1.6
 """Width of a picture divided by its height, if it is not known. Chosen."""
+GROUND_GAP_PITCH: Final = 0.35
+"""Height of the lowest module above the ground in movies and pictures of floating chains, in
+pitches. Chosen."""
 MIN_STRAIGHT_MODULES: Final = 40
 """Minimum number of straight modules that stay in view beside the folded part of a long chain. A
 larger value shows the folded part smaller. Chosen."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from web.pictures.camera import View, distance_needed, framing
+from web.pictures.camera import GROUND_GAP_PITCH, View, distance_needed, framing
 
 Array = NDArray[np.float64]
 
@@ -35,9 +35,6 @@ margin. Chosen."""
 DISTANCE_RESERVE: Final = 1.12
 """Distance of the camera as a multiple of that at which the chain just fits into the picture. A
 larger value shows it smaller. Chosen."""
-GROUND_GAP_PITCH: Final = 0.35
-"""Height of the lowest module above the ground in movies and pictures of floating chains, in
-pitches. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

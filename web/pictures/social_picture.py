@@ -15,7 +15,7 @@ from PIL import Image
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
-from web.pictures.camera_path import GROUND_GAP_PITCH
+from web.pictures.camera import GROUND_GAP_PITCH
 from web.pictures.caption import Caption, write_caption
 from web.pictures.colours import NO_ERROR_RGB, error_colours, module_errors
 from web.pictures.ground_shadow import ground_shadow

@@ -153,7 +153,7 @@ def test_blocks_are_not_released_in_the_step_that_restarted() -> None:
         block_starts=block_starts(len(chain), 64, 2),
         release=Tethers(DEFAULT).release_when_apart,
     )
-    run.explosion.control.steps = 10 * TETHER_CHECK_STEPS
+    run.control.steps = 10 * TETHER_CHECK_STEPS
     run.check_step(moved=False)
     assert isinstance(run.world.engine, Blocks)
     run.world.place()

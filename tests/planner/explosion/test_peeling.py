@@ -13,10 +13,10 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.explosion.explosion import Watch
+from planner.explosion.explosion import Watch, return_to_checkpoint, step
 from planner.explosion.peeling import floating_peeling, peel
-from planner.explosion.peeling_policy import Peeling
 from planner.explosion.peeling_recorder import Proof
+from planner.explosion.peeling_run import Peeling
 from planner.explosion.step_control import ContactDepth
 from planner.explosion.window import Peelable, WindowConfiguration, turned_towards
 from planner.kernels.folded_core import CoreCells
@@ -188,26 +188,26 @@ def test_a_run_goes_on_from_contacts_that_were_too_deep_when_it_went_back() -> N
     """A ball of 10 000 went back to the same state for ever: each first step was too deep."""
     watch = Watch(silent, never, "peeling")
     run = floating_peeling(chain_of(snake_path((4, 4, 4))), DEFAULT, watch=watch)
-    control, window, checkpoint = run.explosion.control, run.window, run.explosion.checkpoint
+    control, window, checkpoint = run.control, run.world, run.checkpoint
     before = (window.time_s, window.state.copy())
     while control.depth < 1e-4:
         before = (window.time_s, window.state.copy())
-        step(run)
+        make_step(run)
         assert control.steps < 500
     control.allowed = ContactDepth(most=0.5 * control.depth, back_off=0.4 * control.depth)
     checkpoint.save(*before)
-    run.explosion.restart()
+    return_to_checkpoint(run)
     angles = window.state.angles.copy()
-    step(run)
+    make_step(run)
     assert checkpoint.retries == 1
     assert (window.state.angles != angles).any()
 
 
-def step(run: Peeling) -> None:
+def make_step(run: Peeling) -> None:
     """Makes one step."""
-    run.window.place()
-    run.recorder.add(run.window.snapshot())
-    run.explosion.step(run)
+    run.world.place()
+    run.record()
+    step(run)
 
 
 def test_too_few_steps_and_a_cancel_end_as_data() -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.explosion.recorder import FrameRecorder, Step
+from planner.explosion.recorder import FrameRule, Recorder, Step
 from planner.motion.motion import Motion
 from planner.simulation.reduced import State
 from tests.planner.chains import line
@@ -17,10 +17,9 @@ def step_of(chain: Chain, time_s: float, angle: float) -> Step:
     return Step.of(time_s, state, poses.positions)
 
 
-def recorder(chain: Chain, parts: list[Motion], *, distance: float = 100.0) -> FrameRecorder:
-    return FrameRecorder(
-        chain, snapshot_rad=0.1, snapshot_distance=distance, size=0.9, sink=parts.append
-    )
+def recorder(chain: Chain, parts: list[Motion], *, distance: float = 100.0) -> Recorder[Step]:
+    rule = FrameRule(chain=chain, snapshot_rad=0.1, snapshot_distance=distance, size=0.9)
+    return Recorder(rule, parts.append)
 
 
 def test_snapshots_are_as_sparse_as_allowed_and_no_sparser() -> None:

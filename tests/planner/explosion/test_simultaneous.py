@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import SimulationError
-from planner.explosion.explosion import Watch
+from planner.explosion.explosion import Watch, step
 from planner.explosion.simultaneous import Simultaneous, explode
 from planner.explosion.whole_chain import WholeChain
 from planner.motion.motion import Motion
@@ -33,11 +33,11 @@ def begun(chain: Chain) -> Simultaneous:
     return Simultaneous.from_parameters(chain, DEFAULT, watch=watch)
 
 
-def step(run: Simultaneous) -> None:
+def make_step(run: Simultaneous) -> None:
     """Makes one step."""
     run.world.place()
-    run.recorder.add(run.world.snapshot())
-    run.explosion.step(run)
+    run.record()
+    step(run)
 
 
 @pytest.mark.parametrize("shape", REAL)
@@ -137,7 +137,7 @@ def test_no_hinge_goes_beyond_its_stop(way: float) -> None:
     state = run.world.state
     state.angles[2] = way * (stop - 0.001)
     state.rates[2] = way
-    step(run)
+    make_step(run)
     assert state.angles[2] == way * stop
     assert state.rates[2] == 0.0
 
@@ -303,7 +303,7 @@ def test_a_knotted_chain_moves_along_itself_until_it_has_gone_its_length() -> No
     engine, forces = run.world.engine, run.world.forces
     forces.is_knotted = True
     for _ in range(30):
-        step(run)
+        make_step(run)
     way = forces.creep_direction
     along = np.gradient(engine.positions, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -312,7 +312,7 @@ def test_a_knotted_chain_moves_along_itself_until_it_has_gone_its_length() -> No
     assert np.median(speeds) > 0.0
     assert forces.creep_distance > 0.0
     forces.creep_distance = len(chain)
-    step(run)
+    make_step(run)
     assert forces.creep_direction == -way
 
 

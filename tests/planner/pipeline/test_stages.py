@@ -17,7 +17,7 @@ from planner.errors import InputError, SimulationError
 from planner.explosion.simultaneous import explode
 from planner.motion.motion import PHASES
 from planner.motion.record import Record
-from planner.motion.timeline import Timeline
+from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.fold_layout import result
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, next_stage, run_stage, run_stages
@@ -63,9 +63,16 @@ def timeless(value: Any) -> Any:
     return value
 
 
-def test_all_stages_make_a_verified_plan(tmp_path: FilePath) -> None:
+def test_all_stages_make_a_verified_plan(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
     directory = begun(tmp_path / "fold")
+    create, made = TimelineWriter.create, list[Any]()
+    monkeypatch.setattr(
+        TimelineWriter, "create", lambda *args, **how: made.append(args) or create(*args, **how)
+    )
     read, explode, play_back, certify, export = run(directory, *STAGES)
+    assert len(made) == 1  # nobody waits for a timeline that is replaced at once
     assert (read["name"], read["modules"], read["joints"], read["hinges"]) == ("coil", 12, 10, 20)
     assert explode["status"] == "straight"
     assert play_back["status"] == "folded"

@@ -182,10 +182,11 @@ def attempted(directory: FilePath, clearances: Sequence[float | None], *verdicts
     tried = [Attempt(trial=Trial(0, k, "peel"), status="straight") for k in range(len(clearances))]
     workspace.write_history(tried)
     for number, clearance in enumerate(clearances):
-        place = workspace.begin(number, Chain.from_path(COIL)).directory
+        chain = Chain.from_path(COIL)
+        place = workspace.begin(number, chain).directory
         for name in RESULTS:
             if name == TIMELINE:
-                TimelineWriter.reopen(place / name).close("failed")
+                TimelineWriter.create(place / name, chain).close("failed")
             elif name != CERTIFICATE:
                 (place / name).write_text(str(number))
         if clearance is not None:
@@ -242,7 +243,7 @@ def test_of_explosions_alone_those_that_were_judged_stay(tmp_path: FilePath) -> 
     Workspace(tmp_path).begin(1, Chain.from_path(COIL))
     assert numbers(tmp_path) == [0, 1]
     fresh = {path.name for path in (tmp_path / "attempts" / "1").iterdir()}
-    assert fresh == {"chain.json", TIMELINE}
+    assert fresh == {"chain.json"}
 
 
 def test_a_result_is_where_it_was_made_last(tmp_path: FilePath) -> None:

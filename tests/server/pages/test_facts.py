@@ -271,7 +271,7 @@ def test_how_long_the_published_method_takes_is_told(
 def test_what_went_wrong_is_a_sentence(tmp_path: Path) -> None:
     error = {"code": "not-adjacent", "detail": "got a gap.", "where": "cells 1 and 2"}
     assert fold_facts(found(tmp_path, 0, error=error))["problem"]["text"] == (
-        "Cells 1 and 2: Found a gap."
+        "Cells 2 and 3: Found a gap."
     )
 
 

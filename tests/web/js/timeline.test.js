@@ -154,3 +154,25 @@ test("timeline_of_a_running_fold_looks_often_at_first_for_its_frames", async ({ 
   assert.ok(timeline.row(0));
   timeline.stop(); // before the test's clock is gone
 });
+
+test("timeline_without_frames_fetches_its_bundle_before_the_first_frame_and_once", async ({ mock: { timers } }) => {
+  timers.enable({ apis: ["setTimeout"] });
+  const source = begunAnew([], "complete");
+  const { bundle, batch } = source;
+  let frames = false;
+  let bundles = 0;
+  source.bundle = () => { bundles++; return bundle(); };
+  source.batch = async (asked) => {
+    const found = await batch.call(source, asked);
+    if (!frames) found.header.total = 0;
+    return found;
+  };
+  const timeline = new Timeline(source, { over: false });
+  await pass(timers, 300);
+  const before = bundles;
+  frames = true;
+  await pass(timers, 100);
+  timeline.stop();
+  assert.ok(timeline.chain);
+  assert.deepEqual([before, bundles], [2, 2]); // with the first look, and once it was there without frames
+});

@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { preparingWords } from "../../../web/static/js/panels/preparing.js";
 import { degrees, duration, countFromOne, newtonMetres, number, radians, refusal, remaining, si, whole } from "../../../web/static/js/lib/text.js";
 import { motorWords } from "../../../web/static/js/panels/motor_words.js";
 import { vectors } from "./vectors.js";
@@ -64,4 +65,9 @@ test("what is needed is rounded up", () => {
 test("a motor is judged in a sentence with a capital", () => {
   assert.match(motorWords(motors(3, 0.5)), /^Yes, 3 N·m is enough\. joint_2_y needs the most: 500 mN·m/);
   assert.match(motorWords(motors(3, 501)), /^No, 3 N·m is too weak for 1 of 2 hinges\. joint_2_y needs the most: 501 N·m/);
+});
+
+test("preparing_words_before_a_share_is_known_do_not_speak_of_a_first_start", () => {
+  assert.equal(preparingWords({ fraction: 0, remaining_s: null }), "Starting the solvers…");
+  assert.match(preparingWords({ fraction: 0.42, remaining_s: 25 }), /^First start: .*, 42 % done\. .* · about 25 s left$/);
 });

@@ -5,11 +5,23 @@ const follow = () => classList.toggle("dark-mode", dataset.theme ? dataset.theme
 follow();
 addEventListener("themechange", follow);
 
+// Swagger UI puts links into buttons, and leaves out a level of headings.
+/** @param {{ React: any }} system */
+const accessible = ({ React: { createElement, Fragment } }) => ({
+  wrapComponents: {
+    DeepLink: () => (/** @type {{ text: unknown }} */ { text }) => createElement("span", null, text),
+    operations: (/** @type {unknown} */ Operations) => (/** @type {object} */ props) => createElement(
+      Fragment, null, createElement("h2", { className: "visually-hidden" }, "Operations"), createElement(Operations, props),
+    ),
+  },
+});
+
 window.SwaggerUIBundle({
   url: "/api/openapi.json",
   dom_id: "#api",
   deepLinking: true,
   defaultModelsExpandDepth: 0,
+  plugins: [accessible],
   // Nothing is sent to a validator elsewhere.
   validatorUrl: null,
 });

@@ -4,7 +4,8 @@ import { get, remaining } from "../lib/text.js";
 /** @param {Preparing} preparing */
 export function preparingWords({ fraction, remaining_s: left }) {
   const percent = Math.floor(100 * fraction);
-  const words = `First start: preparing the solvers. This happens only once: ${percent} %`;
+  if (!percent) return "Starting the solvers…"; // it is not known yet whether any are to be compiled
+  const words = `First start: preparing the solvers, ${percent} % done. This happens only once`;
   return left ? `${words} · ${remaining(left)}` : words;
 }
 

@@ -143,6 +143,8 @@ export class Timeline extends Emitter {
     this.source = source;
     this.over = over;
     this.unsure = !over;
+    /** @type {{ id: string, bundle: Promise<Bundle | null> } | null} */
+    this.early = null; // the bundle of a timeline that has no frames yet
     this.looks = 0;
     this.tries = 0;
     this.grown = false; // on this page
@@ -232,7 +234,11 @@ export class Timeline extends Emitter {
     // A fold that has just begun is asked for frames alone until there are some.
     const waited = this.tries ? await this.source.batch({ to: 1 }) : null;
     const none = this.tries && !waited?.header.total;
-    const [bundle, first] = none ? [null, null] : await Promise.all([this.source.bundle(), waited ?? this.source.batch({ to: 1 })]);
+    if (waited && none && this.early?.id !== waited.header.id) {
+      this.early = { id: waited.header.id, bundle: this.source.bundle().catch(() => null) };
+    }
+    const early = this.early?.id === waited?.header.id ? await this.early?.bundle : null;
+    const [bundle, first] = none ? [null, null] : await Promise.all([early ?? this.source.bundle(), waited ?? this.source.batch({ to: 1 })]);
     if (!bundle || !first || !first.header.total) {
       this.tell("waiting");
       await pause(this.tries++ < MAX_QUICK_TRIES ? QUICK_RETRY_MS : RETRY_MS);

@@ -1,4 +1,4 @@
-"""Policy of a peeling: when a unit is released, joints retire, and the run restarts or ends."""
+"""Run of a peeling: when a unit is released, joints retire, and the run restarts or ends."""
 
 from __future__ import annotations
 
@@ -13,8 +13,15 @@ from planner.explosion.checkpoint import (
     MAX_STALLED_PULSES,
     BendDecrease,
 )
-from planner.explosion.explosion import COMMIT_EVERY_STEPS, STRAIGHT, End, Explosion, Watch
-from planner.explosion.peeling_recorder import TOO_CLOSE, Proof, Refusal, WindowRecorder
+from planner.explosion.explosion import (
+    COMMIT_EVERY_STEPS,
+    STRAIGHT,
+    End,
+    Explosion,
+    return_to_checkpoint,
+)
+from planner.explosion.peeling_recorder import Proof
+from planner.explosion.recorder import TOO_CLOSE, Refusal
 from planner.explosion.straightening import KINEMATIC_FRAME_S
 from planner.explosion.window import Window, WindowConfiguration
 from planner.motion.record import Spent
@@ -41,50 +48,49 @@ SAME_HEADING_COSINE: Final = 0.9
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Peeling:
-    """Policy of a run in which one unit after the other is released.
+class Peeling(Explosion[Window, WindowConfiguration]):
+    """Run in which one unit after the other is released.
 
     Attributes:
-        explosion, window, recorder: Parts of the run.
         proof: Proof of the clearance of snapshots.
         progress: Detector of jams.
         rules: Rules of releases, and remedies for a jam.
-        watch: Channel to the caller.
         refusal: Refusal of the guard that has not been answered yet.
     """
 
-    explosion: Explosion[WindowConfiguration]
-    window: Window
-    recorder: WindowRecorder
     proof: Proof
     progress: BendDecrease
     rules: FloatingRules | TableRules
-    watch: Watch
     refusal: Refusal | None = None
 
     @property
     def parameters(self) -> PeelingParameters:
         """Parameters of the peeling."""
-        return self.window.setting.parameters
+        return self.world.setting.parameters
 
     @property
     def max_steps(self) -> int:
         """Maximum number of steps of the run, by the chain's length."""
-        return self.parameters.most_steps(len(self.window.setting.peelable))
+        return self.parameters.most_steps(len(self.world.setting.peelable))
 
     @property
     def error_limit(self) -> Spent:
         """Number of pushes without progress after which an error ends the run."""
-        return Spent("pushes", MAX_STALLED_PULSES["peel"], self.explosion.pulses.count)
+        return Spent("pushes", MAX_STALLED_PULSES["peel"], self.pulses.count)
 
     def begin(self) -> None:
         """Record the folded configuration."""
-        self.window.place()
-        self.recorder.add(self.window.snapshot())
+        self.world.place()
+        self.record()
         self.refusal = self.recorder.commit()
 
-    def check_placed(self) -> None:
-        """Step in any case."""
+    def record(self) -> None:
+        """Record the present state; step in any case."""
+        self.recorder.add(self.world.snapshot())
+
+    def close(self, end: End) -> None:
+        """Make all steps final."""
+        self.recorder.commit(end=True)
 
     def may_restart(self, *, after_error: bool) -> bool:
         """Return True unless an error comes after too many pushes in a row."""
@@ -93,24 +99,24 @@ class Peeling:
 
     def restart(self) -> None:
         """Restart from the checkpoint; change the forces if that has not helped before."""
-        self.explosion.restart()
-        checkpoint, steps = self.explosion.checkpoint, self.explosion.control.steps
+        return_to_checkpoint(self)
+        checkpoint, steps = self.checkpoint, self.control.steps
         refusal, self.refusal = self.refusal, None
         if refusal is not None:
-            self.rules.answer(refusal, self.window, steps)
+            self.rules.answer(refusal, self.world, steps)
         elif checkpoint.retries > MAX_CHECKPOINT_RETRIES:
             checkpoint.retries = 0
             self.rules.loosen(steps)
-            self.window.state.scale_velocities(0.0)
+            self.world.state.scale_velocities(0.0)
 
     def check_step(self, *, moved: bool) -> End | None:
         """Commit, retire, release; end a run that is straight, stuck or cancelled."""
-        control, window = self.explosion.control, self.window
+        control, window = self.control, self.world
         steps = control.steps
         if steps % COMMIT_EVERY_STEPS == 0:
             if moved and control.is_shallow:
                 self.commit()
-            if (end := self.watch.check(self.explosion)) is not None:
+            if (end := self.watch.check(self)) is not None:
                 return end
         if (end := self.rules.end(window)) is not None:
             return end
@@ -119,26 +125,26 @@ class Peeling:
         if (
             window.first
             and steps % RELEASE_CHECK_STEPS == 0
-            and self.rules.is_ready(window, self.explosion)
+            and self.rules.is_ready(window, self.control)
         ):
             self.release()
         if not window.first and steps % WINDOW_FINISH_STEPS == 0 and self.finish():
             return STRAIGHT
         if steps % PROGRESS_CHECK_STEPS == 0:
             self.check_progress()
-            if self.explosion.pulses.are_used_up and not self.rules.retreat(self):
+            if self.pulses.are_used_up and not self.rules.retreat(self):
                 return self.rules.end(window) or self._stalled()
         return None
 
     def commit(self) -> None:
         """Make the present state the checkpoint, if it keeps the clearance."""
-        if self.proof.is_clear([self.window.snapshot()]) and self.settle():
+        if self.proof.is_clear([self.world.snapshot()]) and self.settle():
             self.save()
             self.rules.committed()
 
     def save(self) -> None:
         """Make the present state the checkpoint."""
-        self.explosion.checkpoint.save(self.window.time_s, self.window.state)
+        self.checkpoint.save(self.world.time_s, self.world.state)
 
     def settle(self) -> bool:
         """Record the present state as a snapshot, as the window changes after it.
@@ -146,28 +152,28 @@ class Peeling:
         Returns:
             False if it is refused: then the run has restarted.
         """
-        self.window.place()
-        self.recorder.add(self.window.snapshot())
-        refusal = self.recorder.commit_clear(self.proof.least)
+        self.world.place()
+        self.record()
+        refusal = self.recorder.commit(least=self.proof.least)
         if refusal is not TOO_CLOSE:
             self.refusal = refusal
         if refusal is not None:
             self.restart()
             return False
-        self.window.time_s += 1e-6
+        self.world.time_s += 1e-6
         return True
 
     def release(self) -> None:
         """Release the next unit."""
-        point = self.window.release_point()
+        point = self.world.release_point()
         if self.settle():
-            self.window.release()
+            self.world.release()
             self.save()
-            self.rules.released(point, self.recorder.mark(), self.window.first)
+            self.rules.released(point, self.recorder.mark(), self.world.first)
 
     def retire(self) -> None:
         """Make the outer hinges that are nearly straight part of the rod."""
-        p, window = self.parameters, self.window
+        p, window = self.parameters, self.world
         window.place()
         bent = window.bends_rad
         if bent[-MIN_RETIRED_JOINTS:].max() >= p.retire_rad:
@@ -191,7 +197,7 @@ class Peeling:
 
     def _straightened(self, count: int) -> list[WindowConfiguration] | None:
         """Return snapshots that straighten the last ``count`` joints; None if modules touch."""
-        window, angles = self.window, self.window.state.angles
+        window, angles = self.world, self.world.state.angles
         remaining = angles[: len(angles) - window.setting.peelable.hinges * count]
         _, rotations = window.setting.peelable.poses(window.first, remaining)
         turned = float(rotations[-1][:, 0] @ window.rod_direction)
@@ -210,9 +216,9 @@ class Peeling:
 
     def finish(self) -> bool:
         """Straighten the window by pure kinematics; return False if modules may touch."""
-        p, angles = self.parameters, self.window.state.angles.copy()
+        p, angles = self.parameters, self.world.state.angles.copy()
         largest = float(np.abs(angles).max(initial=0.0))
-        contacts = self.explosion.control.contacts
+        contacts = self.control.contacts
         if largest > p.finish_rad or contacts > self.rules.max_finish_contacts:
             return False
         count = int(np.ceil(max(largest / p.snapshot_rad, 1.0)))
@@ -224,30 +230,30 @@ class Peeling:
 
     def _frame(self, k: int, angles: Array) -> WindowConfiguration:
         """Return the ``k``-th configuration of a kinematic motion from the present state."""
-        return self.window.bent_to(angles, self.window.time_s + k * KINEMATIC_FRAME_S)
+        return self.world.bent_to(angles, self.world.time_s + k * KINEMATIC_FRAME_S)
 
     def _may_follow(self, configurations: list[WindowConfiguration]) -> bool:
         """Return True if configurations may be recorded after the present state."""
-        motion = [self.window.snapshot(), *configurations]
+        motion = [self.world.snapshot(), *configurations]
         return self.proof.is_clear(motion) and self.rules.allows(motion)
 
     def check_progress(self) -> None:
         """Release a unit or change the forces if nothing moves."""
-        pulses, steps = self.explosion.pulses, self.explosion.control.steps
-        result = self.progress.check(self.window.remaining_rad, steps)
+        pulses, steps = self.pulses, self.control.steps
+        result = self.progress.check(self.world.remaining_rad, steps)
         if result == "progress" and pulses.count:
             pulses.count = 0
             self.rules.progressed()
         elif result == "jam":
             pulses.count += 1
-            if self.window.first and self.rules.is_ready_in_jam(self.window, self.explosion):
+            if self.world.first and self.rules.is_ready_in_jam(self.world, self.control):
                 self.release()
             else:
                 self.rules.loosen_jam(steps)
 
     def _stalled(self) -> End:
         """Return the end of a stuck run: the modules that are released, and the most bent joint."""
-        window, pulses = self.window, self.explosion.pulses
+        window, pulses = self.world, self.pulses
         bends = window.bends_rad
         worst = int(np.argmax(bends))
         released = (
