@@ -375,8 +375,8 @@ def _unusable_angles(playback: Playback, joints: int) -> str:
         expected, of = frames.angles_rad.shape, "angles in windows"
     else:
         expected, of = (len(frames), joints), f"frames of {joints} joint angles"
-    if reference is None:  # else the plan is the playback itself
-        return "the frames have no plan" if playback.simulated else ""
+    if reference is None:  # the plan of windows may be the playback itself
+        return "" if frames.is_windowed else "the frames have no plan"
     if reference.shape != expected:
         return f"the plan has the shape {reference.shape}, expected {expected[0]} {of}"
     if not np.isfinite(reference).all():

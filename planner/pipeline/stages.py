@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, Final
@@ -95,25 +96,33 @@ def next_stage(stage: str, result: dict[str, Any]) -> str | None:
 def run_stages(
     directory: FilePath,
     *,
+    first: str = STAGES[0],
     progress: Report = silent,
     cancelled: Cancelled = never,
     workers: int = 1,
+    around: Callable[[str], AbstractContextManager[Report]] | None = None,
 ) -> dict[str, Any]:
     """Run all stages, those again that a refused plan makes necessary; return the plan's figures.
 
     Args:
         directory: Same as for ``run_stage``.
+        first: Stage to begin with; the earlier ones must have run.
         progress, cancelled: Same as for ``run_stage``.
         workers: Explosions that are made at once at most. The plan is the same for any number.
+        around: Returns, for the name of a stage, the context in which it runs; the context gives
+            the function that receives its progress. None for ``progress`` alone.
 
     Raises:
         InputError: When the input cannot be used.
     """
-    stage: str | None = STAGES[0]
+    stage: str | None = first
     figures: dict[str, Any] = {}
     with AttemptPool(directory, workers) as pool:
         while stage is not None:
-            figures = run_stage(stage, directory, progress=progress, cancelled=cancelled, pool=pool)
+            with around(stage) if around is not None else nullcontext(progress) as report:
+                figures = run_stage(
+                    stage, directory, progress=report, cancelled=cancelled, pool=pool
+                )
             stage = next_stage(stage, figures)
     return figures
 

@@ -104,7 +104,7 @@ def coordinate(field: str, axis: str, line: int) -> float:
     """Parse one coordinate of a cell.
 
     Raises:
-        InputError: The field is no whole number up to ``LARGEST_COORDINATE``; names the line.
+        InputError: The field is no whole number up to ``MAX_COORDINATE``; names the line.
     """
     where = f"line {line}"
     word = field.strip()

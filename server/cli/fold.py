@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -18,11 +19,11 @@ from planner.chain.module import module_named
 from planner.cores import cores
 from planner.errors import InputError
 from planner.pathfinding.options import table_warning
-from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.request import Request
-from planner.pipeline.stages import STAGES, next_stage, run_stage
+from planner.pipeline.stages import STAGES, run_stage, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.progress import Progress as StageProgress
+from planner.progress import Report
 from server.cli.inputs import make_directory, read_input, refuse
 from server.cli.options import (
     AsJson,
@@ -146,34 +147,31 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
     """
     from planner.pipeline.compiling import Compiling
 
-    summary: dict[str, Any] = {}
-    with (
-        AttemptPool(out, workers or cores()) as pool,
-        Progress(
-            TextColumn("{task.description:<10}"),
-            BarColumn(),
-            TextColumn("{task.percentage:>3.0f}%"),
-            TimeElapsedColumn(),
-            TextColumn("{task.fields[note]}"),
-            console=Console(stderr=True),
-        ) as bars,
-    ):
-        stage: str | None = STAGES[1]
-        while stage is not None:
+    with Progress(
+        TextColumn("{task.description:<10}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f}%"),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=Console(stderr=True),
+    ) as bars:
+
+        @contextmanager
+        def bar_of(stage: str) -> Generator[Report]:
             bar = bars.add_task({**STAGE_VERBS, **words}[stage], total=1.0, note="")
 
-            def report(progress: StageProgress, bar: Any = bar) -> None:
+            def report(progress: StageProgress) -> None:
                 bars.update(bar, completed=progress.fraction)
                 if progress.steps:
                     bars.update(bar, note=_steps(progress))
 
-            def compiles(progress: StageProgress, bar: Any = bar) -> None:
+            def compiles(progress: StageProgress) -> None:
                 bars.update(bar, note=f"{progress.message}(once on each machine)")
 
             with Compiling(compiles):
-                summary = run_stage(stage, out, progress=report, pool=pool)
-            stage = next_stage(stage, summary)
-    return summary
+                yield report
+
+        return run_stages(out, first=STAGES[1], workers=workers or cores(), around=bar_of)
 
 
 def show_choice(choice: Choice | None) -> None:

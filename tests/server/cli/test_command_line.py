@@ -13,6 +13,7 @@ import pytest
 from numba import njit
 from typer.testing import CliRunner
 
+from planner.pipeline import stages
 from server.cli import fold
 from server.cli.command_line import COMMANDS, application
 from server.store.gallery import Gallery
@@ -72,8 +73,8 @@ def test_that_it_compiles_is_told_while_it_does(
         njit(lambda: 0)()
         return {}
 
-    monkeypatch.setattr(fold, "run_stage", compiling)
-    monkeypatch.setattr(fold, "next_stage", MagicMock(return_value=None))
+    monkeypatch.setattr(stages, "run_stage", compiling)
+    monkeypatch.setattr(stages, "next_stage", MagicMock(return_value=None))
     assert fold.compute(tmp_path, 1) == {}
     assert "compiling(once on each machine)" in capsys.readouterr().err
 
