@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from planner.chain.module import Module
 from planner.cores import cores
 from planner.kernels.dynamics import many_floating_torques
+from planner.kernels.module import Lumps
 
 Array = NDArray[np.float64]
 MIN_ANGLES_PER_THREAD: Final = 20_000
@@ -21,7 +22,11 @@ MIN_SPLINE_TIMES: Final = 4
 
 
 def floating_torques(
-    module: Module, angles_rad: Array, rates: Array, accelerations: Array
+    module: Module,
+    angles_rad: Array,
+    rates: Array,
+    accelerations: Array,
+    lumps: Lumps | None = None,
 ) -> Array:
     """Compute hinge torques of a chain that floats freely, without gravity, momentum or contacts.
 
@@ -30,6 +35,8 @@ def floating_torques(
         angles_rad: (F, J) hinge angles.
         rates: (F, J) hinge velocities in rad/s.
         accelerations: (F, J) hinge accelerations in rad/s².
+        lumps: Rigid bodies at both ends of a stretch of a chain, in which all links have hinges;
+            None for a whole chain.
 
     Returns:
         (F, J) torques in units of module mass · pitch² / s². They are linear in the accelerations
@@ -38,14 +45,17 @@ def floating_torques(
     torques = np.empty(angles_rad.shape)
     angles, velocities = np.ascontiguousarray(angles_rad), np.ascontiguousarray(rates)
     changes = np.ascontiguousarray(accelerations)
+    joint = module.joint if lumps is None else module.joint._replace(rigid_links=0)
+    ends = Lumps.none() if lumps is None else lumps
 
     def of(part: slice) -> None:
         many_floating_torques(
             angles[part],
             velocities[part],
             changes[part],
-            module.joint,
+            joint,
             module.inertia,
+            ends,
             torques[part],
         )
 

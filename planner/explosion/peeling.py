@@ -44,7 +44,7 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import PeelingParameters
 from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.anchored import ContactFinder
+from planner.simulation.contacts import ContactFinder
 from planner.simulation.model import Material
 
 if TYPE_CHECKING:

@@ -20,7 +20,8 @@ from planner.kernels.kinematics import chain_poses
 from planner.kernels.pairs import PairLimits
 from planner.kernels.window_forces import StepLimits, window_inverse_step_limit
 from planner.parameters.explosion import PeelingParameters
-from planner.simulation.anchored import Anchored, ContactFinder
+from planner.simulation.anchored import Anchored
+from planner.simulation.contacts import ContactFinder
 from planner.simulation.model import Material
 from planner.simulation.reduced import Acceleration, State
 

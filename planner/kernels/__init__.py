@@ -2,7 +2,8 @@
 
 A kernel is compiled for each combination of argument types that it is called with, which takes up
 to some seconds; a written 0 is a type of its own to the compiler, and so is a read-only array.
-Kernels therefore call each other with ``ZERO``, and callers pass writable, contiguous arrays.
+Kernels therefore call each other with ``ZERO`` and ``ONE``, and callers pass writable, contiguous
+arrays.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 
 ZERO: Final = cast(int, np.int64(0))
 """A 0 of the type that kernels hand to each other, so that no second version is compiled."""
+ONE: Final = cast(int, np.int64(1))
+"""A 1 of that type."""
 
 _OPTIONS: Final[dict[str, dict[str, Any]]] = {
     "KERNEL": {"cache": True, "no_cfunc_wrapper": True},

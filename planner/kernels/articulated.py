@@ -24,7 +24,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
+from planner.kernels import INNER, KERNEL, ONE, ZERO
 from planner.kernels.kinematics import (
     Vector,
     copy_matrix,
@@ -36,34 +36,13 @@ from planner.kernels.kinematics import (
     rotate,
     vector,
 )
-from planner.kernels.module import Joint, ModuleStates
+from planner.kernels.module import ChainModel, Joint, Lumps, ModuleStates
+from planner.kernels.velocities import write_lump
 
 Array = NDArray[np.float64]
 LOCKED_INERTIA = 1e15
 """Inertia of a module that is held: mass in module masses, moments in module mass · pitch². A
 larger one loses digits in the solution, with a smaller one the module gives. Chosen."""
-NO_TAIL: Array = np.zeros(4)
-"""Inertial parameters of a tail that is not there, see ``ChainModel``."""
-
-
-class ChainModel(NamedTuple):
-    """Inertial parameters of a chain of modules of mass 1.
-
-    Attributes:
-        joint: The module's joint.
-        inertia: (3,) principal moments of a module about its centre, in module mass · pitch².
-        tail: (4,) rigid tail along the last module's x axis, fixed to it: its mass, the distance of
-            its centre of mass from the module's centre, and its moments of inertia about that
-            centre of mass, along the axis and across it; ``NO_TAIL`` for none.
-        fixed_base: True if module 0 is held.
-        root: Index of the module whose acceleration is computed with those of the hinges.
-    """
-
-    joint: Joint
-    inertia: Array
-    tail: Array
-    fixed_base: bool
-    root: int
 
 
 class Loads(NamedTuple):
@@ -71,13 +50,13 @@ class Loads(NamedTuple):
 
     Attributes:
         torques: (J,) τ of the hinges, in module mass · pitch² / s².
-        armature: (J,) rotor inertias of the hinges, in module mass · pitch².
+        rotor_inertias: (J,) rotor inertias of the hinges, in module mass · pitch².
         forces: (n, 3) forces at the modules' centres, in the world frame.
         end_torque: (3,) torque on the last module, in the world frame.
     """
 
     torques: Array
-    armature: Array
+    rotor_inertias: Array
     forces: Array
     end_torque: Array
 
@@ -123,7 +102,7 @@ class Accelerations(NamedTuple):
     root: Array
 
 
-@njit(**KERNEL)
+@njit(**KERNEL, nogil=True)
 def unconstrained_accelerations(
     model: ChainModel,
     q: Array,
@@ -144,16 +123,16 @@ def unconstrained_accelerations(
         out: Written; ``qdd`` is NaN where the numbers are not finite.
     """
     joint = model.joint
-    positions, rotations, _, omega = modules
+    positions = modules.positions
     n, hinges = positions.shape[0], aba.S.shape[1]
     IA_i, IA_parent = np.empty((6, 6)), np.empty((6, 6))
     pA_i, pA_parent = np.empty(6), np.empty(6)
     c = np.zeros((n, 6))
     u = np.zeros((n, hinges))
-    _write_isolated_body(
-        rotations[n - 1], model.inertia, omega[n - 1], loads.forces[n - 1], IA_i, pA_i
-    )
-    _add_rigid_tail(rotations[n - 1], model.tail, omega[n - 1], loads.end_torque, IA_i, pA_i)
+    _write_isolated_body(n - 1, model, modules, loads.forces, IA_i, pA_i)
+    for r in range(3):
+        pA_i[r] -= loads.end_torque[r]
+    _add_lump(ONE, n - 1, model.lumps, modules, IA_i, pA_i)
     for i in range(n - 1, 0, -1):
         j = (i - 1 - joint.rigid_links) * hinges
         start, stop = max(j, 0), max(j + hinges, 0)  # no hinges in a rigid link
@@ -165,14 +144,13 @@ def unconstrained_accelerations(
             for h in range(hinges):
                 u[i, h] = loads.torques[j + h]
                 for g in range(hinges):
-                    aba.D[i, h, g] = loads.armature[j + h] if h == g else 0.0
+                    aba.D[i, h, g] = loads.rotor_inertias[j + h] if h == g else 0.0
             _release_joint(aba.S[i], aba.U[i], aba.D[i], u[i], IA_i, pA_i)
-        _write_isolated_body(
-            rotations[i - 1], model.inertia, omega[i - 1], loads.forces[i - 1], IA_parent, pA_parent
-        )
+        _write_isolated_body(i - 1, model, modules, loads.forces, IA_parent, pA_parent)
         _add_to_parent(IA_i, pA_i, link_vector(positions, i), IA_parent, pA_parent)
         IA_i, IA_parent = IA_parent, IA_i
         pA_i, pA_parent = pA_parent, pA_i
+    _add_lump(ZERO, ZERO, model.lumps, modules, IA_i, pA_i)
     if _write_root_acceleration(IA_i, pA_i, model.fixed_base, aba):
         _propagate_accelerations(model, positions, aba, c, u, out)
     else:
@@ -181,23 +159,24 @@ def unconstrained_accelerations(
 
 @njit(**INNER)
 def _write_isolated_body(
-    rotation: Array, inertia: Array, omega: Array, force: Array, IA: Array, pA: Array
+    i: int, model: ChainModel, modules: ModuleStates, forces: Array, IA: Array, pA: Array
 ) -> None:
-    """Write I = diag(R inertia Rᵀ, 1) and p = (ω × I ω, −f) of a module of mass 1 by itself.
+    """Write I = diag(R I_c Rᵀ, m) and p = (ω × R I_c Rᵀ ω, −f) of a module by itself.
 
     Args:
-        rotation: (3, 3) orientation R.
-        inertia: (3,) principal moments.
-        omega: (3,) ω in the world frame.
-        force: (3,) f at the centre, in the world frame.
+        i: Index of the module.
+        model: Inertial parameters of the chain.
+        modules: Poses and velocities of all modules.
+        forces: (n, 3) forces f at the centres, in the world frame.
         IA, pA: (6, 6) and (6,) written.
     """
+    rotation, omega, mass = modules.rotations[i], modules.angular_velocities[i], model.masses[i]
     IA[:] = 0.0
     for r in range(3):
         for c in range(3):
             for k in range(3):
-                IA[r, c] += rotation[r, k] * inertia[k] * rotation[c, k]
-        IA[3 + r, 3 + r] = 1.0
+                IA[r, c] += rotation[r, k] * (mass * model.inertia[k]) * rotation[c, k]
+        IA[3 + r, 3 + r] = mass
     momentum = (
         IA[0, 0] * omega[0] + IA[0, 1] * omega[1] + IA[0, 2] * omega[2],
         IA[1, 0] * omega[0] + IA[1, 1] * omega[1] + IA[1, 2] * omega[2],
@@ -206,37 +185,29 @@ def _write_isolated_body(
     gyroscopic = cross(vector(omega), momentum)
     for r in range(3):
         pA[r] = gyroscopic[r]
-        pA[3 + r] = -force[r]
+        pA[3 + r] = -forces[i, r]
 
 
 @njit(**INNER)
-def _add_rigid_tail(
-    rotation: Array, tail: Array, omega: Array, torque: Array, IA: Array, pA: Array
-) -> None:
-    """Add to I and p of the last module those of the tail fixed to it, and of a torque on it.
+def _add_lump(end: int, i: int, lumps: Lumps, modules: ModuleStates, IA: Array, pA: Array) -> None:
+    """Add to I and p of a module those of the lump fixed to it.
 
-    With its mass m, centre of mass at c and inertia I_c about that, the tail adds to I the matrix
+    With its mass m, centre of mass at c and inertia I_c about that, the lump adds to I the matrix
     ((I_c − m [c]× [c]×, m [c]×), (−m [c]×, m)) (Featherstone, 2008, chapter 2).
 
     Args:
-        rotation: (3, 3) orientation of the last module.
-        tail: (4,) see ``ChainModel``.
-        omega: (3,) ω in the world frame.
-        torque: (3,) torque on the last module, in the world frame.
+        end: 0 for the lump of the first module, 1 for that of the last one.
+        i: Index of that module.
+        lumps: The lumps.
+        modules: Poses and velocities of all modules.
         IA, pA: (6, 6) and (6,) changed.
     """
-    for r in range(3):
-        pA[r] -= torque[r]
-    mass = tail[0]
+    mass = lumps.masses[end]
     if mass == 0.0:
         return
-    arm = np.empty(3)
-    own = np.zeros((3, 3))
-    for r in range(3):
-        arm[r] = rotation[r, 0] * tail[1]
-        for c in range(3):
-            for k in range(3):
-                own[r, c] += rotation[r, k] * tail[2 if k == 0 else 3] * rotation[c, k]
+    omega = modules.angular_velocities[i]
+    arm, own = np.empty(3), np.empty((3, 3))
+    write_lump(end, i, lumps, modules, arm, own)
     square = arm[0] ** 2 + arm[1] ** 2 + arm[2] ** 2
     inward = _centripetal(vector(omega), vector(arm))
     gyroscopic = cross(vector(omega), vector(own @ omega))

@@ -23,13 +23,12 @@ from planner.kernels import INNER, KERNEL, ZERO
 from planner.kernels.articulated import (
     Accelerations,
     ArticulatedBodies,
-    ChainModel,
     link_vector,
     shift_acceleration,
     solve_joint,
 )
 from planner.kernels.kinematics import copy_vector, cross, vector
-from planner.kernels.module import ModuleStates
+from planner.kernels.module import ChainModel, ModuleStates
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -114,7 +113,7 @@ class FreeMotion(NamedTuple):
     accelerations: Array
 
 
-@njit(**KERNEL)
+@njit(**KERNEL, nogil=True)
 def add_contacts(
     contacts: PairContacts,
     contact_model: ContactModel,
@@ -153,7 +152,7 @@ def add_contacts(
     return True
 
 
-@njit(**KERNEL)
+@njit(**KERNEL, nogil=True)
 def add_many_contacts(
     contacts: PairContacts,
     contact_model: ContactModel,

@@ -24,7 +24,7 @@ from planner.kernels.kinematics import (
     rotate,
     vector,
 )
-from planner.kernels.module import Joint
+from planner.kernels.module import Joint, Lumps
 
 Array = NDArray[np.float64]
 Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
@@ -32,20 +32,25 @@ Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 class _Recursion(NamedTuple):
-    """Quantities of all n modules of one configuration, in the frame of module 0.
+    """Quantities of one configuration of n modules, in the frame of module 0.
+
+    The b = n + 2 bodies are the modules and the lumps of the first and of the last one.
 
     Attributes:
-        positions: (n, 3) centres.
+        masses: (b,) masses.
+        positions: (b, 3) centres of mass.
         pivots: (n, 3) centres of the joints to the next modules.
         axes: (n, K, 3) axes of those joints.
-        inertias: (n, 6) inertia about the centre, as ``Symmetric``.
-        velocities: (n, 3) v of the centres.
-        omega: (n, 3) angular velocities ω.
-        accelerations: (n, 3) a of the centres.
-        alpha: (n, 3) angular accelerations α.
-        arms: (n, 3) centres relative to the chain's centre of mass.
-        moments: (n, 3) torques about the centres.
+        inertias: (b, 6) inertia about the centre of mass, as ``Symmetric``.
+        velocities: (b, 3) v of the centres of mass.
+        omega: (b, 3) angular velocities ω.
+        accelerations: (b, 3) a of the centres of mass.
+        alpha: (b, 3) angular accelerations α.
+        arms: (b, 3) centres of mass relative to that of the chain.
+        moments: (b, 3) torques about the centres of mass.
     """
+
+    masses: Array
 
     positions: Array
     pivots: Array
@@ -104,7 +109,7 @@ def _solve_symmetric(m: Array, v: Vector) -> Vector:
 
 @njit(**INNER)
 def _propagate_velocities(
-    q: Array, qd: Array, joint: Joint, inertia: Array, out: _Recursion
+    q: Array, qd: Array, joint: Joint, inertia: Array, lumps: Lumps, out: _Recursion
 ) -> None:
     """Write poses, axes, inertias, v and ω outwards, module 0 upright and at rest at the origin.
 
@@ -112,9 +117,10 @@ def _propagate_velocities(
         q, qd: (J,) hinge angles and rates.
         joint: The module's joint.
         inertia: (3,) principal moments of a module of mass 1 about its centre.
+        lumps: Rigid bodies at both ends.
         out: Written up to ``omega``.
     """
-    n, hinges = out.positions.shape[0], joint.axes.shape[0]
+    n, hinges = out.pivots.shape[0], joint.axes.shape[0]
     fixed = matrix(joint.turn)
     rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     x, y, z = 0.0, 0.0, 0.0
@@ -127,7 +133,10 @@ def _propagate_velocities(
         own = _module_inertia(rotation, inertia)
         for k in range(6):
             out.inertias[i, k] = own[k]
+        if i == 0:
+            _write_lump(0, i, rotation, lumps, out)
         if i + 1 == n:
+            _write_lump(1, i, rotation, lumps, out)
             return
         arm = rotate(rotation, joint.anchor)
         turning = cross(omega, arm)
@@ -149,9 +158,39 @@ def _propagate_velocities(
 
 
 @njit(**INNER)
+def _write_lump(end: int, i: int, rotation: Matrix, lumps: Lumps, out: _Recursion) -> None:
+    """Write mass, position, inertia, v and ω of a lump.
+
+    Args:
+        end: 0 for the lump of the first module, 1 for that of the last one.
+        i: Index of that module.
+        rotation: Orientation of that module.
+        lumps: The lumps.
+        out: Written.
+    """
+    b = out.pivots.shape[0] + end
+    arm = rotate(rotation, lumps.centres[end])
+    turning = cross(vector(out.omega[i]), arm)
+    own = _module_inertia(product(rotation, matrix(lumps.axes[end])), lumps.moments[end])
+    out.masses[b] = lumps.masses[end]
+    for r in range(3):
+        out.positions[b, r] = out.positions[i, r] + arm[r]
+        out.velocities[b, r] = out.velocities[i, r] + turning[r]
+        out.omega[b, r] = out.omega[i, r]
+    for k in range(6):
+        out.inertias[b, k] = own[k]
+
+
+@njit(**INNER)
 def _add_scaled(a: Vector, b: Vector, factor: float) -> Vector:
     """Return a + factor b."""
     return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
+
+
+@njit(**INNER)
+def _scaled(factor: float, a: Vector) -> Vector:
+    """Return factor a."""
+    return factor * a[0], factor * a[1], factor * a[2]
 
 
 @njit(**INNER)
@@ -171,12 +210,20 @@ def _propagate_accelerations(qd: Array, qdd: Array, rigid_links: int, out: _Recu
         rigid_links: Number of links without hinges at the start of the chain.
         out: As ``_propagate_velocities`` writes it; ``accelerations`` and ``alpha`` are written.
     """
-    n, hinges = out.positions.shape[0], out.axes.shape[1]
+    n, hinges = out.pivots.shape[0], out.axes.shape[1]
     alpha = (0.0, 0.0, 0.0)
     a = (0.0, 0.0, 0.0)
     for i in range(n):
         out.accelerations[i, 0], out.accelerations[i, 1], out.accelerations[i, 2] = a
         out.alpha[i, 0], out.alpha[i, 1], out.alpha[i, 2] = alpha
+        for end in range(2):
+            if i == end * (n - 1):
+                b = n + end
+                arm = _difference(out.positions[b], out.positions[i])
+                shifted = _shift_acceleration(a, alpha, vector(out.omega[i]), arm)
+                out.accelerations[b, 0], out.accelerations[b, 1] = shifted[0], shifted[1]
+                out.accelerations[b, 2] = shifted[2]
+                out.alpha[b, 0], out.alpha[b, 1], out.alpha[b, 2] = alpha
         if i + 1 == n:
             return
         omega = vector(out.omega[i])
@@ -205,24 +252,26 @@ def _shift_acceleration(a: Vector, alpha: Vector, omega: Vector, arm: Vector) ->
 
 @njit(**INNER)
 def _cancel_momentum(
-    arms: Array, linear: Array, angular: Array, moments: Array, whole: Array
+    chain: _Recursion, linear: Array, angular: Array, moments: Array, whole: Array
 ) -> None:
-    """Add the motion of one rigid body to all modules, so that the chain has no momentum.
+    """Add the motion of one rigid body to all bodies, so that the chain has no momentum.
 
     Given accelerations and torques instead of velocities and angular momenta, so that its momentum
     does not change.
 
     Args:
-        arms: (n, 3) centres relative to the centre of mass.
-        linear, angular: (n, 3) velocities or accelerations; changed.
-        moments: (n, 3) angular momenta or torques about the modules' centres.
+        chain: Masses, and arms.
+        linear, angular: (b, 3) velocities or accelerations; changed.
+        moments: (b, 3) angular momenta or torques about the centres of mass.
         whole: (6,) inertia of the whole chain about its centre of mass, as ``Symmetric``.
     """
-    n = arms.shape[0]
+    arms, masses = chain.arms, chain.masses
+    n = masses.shape[0]
+    total = masses.sum()
     a, b, c = 0.0, 0.0, 0.0
     x, y, z = 0.0, 0.0, 0.0
     for i in range(n):
-        own = vector(linear[i])
+        own = _scaled(masses[i], vector(linear[i]))
         orbital = cross(vector(arms[i]), own)
         a, b, c = a + own[0], b + own[1], c + own[2]
         x, y, z = (
@@ -233,9 +282,9 @@ def _cancel_momentum(
     rigid = _solve_symmetric(whole, (-x, -y, -z))
     for i in range(n):
         orbital = cross(rigid, vector(arms[i]))
-        linear[i, 0] += orbital[0] - a / n
-        linear[i, 1] += orbital[1] - b / n
-        linear[i, 2] += orbital[2] - c / n
+        linear[i, 0] += orbital[0] - a / total
+        linear[i, 1] += orbital[1] - b / total
+        linear[i, 2] += orbital[2] - c / total
         angular[i, 0] += rigid[0]
         angular[i, 1] += rigid[1]
         angular[i, 2] += rigid[2]
@@ -243,7 +292,7 @@ def _cancel_momentum(
 
 @njit(**INNER)
 def _euler_torques(inertias: Array, omega: Array, alpha: Array, out: Array) -> None:
-    """Write (n, 3) torques of rotation about the modules' centres: I α + ω × I ω."""
+    """Write (b, 3) torques of rotation about the centres of mass: I α + ω × I ω."""
     for i in range(out.shape[0]):
         spin = vector(omega[i])
         inertial = _apply_symmetric(inertias[i], vector(alpha[i]))
@@ -256,24 +305,27 @@ def _euler_torques(inertias: Array, omega: Array, alpha: Array, out: Array) -> N
 @njit(**INNER)
 def _write_composite_inertia(chain: _Recursion, whole: Array) -> None:
     """Write the arms, and the (6,) inertia of the whole chain about its centre of mass."""
-    positions, inertias, arms = chain.positions, chain.inertias, chain.arms
-    n = positions.shape[0]
+    masses, positions = chain.masses, chain.positions
+    inertias, arms = chain.inertias, chain.arms
+    n = masses.shape[0]
+    total = masses.sum()
     for r in range(3):
         centre = 0.0
         for i in range(n):
-            centre += positions[i, r]
+            centre += masses[i] * positions[i, r]
         for i in range(n):
-            arms[i, r] = positions[i, r] - centre / n
+            arms[i, r] = positions[i, r] - centre / total
     for k in range(6):
         whole[k] = 0.0
     for i in range(n):
+        m = masses[i]
         x, y, z = arms[i, 0], arms[i, 1], arms[i, 2]
-        whole[0] += y * y + z * z + inertias[i, 0]
-        whole[1] += x * x + z * z + inertias[i, 1]
-        whole[2] += x * x + y * y + inertias[i, 2]
-        whole[3] += inertias[i, 3] - x * y
-        whole[4] += inertias[i, 4] - x * z
-        whole[5] += inertias[i, 5] - y * z
+        whole[0] += m * (y * y + z * z) + inertias[i, 0]
+        whole[1] += m * (x * x + z * z) + inertias[i, 1]
+        whole[2] += m * (x * x + y * y) + inertias[i, 2]
+        whole[3] += inertias[i, 3] - m * x * y
+        whole[4] += inertias[i, 4] - m * x * z
+        whole[5] += inertias[i, 5] - m * y * z
 
 
 @njit(**INNER)
@@ -282,8 +334,11 @@ def _write_hinge_torques(chain: _Recursion, rigid_links: int, out: Array) -> Non
 
     Force and moment about the origin are summed inwards from the last module.
     """
-    n, hinges = chain.positions.shape[0], chain.axes.shape[1]
-    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    n, hinges = chain.pivots.shape[0], chain.axes.shape[1]
+    lump = n + 1
+    force = _scaled(float(chain.masses[lump]), vector(chain.accelerations[lump]))
+    orbital = cross(vector(chain.positions[lump]), force)
+    moment = _add_scaled(orbital, vector(chain.moments[lump]), 1.0)
     for i in range(n - 1, rigid_links, -1):
         own = vector(chain.accelerations[i])
         orbital = cross(vector(chain.positions[i]), own)
@@ -306,7 +361,7 @@ def _write_hinge_torques(chain: _Recursion, rigid_links: int, out: Array) -> Non
 
 @njit(**KERNEL, nogil=True)
 def many_floating_torques(
-    q: Array, qd: Array, qdd: Array, joint: Joint, inertia: Array, out: Array
+    q: Array, qd: Array, qdd: Array, joint: Joint, inertia: Array, lumps: Lumps, out: Array
 ) -> None:
     """Write the (F, J) hinge torques of motions of a free chain that has no momentum.
 
@@ -314,33 +369,36 @@ def many_floating_torques(
         q, qd, qdd: (F, J) hinge angles, rates and accelerations.
         joint: The module's joint.
         inertia: (3,) principal moments of a module of mass 1 about its centre.
+        lumps: Rigid bodies at both ends.
         out: (F, J) written, in module mass · pitch² / s²; NaN where the motion is not finite.
     """
     rigid_links, hinges = joint.rigid_links, joint.axes.shape[0]
     frames, joints = q.shape
     n = joints // hinges + 1 + rigid_links
+    bodies = n + 2
     chain = _Recursion(
-        np.empty((n, 3)),
+        np.ones(bodies),
+        np.empty((bodies, 3)),
         np.empty((n, 3)),
         np.zeros((n, hinges, 3)),
-        np.empty((n, 6)),
-        np.empty((n, 3)),
-        np.empty((n, 3)),
-        np.empty((n, 3)),
-        np.empty((n, 3)),
-        np.empty((n, 3)),
-        np.empty((n, 3)),
+        np.empty((bodies, 6)),
+        np.empty((bodies, 3)),
+        np.empty((bodies, 3)),
+        np.empty((bodies, 3)),
+        np.empty((bodies, 3)),
+        np.empty((bodies, 3)),
+        np.empty((bodies, 3)),
     )
-    arms, inertias, moments, omega = chain.arms, chain.inertias, chain.moments, chain.omega
-    whole, at_rest = np.empty(6), np.zeros((n, 3))
+    inertias, moments, omega = chain.inertias, chain.moments, chain.omega
+    whole, at_rest = np.empty(6), np.zeros((bodies, 3))
     for f in range(frames):
-        _propagate_velocities(q[f], qd[f], joint, inertia, chain)
+        _propagate_velocities(q[f], qd[f], joint, inertia, lumps, chain)
         _write_composite_inertia(chain, whole)
         # I α + ω × I ω with ω = 0 and ω in place of α is the angular momentum.
         _euler_torques(inertias, at_rest, omega, moments)
-        _cancel_momentum(arms, chain.velocities, omega, moments, whole)
+        _cancel_momentum(chain, chain.velocities, omega, moments, whole)
         _propagate_accelerations(qd[f], qdd[f], rigid_links, chain)
         _euler_torques(inertias, omega, chain.alpha, moments)
-        _cancel_momentum(arms, chain.accelerations, chain.alpha, moments, whole)
+        _cancel_momentum(chain, chain.accelerations, chain.alpha, moments, whole)
         _euler_torques(inertias, omega, chain.alpha, moments)
         _write_hinge_torques(chain, rigid_links, out[f])

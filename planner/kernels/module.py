@@ -1,4 +1,4 @@
-"""A module as kernels take it, and the state of all modules of a chain.
+"""A module and a chain as kernels take them, and the state of all modules of a chain.
 
 Lengths are in pitches, masses in module masses, times in seconds and angles in radians.
 """
@@ -93,15 +93,42 @@ class ReducedState(NamedTuple):
     angular_velocity: Array
 
 
-class ReducedAcceleration(NamedTuple):
-    """Accelerations of the generalised coordinates of a free chain.
+class Lumps(NamedTuple):
+    """Rigid bodies fixed to the first and to the last module of a chain, of mass 0 for none.
 
     Attributes:
-        qdd: (J,) hinge accelerations q̈, in rad/s².
-        linear: (3,) acceleration of the root in the world frame.
-        angular: (3,) angular acceleration α of the root in its own frame.
+        masses: (2,) masses, in module masses.
+        centres: (2, 3) centres of mass, in the frames of the modules, in pitches.
+        axes: (2, 3, 3) principal axes of inertia as columns, in the frames of the modules.
+        moments: (2, 3) principal moments about the centres of mass, in module mass · pitch².
     """
 
-    qdd: Array
-    linear: Array
-    angular: Array
+    masses: Array
+    centres: Array
+    axes: Array
+    moments: Array
+
+    @classmethod
+    def none(cls) -> Lumps:
+        """Return lumps of mass 0."""
+        return cls(np.zeros(2), np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)))
+
+
+class ChainModel(NamedTuple):
+    """Inertial parameters of a chain of n modules.
+
+    Attributes:
+        joint: The module's joint.
+        masses: (n,) masses of the modules, in module masses.
+        inertia: (3,) principal moments of a module of mass 1 about its centre, in pitch².
+        lumps: Rigid bodies at both ends of the chain.
+        fixed_base: True if module 0 is held.
+        root: Index of the module whose motion is part of the reduced state.
+    """
+
+    joint: Joint
+    masses: Array
+    inertia: Array
+    lumps: Lumps
+    fixed_base: bool
+    root: int

@@ -14,8 +14,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL
+from planner.kernels.articulated import Accelerations
 from planner.kernels.kinematics import chain_poses, cross, multiply, vector
-from planner.kernels.module import Joint, ModuleStates, ReducedAcceleration, ReducedState
+from planner.kernels.module import ChainModel, ModuleStates, ReducedState
 from planner.kernels.velocities import chain_velocities, equivalent_rigid_velocity
 
 Array = NDArray[np.float64]
@@ -103,47 +104,65 @@ def servo_torques(
 @njit(**KERNEL, nogil=True)
 def advance(
     state: ReducedState,
-    acceleration: ReducedAcceleration,
+    accelerations: Accelerations,
     step_s: float,
-    joint: Joint,
-    root: int,
+    stop_rad: float,
+    model: ChainModel,
     modules: ModuleStates,
 ) -> bool:
-    """Integrate by semi-implicit Euler: q̇ ← q̇ + h q̈, q ← q + h q̇.
+    """Integrate by semi-implicit Euler: q̇ ← q̇ + h q̈, q ← q + h q̇; hinges halt at their stops.
 
     Args:
         state: Changed.
-        acceleration: Accelerations at the beginning of the step.
+        accelerations: Accelerations at the beginning of the step.
         step_s: Time step h.
-        joint, root: The module's joint, and the index of the root.
+        stop_rad: Angle of the stops, either way.
+        model: Inertial parameters of the chain.
         modules: Written: poses and velocities of all modules.
 
     Returns:
         True if all hinge angles are finite.
     """
     is_finite = True
-    omega = state.angular_velocity
+    omega, alpha = state.angular_velocity, accelerations.root
     for j in range(state.q.shape[0]):
-        state.qd[j] += step_s * acceleration.qdd[j]
+        state.qd[j] += step_s * accelerations.qdd[j]
         state.q[j] += step_s * state.qd[j]
         is_finite = is_finite and np.isfinite(state.q[j])
+        if abs(state.q[j]) > stop_rad:
+            state.q[j] = np.copysign(stop_rad, state.q[j])
+            state.qd[j] = 0.0
     for r in range(3):
-        state.velocity[r] += step_s * acceleration.linear[r]
-        omega[r] += step_s * acceleration.angular[r]
+        state.velocity[r] += step_s * accelerations.root[3 + r]
+        for c in range(3):
+            omega[r] += step_s * state.rotation[c, r] * alpha[c]
         state.position[r] += step_s * state.velocity[r]
     step = np.empty((3, 3))
     integrate_rotation(omega, step_s, step)
     before = state.rotation.copy()
     multiply(before, step, state.rotation)
+    write_modules(state, model, modules)
+    return is_finite
+
+
+@njit(**KERNEL, nogil=True)
+def write_modules(state: ReducedState, model: ChainModel, modules: ModuleStates) -> None:
+    """Write poses and velocities of all modules of a state.
+
+    Args:
+        state: State of the chain.
+        model: Inertial parameters of the chain.
+        modules: Written.
+    """
+    joint, root = model.joint, model.root
     world = np.zeros(3)
     for r in range(3):
         for c in range(3):
-            world[r] += state.rotation[r, c] * omega[c]
+            world[r] += state.rotation[r, c] * state.angular_velocity[c]
     chain_poses(
         state.q, joint, root, state.position, state.rotation, modules.positions, modules.rotations
     )
     chain_velocities(state.q, state.qd, joint, root, state.velocity, world, modules)
-    return is_finite
 
 
 @njit(**INNER)
@@ -168,25 +187,19 @@ def integrate_rotation(omega: Array, seconds: float, out: Array) -> None:
 
 @njit(**KERNEL, nogil=True)
 def remove_net_momentum(
-    masses: Array,
-    inertia: Array,
-    root: int,
-    centre: Array,
-    state: ReducedState,
-    modules: ModuleStates,
+    model: ChainModel, centre: Array, state: ReducedState, modules: ModuleStates
 ) -> None:
     """Remove momentum and angular momentum of a free chain, and restore its centre of mass.
 
     Args:
-        masses: (n,) of the modules.
-        inertia: (3,) principal moments of a module of mass 1 about its centre.
-        root: Index of the root.
+        model: Inertial parameters of the chain.
         centre: (3,) centre of mass to restore.
         state: State of the chain; the root's part is changed.
         modules: Poses and velocities of all modules; changed.
     """
     positions, _, velocities, omega = modules
-    drift, turning, present = equivalent_rigid_velocity(masses, inertia, root, modules)
+    root = model.root
+    drift, turning, present = equivalent_rigid_velocity(model, modules)
     arm = np.empty(3)
     for i in range(positions.shape[0]):
         for r in range(3):

@@ -13,11 +13,12 @@ from planner.kernels.kinematics import (
     copy_vector,
     cross,
     matrix,
+    multiply,
     product,
     rodrigues,
     vector,
 )
-from planner.kernels.module import Joint, ModuleStates
+from planner.kernels.module import ChainModel, Joint, Lumps, ModuleStates
 
 Array = NDArray[np.float64]
 
@@ -110,51 +111,95 @@ def chain_velocities(
 
 
 @njit(**INNER)
+def write_lump(
+    end: int, i: int, lumps: Lumps, modules: ModuleStates, arm: Array, inertia: Array
+) -> None:
+    """Write a lump's centre of mass relative to its module, and its inertia, in the world frame.
+
+    Args:
+        end: 0 for the lump of the first module, 1 for that of the last one.
+        i: Index of that module.
+        lumps: The lumps.
+        modules: Poses of all modules.
+        arm: (3,) written: vector from the module's centre to the centre of mass.
+        inertia: (3, 3) written: about the centre of mass.
+    """
+    axes = np.empty((3, 3))
+    multiply(modules.rotations[i], lumps.axes[end], axes)
+    for r in range(3):
+        arm[r] = 0.0
+        for k in range(3):
+            arm[r] += modules.rotations[i, r, k] * lumps.centres[end, k]
+        for c in range(3):
+            inertia[r, c] = 0.0
+            for k in range(3):
+                inertia[r, c] += axes[r, k] * lumps.moments[end, k] * axes[c, k]
+
+
+@njit(**INNER)
 def equivalent_rigid_velocity(
-    masses: Array, inertia: Array, root: int, modules: ModuleStates
+    model: ChainModel, modules: ModuleStates
 ) -> tuple[Array, Array, Array]:
     """Return the motion of a rigid body of the same shape, momentum and angular momentum.
 
     Args:
-        masses: (n,) of the modules.
-        inertia: (3,) principal moments of a module of mass 1 about its centre.
-        root: Index of a module.
+        model: Inertial parameters of the chain.
         modules: Poses and velocities of all modules.
 
     Returns:
         (3,) velocity of the root, (3,) ω, and (3,) centre of mass, in the world frame.
     """
     positions, rotations, velocities, omega = modules
-    total = masses.sum()
-    centre = np.zeros(3)
-    velocity = np.zeros(3)
-    for i in range(masses.shape[0]):
+    n, lumps = positions.shape[0], model.lumps
+    masses = np.empty(n + 2)
+    centres, motions = np.empty((n + 2, 3)), np.empty((n + 2, 3))
+    inertias = np.zeros((n + 2, 3, 3))
+    arm = np.empty(3)
+    for b in range(n + 2):  # the modules, then both lumps
+        i = b if b < n else (b - n) * (n - 1)
+        orbital = (0.0, 0.0, 0.0)
+        if b < n:
+            masses[b] = model.masses[i]
+            for r in range(3):
+                arm[r] = 0.0
+                for c in range(3):
+                    for k in range(3):
+                        inertias[b, r, c] += (
+                            rotations[i, r, k] * (masses[b] * model.inertia[k]) * rotations[i, c, k]
+                        )
+        else:
+            masses[b] = lumps.masses[b - n]
+            write_lump(b - n, i, lumps, modules, arm, inertias[b])
+            orbital = cross(vector(omega[i]), vector(arm))
         for r in range(3):
-            centre[r] += masses[i] / total * positions[i, r]
-            velocity[r] += masses[i] / total * velocities[i, r]
+            centres[b, r] = positions[i, r] + arm[r]
+            motions[b, r] = velocities[i, r] + orbital[r]
+    total = masses.sum()
+    centre, velocity = np.zeros(3), np.zeros(3)
+    for b in range(n + 2):
+        for r in range(3):
+            centre[r] += masses[b] / total * centres[b, r]
+            velocity[r] += masses[b] / total * motions[b, r]
     momentum = np.zeros(3)
     whole = np.zeros((3, 3))
-    arm = np.empty(3)
     relative = np.empty(3)
-    for i in range(masses.shape[0]):
+    for b in range(n + 2):
+        i = b if b < n else (b - n) * (n - 1)
         square = 0.0
         for r in range(3):
-            arm[r] = positions[i, r] - centre[r]
-            relative[r] = velocities[i, r] - velocity[r]
+            arm[r] = centres[b, r] - centre[r]
+            relative[r] = motions[b, r] - velocity[r]
             square += arm[r] * arm[r]
         orbital = cross(vector(arm), vector(relative))
         for r in range(3):
-            momentum[r] += masses[i] * orbital[r]
-            whole[r, r] += masses[i] * square
+            momentum[r] += masses[b] * orbital[r]
+            whole[r, r] += masses[b] * square
             for c in range(3):
-                own = 0.0
-                for k in range(3):
-                    own += rotations[i, r, k] * inertia[k] * rotations[i, c, k]
-                whole[r, c] += masses[i] * (own - arm[r] * arm[c])
-                momentum[r] += masses[i] * own * omega[i, c]
+                whole[r, c] += inertias[b, r, c] - masses[b] * arm[r] * arm[c]
+                momentum[r] += inertias[b, r, c] * omega[i, c]
     rigid: Array = np.linalg.solve(whole, momentum)  # pyright: ignore[reportAssignmentType]
     for r in range(3):
-        arm[r] = positions[root, r] - centre[r]
+        arm[r] = positions[model.root, r] - centre[r]
     turning = cross(vector(rigid), vector(arm))
     for r in range(3):
         velocity[r] += turning[r]

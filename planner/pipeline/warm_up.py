@@ -22,12 +22,7 @@ from planner.clearance.sweep import sweep
 from planner.cores import cores
 from planner.explosion.paper import explode_as_published
 from planner.explosion.simultaneous import explode
-from planner.kernels.articulated import (
-    NO_TAIL,
-    Accelerations,
-    ArticulatedBodies,
-    ChainModel,
-)
+from planner.kernels.articulated import Accelerations, ArticulatedBodies
 from planner.kernels.contact_forces import ContactModel, PairContacts, add_many_contacts
 from planner.kernels.module import ModuleStates
 from planner.kernels.trails import one_circuit
@@ -45,8 +40,10 @@ from planner.pipeline.workspace import Workspace
 from planner.plan.formats import write_path
 from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
+from planner.simulation.contacts import robot_contacts
+from planner.simulation.engine import build_chain_model
 from planner.simulation.model import SOLIMP
-from planner.simulation.robot import Robot, RobotBody
+from planner.simulation.robot import Robot
 
 BACKGROUND_NICENESS: Final = 10
 """Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the
@@ -104,8 +101,9 @@ def warm_up_motions(chain: Chain) -> None:
     explode(chain, ExplosionParameters(), cancelled=lambda: True)
     still = np.tile(chain.folded_rad, (2, 1))
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
-    body = RobotBody(chain, geom_size=0.95, step_s=0.01)
-    robot = Robot(body, RobotParameters(), peak_torque=1.0, seed=[0])
+    contacts = robot_contacts(chain, geom_size=0.95, step_s=0.01)
+    contacts.prepare(len(chain))
+    robot = Robot(chain, contacts, RobotParameters(), peak_torque=1.0, seed=[0], step_s=0.01)
     robot.place(chain.folded_rad, chain.folded_position, chain.folded_wxyz)
     robot.begin_step()
     robot.follow(chain.folded_rad, 0.0 * chain.folded_rad, 0.0 * chain.folded_rad)
@@ -124,7 +122,7 @@ def _many_contacts(chain: Chain) -> None:
     add_many_contacts(
         PairContacts(np.array([[0, 2]]), normal, np.zeros((1, 3)), np.full(1, 0.01)),
         ContactModel(0.02, 1.0, np.array(SOLIMP)),
-        ChainModel(module.joint, module.inertia, NO_TAIL, False, 0),
+        build_chain_model(chain, root=0),
         ModuleStates(still, np.zeros((n, 3, 3)), still, still),
         aba,
         Accelerations(np.zeros(len(chain.folded_rad)), np.zeros(6)),

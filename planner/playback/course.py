@@ -41,8 +41,9 @@ from planner.playback.time_law import (
     torque_bounded_law,
 )
 from planner.playback.unfolding import Unfolding
+from planner.simulation.contacts import ContactFinder, robot_contacts
 from planner.simulation.model import Material
-from planner.simulation.robot import Robot, RobotBody
+from planner.simulation.robot import Robot
 from planner.simulation.tree import RateMotors, Servos, Tree
 
 Array = NDArray[np.float64]
@@ -103,9 +104,10 @@ class Course:
         folds_robots = parameters.controller == "robot"
         self.robots = parameters.robot.runs if folds_robots else 1
         self.lost_rad = TRACKING_LOST_RAD if folds_robots else np.inf
-        self._body: RobotBody | None = None
+        self._contacts: ContactFinder | None = None
         if folds_robots:
-            self._body = RobotBody(chain, geom_size=module_size, step_s=self.step_s)
+            self._contacts = robot_contacts(chain, geom_size=module_size, step_s=self.step_s)
+            self._contacts.prepare(len(chain))
         zero = np.zeros_like(chain.folded_rad)
         if unfolding is not None:
             self.begins = (unfolding.chain.folded_rad, *root_folded(unfolding.chain))
@@ -123,8 +125,15 @@ class Course:
     def plant(self, seed: list[int]) -> tuple[Plant, Callable[[Target], None]]:
         """Return a chain to simulate, and a function that drives it towards a target."""
         p, step_s = self.parameters, self.step_s
-        if self._body is not None:
-            robot = Robot(self._body, p.robot, peak_torque=self.peak_torque, seed=seed)
+        if self._contacts is not None:
+            robot = Robot(
+                self.chain,
+                self._contacts,
+                p.robot,
+                peak_torque=self.peak_torque,
+                seed=seed,
+                step_s=step_s,
+            )
             return robot, lambda target: drive_robot(robot, target, step_s)
         motors = _motors(p)
         material = Material(geom_size=self.module_size, friction=p.friction)

@@ -10,6 +10,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
 from planner.motion.angle_steps import snapped
@@ -46,7 +47,83 @@ class _Kept:
     centres: Array
 
 
-class Run:
+class PlaybackRun:
+    """Simulated playback in progress: figures that dense and windowed runs share.
+
+    Attributes:
+        steps: Number of steps so far.
+        largest_error: Largest joint error so far, rad.
+        peak_torque: Largest hinge torque so far, module mass · pitch² / s².
+        square_torque: Sum over the steps of the square of the largest hinge torque.
+        status, reason: Result; ``cancelled`` until the run has ended.
+
+    Args:
+        chain: The chain.
+        step_s: Time step, s.
+    """
+
+    def __init__(self, chain: Chain, step_s: float) -> None:
+        self.chain = chain
+        self.step_s = step_s
+        self.steps = 0
+        self.largest_error = 0.0
+        self.peak_torque = 0.0
+        self.square_torque = 0.0
+        self.status: PlaybackStatus = "cancelled"
+        self.reason = ""
+        self._reported = time.perf_counter(), 0
+
+    def count_step(self, torques: Array) -> None:
+        """Count a step with (H,) hinge torques."""
+        torque = float(np.abs(torques).max())
+        self.peak_torque = max(self.peak_torque, torque)
+        self.square_torque += torque * torque
+        self.steps += 1
+
+    def check(self, progress: Report, cancelled: Cancelled, fraction: float, message: str) -> bool:
+        """Return False if the run is cancelled; report its progress. Most steps do neither."""
+        if self.steps % CANCEL_CHECK_STEPS:
+            return True
+        if cancelled():
+            return False
+        now, (reported, steps) = time.perf_counter(), self._reported
+        if now - reported >= PROGRESS_PERIOD_S:
+            progress(
+                Progress(
+                    stage="play_back",
+                    fraction=min(fraction, 0.99),
+                    steps=self.steps,
+                    steps_per_second=(self.steps - steps) / (now - reported),
+                    simulated_s=self.steps * self.step_s,
+                    message=message,
+                )
+            )
+            self._reported = now, self.steps
+        return True
+
+    def lost(self, first: int, errors: Array, fraction: float) -> str:
+        """Describe the hinge that a robot has lost.
+
+        Args:
+            first: Number of the first simulated hinge.
+            errors: (H,) joint errors, rad.
+            fraction: Progress of the playback, 0 to 1.
+        """
+        worst = int(errors.argmax())
+        return (
+            f"a robot lost its target: {self.chain.joint_names[first + worst]} is off by "
+            f"{errors[worst]:.2g} rad, more than its motor can correct, {100.0 * fraction:.0f} % "
+            "into the fold."
+        )
+
+    def distance_to_goal(self, angles: Array) -> float:
+        """Return the RMS distance of the modules from the folded shape, pitches, aligned."""
+        poses = self.chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        distances = aligned_distances(poses.positions, self.chain.folded_poses.positions)
+        return float(np.sqrt((distances**2).mean()))
+
+
+class Run(PlaybackRun):
     """Simulation of one robot, or of the ideal chain, that folds.
 
     Args:
@@ -55,14 +132,9 @@ class Run:
     """
 
     def __init__(self, course: Course, seed: list[int]) -> None:
+        super().__init__(course.chain, course.step_s)
         self.course = course
-        self.chain = course.chain
         self.finer = course.finer
-        self.step_s = course.step_s
-        self.steps = 0
-        self.largest_error = 0.0
-        self.peak_torque = 0.0
-        self.square_torque = 0.0
         self.kept: list[Motion] = []
         self.references: list[Array] = []
         self.plant, self.drive = course.plant(seed)
@@ -73,8 +145,6 @@ class Run:
         )
         """True if momentum that integration adds is removed: large steps add some."""
         self._last: _Kept | None = None
-        self.status: PlaybackStatus = "cancelled"
-        self.reason = ""
 
     @property
     def frames(self) -> Motion:
@@ -106,7 +176,6 @@ class Run:
         plant = self.plant
         parts: list[tuple[Phase, Setpoints]] = [(p, make()) for p, make in self.course.parts]
         most_steps = self.course.parameters.max_steps
-        reported, reported_steps = time.perf_counter(), 0
         target = None
         part, begun = 0, 0
         try:
@@ -125,38 +194,22 @@ class Run:
                     self._keep(phase, angles, target, sink)
                     return "folded", ""
                 target = following
-                error = float(np.abs(target.angles - angles).max())
-                self.largest_error = max(self.largest_error, error)
-                if error > self.course.lost_rad:
+                errors = np.abs(target.angles - angles)
+                self.largest_error = max(self.largest_error, float(errors.max()))
+                if self.largest_error > self.course.lost_rad:
                     self._keep(phase, angles, target, sink)
-                    return "missed", self._lost(angles, target)
+                    return "missed", self.lost(0, errors, target.fraction)
                 if self._is_due(angles, target):
                     self._keep(phase, angles, target, sink)
                 self.drive(target)
                 plant.end_step()
                 if self.at_rest:
                     plant.stop_drifting()
-                torque = float(np.abs(plant.motor_torques).max())
-                self.peak_torque = max(self.peak_torque, torque)
-                self.square_torque += torque * torque
-                self.steps += 1
-                if self.steps % CANCEL_CHECK_STEPS == 0:
-                    if cancelled():
-                        return "cancelled", "the playback was cancelled."
-                    now = time.perf_counter()
-                    if now - reported >= PROGRESS_PERIOD_S:
-                        rate = (self.steps - reported_steps) / (now - reported)
-                        progress(
-                            Progress(
-                                stage="play_back",
-                                fraction=min((part + target.fraction) / len(parts), 0.99),
-                                steps=self.steps,
-                                steps_per_second=rate,
-                                simulated_s=self.steps * self.step_s,
-                                message="folding" if phase == "playback" else phase,
-                            )
-                        )
-                        reported, reported_steps = now, self.steps
+                self.count_step(plant.motor_torques)
+                fraction = (part + target.fraction) / len(parts)
+                message = "folding" if phase == "playback" else phase
+                if not self.check(progress, cancelled, fraction, message):
+                    return "cancelled", "the playback was cancelled."
         except SimulationError as broken:
             return "diverged", f"the simulation failed: {broken}"
         return "timeout", (
@@ -182,15 +235,6 @@ class Run:
         moved = self.plant.centres - last.centres
         return bool(np.abs(angles - last.angles).max() >= turn) or bool(
             (moved**2).sum(axis=1).max() >= way * way
-        )
-
-    def _lost(self, angles: Array, target: Target) -> str:
-        """Describe which hinge a robot has lost."""
-        worst = int(np.abs(target.angles - angles).argmax())
-        return (
-            f"a robot lost its target: {self.chain.joint_names[worst]} is off by "
-            f"{abs(target.angles[worst] - angles[worst]):.2g} rad, more than its motor can "
-            f"correct, {100.0 * target.fraction:.0f} % into the fold."
         )
 
     def _keep(
@@ -220,9 +264,7 @@ class Run:
         angles = self.plant.angles
         if not np.isfinite(angles).all():
             angles = self.kept[-1].joint_angles_rad[-1]
-        poses = self.chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-        distances = aligned_distances(poses.positions, self.chain.folded_poses.positions)
-        return float(np.sqrt((distances**2).mean()))
+        return self.distance_to_goal(angles)
 
     def bent_wrong(self) -> int:
         """Return the number of hinges more than 0.1 rad from their folded angle."""

@@ -2,7 +2,7 @@
 
 The record of a peeling, in reverse, drawn as a uniform cubic B-spline through its windows, at a
 speed that the fastest hinge keeps about evenly. Its steps are cut into stretches: of each one joint
-after another moves in one model (``planner.simulation.window_body``), and all the rest is rigid.
+after another moves, and all the rest is rigid (``planner.simulation.window_robot``).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.chain.dynamics import floating_torques
 from planner.clearance.sweep import sweep
 from planner.motion.motion import Motion
 from planner.parameters.playback import PlaybackParameters
@@ -32,7 +33,7 @@ from planner.playback.time_law import (
     law_from_profile,
     torque_bounded_profile,
 )
-from planner.simulation.window_body import Lumps, WindowBody
+from planner.simulation.window_robot import RigidEnds
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -202,7 +203,7 @@ class WindowCourse:
         self._start_s = start_s
         self.robots = parameters.robot.runs
         self._backwards = record[::-1]
-        self._bodies: dict[int, WindowBody] = {}
+        self._ends = RigidEnds(chain, np.ones(len(chain)))
         # Some room is left for the robots' joint errors.
         room = min(REFERENCE_CLEARANCE_PITCH, 0.25 * (1.0 - module_size))
         while True:
@@ -218,7 +219,6 @@ class WindowCourse:
     def _draw(self, finer: int) -> None:
         """Draw the curve, with ``finer`` times as many control points, steps and frames."""
         p, backwards = self.parameters, self._backwards
-        self._bodies.clear()
         self.step_s = p.step_s / finer
         self.curve = WindowCurve(self.chain, backwards, p.spacing_rad / finer)
         length = self.curve.length_rad
@@ -241,18 +241,13 @@ class WindowCourse:
         stretches = tuple(_stretches(self.chain, self.curve, u))
         widest = max(stretch.joints for stretch in stretches) * self.chain.module.hinges_per_joint
         a, b = np.zeros((count, widest)), np.zeros((count, widest))
-        lumps = Lumps(self.chain, np.ones(len(self.chain)))
         for number, stretch in enumerate(stretches):
-            body = self.body(stretch.joints)
-            body.take(stretch.first, lumps)
             stop = stretch.stop + (number == len(stretches) - 1)
             places, hinges = u[stretch.start : stop], stretch.hinges(self.chain)
             angles, first, second = (self.curve.at(places, hinges, k) for k in range(3))
-            still = np.zeros_like(first[0])
-            for k in range(len(places)):
-                row = stretch.start + k
-                a[row, : len(still)] = body.floating_torques(angles[k], still, first[k])
-                b[row, : len(still)] = body.floating_torques(angles[k], first[k], second[k])
+            rows, width = slice(stretch.start, stop), angles.shape[1]
+            a[rows, :width] = self._floating_torques(stretch, angles, 0.0 * first, first)
+            b[rows, :width] = self._floating_torques(stretch, angles, first, second)
         share = u / self.curve.end
         return law_from_profile(share, torque_bounded_profile(share, a, b), steps, self.step_s)
 
@@ -281,13 +276,18 @@ class WindowCourse:
         """Return the number of steps."""
         return len(self._u) - 1
 
-    def body(self, joints: int) -> WindowBody:
-        """Return the shared body of ``joints`` joints, which must not be changed."""
-        if joints not in self._bodies:
-            self._bodies[joints] = WindowBody(
-                self.chain, joints, geom_size=self.module_size, step_s=self.step_s
-            )
-        return self._bodies[joints]
+    def _floating_torques(
+        self, stretch: Stretch, angles: Array, rates: Array, accelerations: Array
+    ) -> Array:
+        """Return (S, H) torques of the hinges of a stretch, of a floating chain without errors.
+
+        Args:
+            stretch: The stretch; hinges before it are folded, those behind it straight, all still.
+            angles, rates, accelerations: (S, H) motion of its hinges.
+        """
+        core = stretch.first + 1
+        lumps = self._ends.lumps(core, core + stretch.joints)
+        return floating_torques(self.chain.module, angles, rates, accelerations, lumps)
 
     def targets(self, number: int) -> Targets:
         """Return the targets of hinges in a stretch, step by step.
@@ -308,19 +308,14 @@ class WindowCourse:
 
     def _all_torques(self) -> list[NDArray[np.float32]]:
         """Return the (S, H) torques of each stretch for a robot without model errors."""
-        lumps = Lumps(self.chain, np.ones(len(self.chain)))
         found: list[NDArray[np.float32]] = []
         for number, stretch in enumerate(self.stretches):
-            body = self.body(stretch.joints)
-            body.take(stretch.first, lumps)
             targets = self.targets(number)
-            torques = np.empty((stretch.stop - stretch.start, len(body.dofs)), dtype=np.float32)
-            for k, (angles, rates, following) in enumerate(
-                zip(targets.angles, targets.rates, targets.rates[1:], strict=False)
-            ):
-                accelerations = (following - rates) / self.step_s
-                torques[k] = body.floating_torques(angles, rates, accelerations)
-            found.append(torques)
+            accelerations = np.diff(targets.rates, axis=0) / self.step_s
+            torques = self._floating_torques(
+                stretch, targets.angles[:-1], targets.rates[:-1], accelerations
+            )
+            found.append(torques.astype(np.float32))
         return found
 
 

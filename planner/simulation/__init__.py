@@ -1,1 +1,1 @@
-"""Simulation: chains as MuJoCo models, and their parameters."""
+"""Simulation: dynamics of chains by articulated bodies and by MuJoCo, and of robots."""

@@ -1,7 +1,7 @@
 """MuJoCo models of a chain, built through MjSpec: the single tree and the segments.
 
 Lengths are in pitches and a module has mass 1. Bodies and geoms are named ``module_<i>``, hinges as
-in ``Chain.joint_names``. In both models every hinge coordinate of MuJoCo *is* the hinge angle.
+in ``Chain.joint_names``. In both models every hinge coordinate of MuJoCo is the hinge angle.
 """
 
 from __future__ import annotations
@@ -22,32 +22,34 @@ from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
 SEGMENT_MODULES: Final = 8
-"""Modules of a segment: with 5 to 12 steps cost about the same, with 32 ten times as much."""
-OWN_MEMORY_FROM: Final = 1000
-"""Modules above which segments are told how much memory a step may take: MuJoCo asks for room in
-proportion to the square of their number, of which they need hardly any …"""
-MEMORY_A_MODULE: Final = 2**19
-"""… but so many bytes a module."""
+"""Number of modules of a segment. With 5 to 12 a step costs about the same, with 32 ten times as
+much. Measured."""
+MIN_LIMITED_MEMORY_MODULES: Final = 1000
+"""Number of modules above which the memory of a model of separate trees is limited. By default
+MuJoCo allocates in proportion to its square, of which such a model needs little. Chosen."""
+MODULE_MEMORY_BYTES: Final = 2**19
+"""Memory of such a model for each module, bytes. With less, a step with many contacts fails.
+Chosen."""
 
 SOLIMP: Final = [0.95, 0.99, 0.005, 0.5, 2.0]
-"""MuJoCo's ``solimp`` of contacts."""
+"""MuJoCo's ``solimp`` of contacts: impedance as a function of depth. Chosen."""
 STIFF: Final = ([0.02, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
-"""MuJoCo's ``solref`` and ``solimp`` of stops and welds that are to give hardly at all."""
+"""MuJoCo's ``solref`` and ``solimp`` of stops and welds that hardly give. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """What the joints and surfaces of a simulated chain are like (pitch 1, module mass 1).
+    """Properties of the joints and surfaces of a simulated chain (pitch 1, module mass 1).
 
     Attributes:
-        geom_size: Collision hull as a fraction of the full module.
-        stiffness: Hinge spring towards straight.
-        armature: Rotor inertia added to every hinge.
-        damping: Hinge damping; leave 0 in segments, it would break their welds.
-        friction: Sliding friction of contacts; 0 makes them frictionless.
-        contact_time_constant: ``solref[0]`` of contacts.
-        stop_rad: Where the hinges' stops begin; None for the module's limit.
-        stiff_stops: Whether the stops give hardly at all, as the welds between segments.
+        geom_size: Size of the collision hull as a fraction of the full module.
+        stiffness: Stiffness of the hinges' springs towards straight, torque per rad.
+        armature: Rotor inertia of every hinge, module mass · pitch².
+        damping: Hinge damping, torque per rad/s; must be 0 in segments, whose welds it breaks.
+        friction: Coefficient of sliding friction of contacts; 0 for none.
+        contact_time_constant: Time constant of contacts, ``solref[0]``, s.
+        stop_rad: Angle at which the hinges' stops begin, rad; None for the module's limit.
+        stiff_stops: True if the stops hardly give, as the welds between segments.
     """
 
     geom_size: float = 0.99
@@ -60,17 +62,17 @@ class Material:
     stiff_stops: bool = False
 
     def stop_of(self, module: Module) -> float:
-        """Where the stops of a module's hinges begin, in rad."""
+        """Return the angle at which the stops of a module's hinges begin, rad."""
         return module.angle_limit_rad if self.stop_rad is None else self.stop_rad
 
 
 def base_spec() -> Any:
-    """An empty spec with the options that both models share: no gravity, no automatic reset."""
+    """Return an empty spec with the options of all models: no gravity, no automatic reset."""
     spec = mujoco.MjSpec()
     spec.option.gravity = [0.0, 0.0, 0.0]
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    # Modules 0 and 1 of a cube chain are one rigid piece, and the filter would drop contacts of
-    # what hangs on either of them. Consecutive modules are exempted one by one instead.
+    # Modules 0 and 1 of a cube chain are one rigid body, and the filter would drop the contacts of
+    # their neighbours. Consecutive modules are exempted one by one instead.
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
     spec.compiler.autolimits = True
     spec.compiler.degree = False
@@ -78,9 +80,9 @@ def base_spec() -> Any:
 
 
 def compiled(spec: Any) -> Any:
-    """The model of a spec, without MuJoCo's habit of logging warnings to the working directory.
+    """Return the model of a spec; MuJoCo then logs no warnings to the working directory.
 
-    Who steps a model checks the warnings in its data instead.
+    Callers that step a model check the warnings in its data instead.
     """
     mujoco.set_mju_user_warning(_ignore)
     return spec.compile()
@@ -91,7 +93,7 @@ def _ignore(warning: str) -> None:
 
 
 def add_module_mesh(spec: Any, module: Module, size: float) -> None:
-    """Adds the hull of a module that is not a box, at the given size, as the mesh ``module``."""
+    """Add the hull of a module that is not a box, at the given size, as the mesh ``module``."""
     if module.geom == "mesh":
         mesh = spec.add_mesh()
         mesh.name = "module"
@@ -99,7 +101,7 @@ def add_module_mesh(spec: Any, module: Module, size: float) -> None:
 
 
 def add_module_geom(body: Any, module: Module, index: int, material: Material) -> Any:
-    """Gives a body the collision hull of module ``index``, which is told; its mass is set apart."""
+    """Add the collision hull of module ``index`` to a body, without mass, and return it."""
     options: dict[str, Any] = {
         "name": f"module_{index}",
         "mass": 0.0,
@@ -116,7 +118,7 @@ def add_module_geom(body: Any, module: Module, index: int, material: Material) -
 
 
 def set_inertia(body: Any, module: Module, mass: float) -> None:
-    """Gives a body the inertia of a module of that mass."""
+    """Set the inertia of a body to that of a module of a given mass."""
     body.explicitinertial = True
     body.mass = mass
     body.ipos = [0.0, 0.0, 0.0]
@@ -125,7 +127,7 @@ def set_inertia(body: Any, module: Module, mass: float) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Link:
-    """A body in the frame of its neighbour, and its hinges in its own, as MuJoCo takes them."""
+    """Pose of a body in the frame of its neighbour, and hinges in its own, as in MuJoCo."""
 
     position: list[float]
     wxyz: list[float]
@@ -154,13 +156,13 @@ def _to_previous(module: Module) -> _Link:
 
 
 def add_next_body(parent: Any, chain: Chain, index: int, name: str, material: Material) -> Any:
-    """Adds the body of module ``index`` to that of module ``index − 1``, with its hinges."""
+    """Add the body of module ``index`` to that of module ``index − 1``, with its hinges."""
     hinges = hinge_names(chain, index - 1)
     return _add_linked(parent, name, hinges, _to_next(chain.module), chain.module, material)
 
 
 def add_previous_body(parent: Any, chain: Chain, index: int, name: str, material: Material) -> Any:
-    """Adds the body of module ``index`` to that of module ``index + 1``, with its hinges."""
+    """Add the body of module ``index`` to that of module ``index + 1``, with its hinges."""
     hinges = hinge_names(chain, index)[::-1]
     return _add_linked(parent, name, hinges, _to_previous(chain.module), chain.module, material)
 
@@ -189,7 +191,7 @@ def _add_linked(
 
 
 def hinge_names(chain: Chain, index: int) -> tuple[str, ...]:
-    """Names of the hinges between modules ``index`` and ``index + 1``; none on a rigid link."""
+    """Return the names of the hinges between modules ``index`` and ``index + 1``."""
     module = chain.module
     if index < module.rigid_links:
         return ()
@@ -197,7 +199,7 @@ def hinge_names(chain: Chain, index: int) -> tuple[str, ...]:
 
 
 def exclude(spec: Any, names: list[str], pairs: Iterable[tuple[int, int]]) -> None:
-    """Exempts pairs of modules from contact."""
+    """Exempt pairs of modules from contact."""
     for first, second in pairs:
         spec.add_exclude(bodyname1=names[first], bodyname2=names[second])
 
@@ -205,15 +207,15 @@ def exclude(spec: Any, names: list[str], pairs: Iterable[tuple[int, int]]) -> No
 def tree_spec(
     chain: Chain, material: Material, *, exempt: Iterable[tuple[int, int]] | None = None
 ) -> Any:
-    """The single tree: rooted at the chain's root module with a free joint.
+    """Return the spec of a single tree, rooted at the chain's root module with a free joint.
 
     Recorded angles are exact by construction. The mass matrix is dense along the chain, so a step's
     cost grows with the cube of its length: for some hundreds of modules.
 
     Args:
         chain: The chain.
-        material: Of the modules.
-        exempt: Pairs of modules that don't collide; all consecutive ones when None.
+        material: Material of the modules.
+        exempt: Pairs of modules that don't collide; all consecutive ones by default.
     """
     spec = base_spec()
     spec.modelname = "foldback"
@@ -243,7 +245,7 @@ def tree_spec(
 def segment_starts(
     chain: Chain, modules: int = SEGMENT_MODULES, *, root: int | None = None
 ) -> list[int]:
-    """First modules of the segments; the root, the chain's own by default, is one of them."""
+    """Return the first modules of the segments; the root, the chain's by default, is one."""
     root = chain.root if root is None else root
     starts = list(range(root % modules, len(chain), modules))
     shortest = chain.module.rigid_links + 2
@@ -255,23 +257,22 @@ def segment_starts(
 
 
 def segment_spec(chain: Chain, material: Material, starts: list[int]) -> Any:
-    """The chain cut into free trees that are welded end to end.
+    """Return the spec of a chain that is cut into free trees, which are welded end to end.
 
     The last body of a segment, ``ghost_<i>``, is a half-mass copy without geometry of the next
-    segment's first module, which has the other half. Every hinge lives in one segment only, so all
-    hinge angles and one root's pose are the full state; ``planner.simulation.segments`` keeps the
-    rest on it.
+    segment's first module, which has the other half. Every hinge is in one segment only, so all
+    hinge angles and one root's pose are the full state.
 
     Args:
         chain: The chain.
-        material: Of its joints and surfaces.
+        material: Material of its joints and surfaces.
         starts: First modules of the segments.
     """
     spec = base_spec()
     module = chain.module
     n = len(chain)
-    if n > OWN_MEMORY_FROM:
-        spec.memory = MEMORY_A_MODULE * n
+    if n > MIN_LIMITED_MEMORY_MODULES:
+        spec.memory = MODULE_MEMORY_BYTES * n
     add_module_mesh(spec, module, material.geom_size)
     names = [f"module_{i}" for i in range(n)]
     for k, start in enumerate(starts):

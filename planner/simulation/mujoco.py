@@ -1,6 +1,6 @@
-"""MuJoCo as an untyped module, loaded with the first name that is used of it.
+"""MuJoCo as an untyped module that is loaded when one of its names is first used.
 
-Its compiled part comes without type stubs, and who only reads a plan simulates nothing.
+Its compiled part has no type stubs, and processes that only read plans do not need it.
 """
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ from importlib import import_module
 from typing import Any
 
 
-class _Late:
-    """A module whose names are looked up once each."""
+class _LazyModule:
+    """Module that is imported with the first of its names; each name is looked up once."""
 
     def __init__(self, name: str) -> None:
         self._name = name
 
     def __getattr__(self, name: str) -> Any:
-        found = getattr(import_module(self._name), name)
-        setattr(self, name, found)
-        return found
+        value = getattr(import_module(self._name), name)
+        setattr(self, name, value)
+        return value
 
 
-mujoco: Any = _Late("mujoco")
+mujoco: Any = _LazyModule("mujoco")

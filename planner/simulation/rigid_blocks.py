@@ -1,8 +1,8 @@
-"""Blocks: a chain in MuJoCo of which only the joints between rigid blocks of modules are free.
+"""Blocks: a chain as one MuJoCo tree of rigid blocks of modules.
 
-A tree of few bodies, rooted at the block of the chain's middle module. The modules at both ends of
-a joint between blocks are bodies of their own, without a joint, so that this one pair can be exempt
-from contact: all others of two blocks do collide.
+The tree is rooted at the block of the chain's middle module. The modules at both ends of a joint
+between blocks are bodies of their own, without a joint, so that this one pair can be exempt from
+contact: all other modules of two blocks collide.
 """
 
 from __future__ import annotations
@@ -15,29 +15,36 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import InputError, SimulationError
-from planner.kernels.folded_core import box_cover
 from planner.kernels.kinematics import chain_poses
 from planner.kernels.module import ModuleStates
 from planner.kernels.velocities import chain_velocities
-from planner.simulation.model import Material, add_next_body, add_previous_body, base_spec, compiled
+from planner.simulation.contacts import boxes_around
+from planner.simulation.model import (
+    SOLIMP,
+    Material,
+    add_next_body,
+    add_previous_body,
+    base_spec,
+    compiled,
+)
 from planner.simulation.mujoco import mujoco
 from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-WILD: Final = 1e10
-"""Acceleration above which a simulation counts as diverged."""
+MAX_ACCELERATION: Final = 1e10
+"""Acceleration, pitch/s² or rad/s², above which a simulation counts as diverged. Chosen."""
 
 
 class Blocks:
-    """A chain as rigid blocks, used as ``Segments`` are. Holds a model and its data.
+    """Chain as rigid blocks, with the interface of ``Segments``, a MuJoCo model and its data.
 
-    The state is that of all hinges; those within a block have no velocity and get none.
+    The state is that of all hinges; those within a block neither move nor accelerate.
 
     Args:
-        chain: Of cubes.
-        material: Of its joints and surfaces.
-        starts: First modules of the blocks, rising from 0.
+        chain: Chain of cubes.
+        material: Material of its joints and surfaces.
+        starts: First modules of the blocks, in ascending order from 0.
 
     Raises:
         InputError: ``no-blocks`` for modules that don't fill cells, or a chain off the lattice.
@@ -106,11 +113,11 @@ class Blocks:
         option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
 
     def set_contact_time_constant(self, seconds: float) -> None:
-        """How fast contacts push back: ``solref[0]`` of every geom."""
+        """Set the time constant of all contacts, ``solref[0]``, s."""
         self.model.geom_solref[:, 0] = seconds
 
     def place(self, state: State) -> None:
-        """Writes poses and velocities of all modules for a state, see the attributes."""
+        """Compute poses and velocities of all modules of a state."""
         module = self.chain.module
         chain_poses(
             state.angles,
@@ -132,16 +139,16 @@ class Blocks:
         )
 
     def accelerations(self, state: State, forces: Array) -> Acceleration:
-        """The acceleration of a state under forces on the modules.
+        """Return the acceleration of a state under forces on the modules.
 
         ``place`` must have been called for the same state.
 
         Args:
             state: The reduced state.
-            forces: (n, 3) at the modules' centres, in the world.
+            forces: (n, 3) forces at the modules' centres, in the world frame.
 
         Raises:
-            SimulationError: When the numbers are no longer finite.
+            SimulationError: The accelerations are not finite.
         """
         model, data = self.model, self.data
         data.qpos[:3] = state.position
@@ -160,7 +167,7 @@ class Blocks:
         mujoco.mj_fwdAcceleration(model, data)
         mujoco.mj_fwdConstraint(model, data)
         acceleration = data.qacc
-        if not np.isfinite(acceleration).all() or np.abs(acceleration).max() > WILD:
+        if not np.isfinite(acceleration).all() or np.abs(acceleration).max() > MAX_ACCELERATION:
             raise SimulationError("the accelerations are no longer finite.")
         hinges = np.zeros_like(state.angles)
         hinges[self.free] = acceleration[self._dofs]
@@ -174,7 +181,7 @@ class Blocks:
 
 
 class _Parts:
-    """Fills bodies with the modules of their blocks."""
+    """Builder of the bodies of blocks."""
 
     def __init__(
         self, spec: Any, chain: Chain, material: Material, positions: Array, rotations: Array
@@ -188,10 +195,10 @@ class _Parts:
     def fill(
         self, body: Any, module: int, start: int, stop: int, ends: list[int]
     ) -> dict[int, Any]:
-        """Gives a body, placed as one of its modules, those from ``start`` to ``stop``.
+        """Add the modules from ``start`` to ``stop`` to a body that is placed as one of them.
 
         Returns:
-            A body for each of the ``ends``, which collides apart.
+            A body for each of the modules ``ends``, whose contacts are exempted separately.
         """
         frame = self.rotations[module]
         places = (self.positions[start:stop] - self.positions[module]) @ frame
@@ -204,7 +211,7 @@ class _Parts:
             )
         _set_inertia(body, places, float(self.chain.module.inertia[0]))
         inside = np.ones(stop - start, dtype=np.bool_)
-        found: dict[int, Any] = {}
+        end_bodies: dict[int, Any] = {}
         for end in dict.fromkeys(ends):
             inside[end - start] = False
             part = body.add_body()
@@ -215,10 +222,10 @@ class _Parts:
             part.mass = 1e-6
             part.inertia = [1e-6] * 3
             self._add_box(part, np.zeros(3), np.full(3, 0.5))
-            found[end] = part
-        for centre, half in zip(*_boxes(cells[inside]), strict=True):
+            end_bodies[end] = part
+        for centre, half in zip(*boxes_around(cells[inside]), strict=True):
             self._add_box(body, centre, half)
-        return found
+        return end_bodies
 
     def _add_box(self, body: Any, centre: Array, half: Array) -> None:
         shrink = 0.5 * (1.0 - self.material.geom_size)
@@ -229,26 +236,13 @@ class _Parts:
             mass=0.0,
             condim=1,
             solref=[self.material.contact_time_constant, 1.0],
-            solimp=[0.95, 0.99, 0.005, 0.5, 2.0],
+            solimp=SOLIMP,
             margin=0.0,
         )
 
 
-def _boxes(cells: Ints) -> tuple[Array, Array]:
-    """(B, 3) centres and half sides of boxes that hold the cells."""
-    if not len(cells):
-        return np.zeros((0, 3)), np.zeros((0, 3))
-    low = cells.min(axis=0)
-    grid = np.full(cells.max(axis=0) - low + 1, -1, dtype=np.int32)
-    grid[tuple((cells - low).T)] = 0
-    out = np.empty((len(cells), 6), dtype=np.int64)
-    found = out[: box_cover(grid, 0, out)].astype(np.float64)
-    half = 0.5 * found[:, 3:]
-    return found[:, :3] + low - 0.5 + half, half
-
-
 def _set_inertia(body: Any, places: Array, each: float) -> None:
-    """Gives a body the inertia of cubes of mass 1 at (m, 3) places."""
+    """Set the inertia of a body to that of cubes of mass 1 with (m, 3) centres."""
     centre = places.mean(axis=0)
     arms = places - centre
     squares = (arms**2).sum()

@@ -1,19 +1,18 @@
-"""Robot: a chain as it would be built, not as it was drawn, simulated at linear cost.
+"""Robot: a chain as it is built, with model errors, motors of limited torque and a servo per hinge.
 
-Its modules are heavier or lighter than the planner thinks, its joints rub, its encoders have steps,
-noise and an offset, and its motors give so much torque and no more. Each hinge has a servo of its
-own:
+Modules are heavier or lighter than the planner assumes, joints have dry friction, and encoders have
+a resolution, noise and an offset. The servo of a hinge gives
 
-    τ = kp (q_next − q_seen) + kv (q̇_next − q̇) + feed-forward,   |τ| ≤ limit
+    τ = kp (q* − q_measured) + kv (q̇* − q̇) + τ_feedforward,   |τ| ≤ limit,
 
-which is taken at the end of the step, as MuJoCo's implicit integrators take it: with stiffness and
-damping in the hinges' inertia, h² kp + h kv, it is stable however stiff it is.
+evaluated at the end of the step, as MuJoCo's implicit integrators do: its stiffness and damping act
+as a rotor inertia h² kp + h kv of the hinge, and it is stable for any stiffness.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
 from planner.errors import SimulationError
-from planner.kernels.module import ReducedAcceleration, ReducedState
+from planner.kernels.articulated import Accelerations, Loads
+from planner.kernels.module import ReducedState
 from planner.kernels.servo_step import (
     RobotServos,
     ServoTarget,
@@ -30,73 +30,33 @@ from planner.kernels.servo_step import (
     servo_torques,
 )
 from planner.parameters.playback import RobotParameters
-from planner.simulation.model import Material
-from planner.simulation.mujoco import mujoco
-from planner.simulation.reduced import Acceleration, State
-from planner.simulation.segments import Segments
+from planner.simulation.contacts import ContactFinder
+from planner.simulation.engine import DetectedContacts, Engine, build_chain_model
+from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
-STIFFER_WELDS: Final = 1e-6
-"""Factor of the welds' regularisation: they are not to give under servos whose inertia, as it is
-taken, is a thousand times a module's."""
-TOLERANCE: Final = 1e-9
-"""Of MuJoCo's solver: from 1e-7 on the welds' errors are seen in the joints."""
-MOST_SATURATED: Final = 8
-"""Times that a step is worked out to find which motors are at their limit."""
-CONTACT_STEPS: Final = 2.0
-"""Time constant of contacts in steps, MuJoCo's limit of stability."""
-
-
-class RobotBody:
-    """The model that all robots of one chain are made of.
-
-    Args:
-        chain: The chain, as it was drawn.
-        geom_size: Size of the colliding modules as a fraction of the pitch.
-        step_s: Time step, at which the servos act too.
-    """
-
-    def __init__(self, chain: Chain, *, geom_size: float, step_s: float) -> None:
-        self.segments = Segments(
-            chain, Material(geom_size=geom_size, contact_time_constant=CONTACT_STEPS * step_s)
-        )
-        model: Any = self.segments.model
-        model.opt.timestep = step_s
-        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
-        # All of it hangs together, and the welds' forces follow from this step alone.
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
-        model.opt.tolerance = TOLERANCE
-        model.body_invweight0[:] *= STIFFER_WELDS
-        names = [model.body(body).name for body in range(1, model.nbody)]
-        self._modules = np.array([int(name.rpartition("_")[2]) for name in names])
-
-    def of_masses(self, masses: Array) -> Segments:
-        """A body of its own for a robot of (n,) masses, inertias in proportion."""
-        segments = self.segments.copy()
-        shares = masses[self._modules]
-        segments.model.body_mass[1:] *= shares
-        segments.model.body_inertia[1:] *= shares[:, None]
-        return segments
+MAX_SATURATION_ITERATIONS: Final = 8
+"""Maximum number of times that a step is computed to find the motors at their limit. Larger values
+cost time where many motors are at it. Chosen."""
 
 
 class Faults:
-    """What is not ideal about one robot, drawn from its seed.
+    """Model errors and servos of one robot, drawn from its seed.
 
     Attributes:
-        masses: (n,) of the modules.
-        friction: (J,) largest torque of dry friction in each hinge.
-        expected_friction: The mean of its kind, which servos reckon with.
-        offsets: (J,) of the encoders, in radians.
-        encoder_rad: Their steps.
-        limit: Largest torque of a motor.
-        stiffness, damping: Of the servos.
+        masses: (n,) masses of the modules, in module masses.
+        friction: (J,) largest torques of dry friction, module mass · pitch² / s².
+        expected_friction: Mean of these over all robots, which servos compensate.
+        offsets: (J,) offsets of the encoders, rad.
+        encoder_rad: Resolution of the encoders, rad.
+        limit: Largest torque of a motor, module mass · pitch² / s².
+        stiffness, damping: kp and kv of the servos.
 
     Args:
         chain: The chain.
-        parameters: What the robot is like.
-        peak_torque: Largest torque of the plan, of which limits and friction are multiples.
-        seed: Whole numbers that say which robot of this kind it is.
+        parameters: Kind of robot.
+        peak_torque: Largest torque of the plan, which limit and friction are relative to.
+        seed: Whole numbers that identify the robot among those of its kind.
     """
 
     def __init__(
@@ -117,25 +77,24 @@ class Faults:
     def drive(
         self,
         hinges: slice,
-        angles: Array,
-        rates: Array,
-        target: tuple[Array, Array, Array],
+        state: State,
+        target: ServoTarget,
         step_s: float,
-        accelerations: Callable[[Array, Array], Array],
-    ) -> Array:
-        """(H,) torques that motors give in a step, found anew while some are beyond their limit.
+        accelerate: Callable[[Array, Array], Accelerations],
+    ) -> tuple[Array, Accelerations]:
+        """Return (H,) motor torques in a step, and the accelerations under them.
+
+        The step is computed anew while motors are beyond their limit; they then give the limit.
 
         Args:
-            hinges: Which of the chain's they are.
-            angles, rates: (H,) as they are.
-            target: (H,) angles and rates at the step's end, and torques that a robot without faults
-                needs for it.
-            step_s: Time step.
-            accelerations: Gives the (H,) accelerations of the hinges under (H,) rotor inertias and
-                torques. Called last with those of the step.
+            hinges: Slice of the state's hinges in the chain.
+            state: Present state.
+            target: Setpoint for the end of the step.
+            step_s: Time step, s.
+            accelerate: Returns accelerations under (H,) rotor inertias and torques.
         """
-        count = len(angles)
-        wanted, rubbing = np.empty(count), np.empty(count)
+        count = len(state.angles)
+        commanded, friction_damping = np.empty(count), np.empty(count)
         servos = RobotServos(
             self.offsets[hinges],
             self.friction[hinges],
@@ -145,143 +104,175 @@ class Faults:
             self.expected_friction,
         )
         noise = self._noise_rad * self._rng.standard_normal(count)
-        servo_torques(angles, rates, ServoTarget(*target), noise, servos, step_s, wanted, rubbing)
-        inertia = step_s * step_s * self.stiffness + step_s * self.damping
-        limited = np.zeros(count)
-        left = MOST_SATURATED
+        servo_torques(
+            state.angles, state.rates, target, noise, servos, step_s, commanded, friction_damping
+        )
+        rotor_inertia = step_s * step_s * self.stiffness + step_s * self.damping
+        friction = -friction_damping * state.rates
+        saturated = np.zeros(count)
+        remaining = MAX_SATURATION_ITERATIONS
         while True:
-            free, left = limited == 0.0, left - 1
-            motors = np.where(free, wanted, self.limit * limited)
-            found = accelerations(
-                np.where(free, inertia, 0.0) + step_s * rubbing, motors - rubbing * rates
+            free, remaining = saturated == 0.0, remaining - 1
+            motors = np.where(free, commanded, self.limit * saturated)
+            accelerations = accelerate(
+                np.where(free, rotor_inertia, 0.0) + step_s * friction_damping, motors + friction
             )
-            given = np.where(free, wanted - inertia * found, motors)
+            given = np.where(free, commanded - rotor_inertia * accelerations.qdd, motors)
             beyond = free & (np.abs(given) > self.limit)
-            if not left or not beyond.any():
-                return given
-            limited[beyond] = np.sign(given[beyond])
+            if not remaining or not beyond.any():
+                return given, accelerations
+            saturated[beyond] = np.sign(given[beyond])
 
 
-class Robot:
-    """A chain with servos and the faults of one robot.
+class ServoChain:
+    """Chain whose hinges have the servos of one robot: what all robots share.
+
+    Attributes:
+        chain: The chain.
+        faults: Model errors of the robot.
+        state: Present state of the simulated hinges and of the root.
+        engine: Dynamics of the simulated bodies.
 
     Args:
-        body: What it is made of.
-        parameters: What the robot is like.
-        peak_torque: Largest torque of the plan, of which limits and friction are multiples.
-        seed: Whole numbers that say which robot of this kind it is.
+        chain: The chain.
+        faults: Model errors of the robot.
+        step_s: Time step, s.
+    """
+
+    def __init__(self, chain: Chain, faults: Faults, step_s: float) -> None:
+        self.chain = chain
+        self.faults = faults
+        self.state: State
+        self._step_s = step_s
+        self.engine: Engine
+        self._centre: Array
+
+    def find_contacts(self) -> DetectedContacts | None:
+        """Return the contacts of the present state, in the world frame."""
+        raise NotImplementedError
+
+    def _advance(self, hinges: slice, target: ServoTarget) -> Array:
+        """Integrate one step, and return the (H,) motor torques.
+
+        Args:
+            hinges: Slice of the simulated hinges in the chain.
+            target: Setpoint for the end of the step.
+
+        Raises:
+            SimulationError: The state is not finite.
+        """
+        engine, state, contacts = self.engine, self.state, self.find_contacts()
+        forces, torque = np.zeros_like(engine.positions), np.zeros(3)
+
+        def accelerate(rotor_inertias: Array, torques: Array) -> Accelerations:
+            return engine.constrained(
+                state, Loads(torques, rotor_inertias, forces, torque), contacts
+            )
+
+        given, accelerations = self.faults.drive(hinges, state, target, self._step_s, accelerate)
+        if not advance(
+            self._reduced,
+            accelerations,
+            self._step_s,
+            engine.stop_rad,
+            engine.chain_model,
+            engine.modules,
+        ):
+            raise SimulationError("the state is no longer finite.")
+        return given
+
+    def stop_drifting(self) -> None:
+        """Remove the momentum that integration has added since the chain was at rest."""
+        engine = self.engine
+        remove_net_momentum(engine.chain_model, self._centre, self._reduced, engine.modules)
+
+    @property
+    def _reduced(self) -> ReducedState:
+        """Arrays of the state, as kernels take them."""
+        s = self.state
+        return ReducedState(s.angles, s.rates, s.position, s.rotation, s.velocity, s.spin)
+
+
+class Robot(ServoChain):
+    """Robot of which all hinges are simulated.
+
+    Args:
+        chain: The chain.
+        contacts: Finder of the contacts of all modules, which is copied, see ``robot_contacts``.
+        parameters: Kind of robot.
+        peak_torque: Largest torque of the plan, which limit and friction are relative to.
+        seed: Whole numbers that identify the robot among those of its kind.
+        step_s: Time step, s.
     """
 
     def __init__(
         self,
-        body: RobotBody,
+        chain: Chain,
+        contacts: ContactFinder,
         parameters: RobotParameters,
         *,
         peak_torque: float,
         seed: list[int],
+        step_s: float,
     ) -> None:
-        self.chain = chain = body.segments.chain
-        self._step_s = float(body.segments.model.opt.timestep)
-        self.faults = Faults(chain, parameters, peak_torque=peak_torque, seed=seed)
+        faults = Faults(chain, parameters, peak_torque=peak_torque, seed=seed)
+        super().__init__(chain, faults, step_s)
+        model = build_chain_model(chain, root=chain.root, masses=faults.masses)
+        self.engine = Engine(model, chain.module.angle_limit_rad)
+        self._contacts = contacts.copy()
         hinges = len(chain.folded_rad)
-        self._segments = body.of_masses(self.faults.masses)
-        self._target = (np.zeros(hinges), np.zeros(hinges), np.zeros(hinges))
-        self.torques = np.zeros(hinges)
-        """(J,) of the motors in the last step."""
-        self.state = State.at_rest(np.zeros(hinges), np.zeros(3), np.eye(3))
-        self._centre = np.zeros(3)
+        self._target = ServoTarget(np.zeros(hinges), np.zeros(hinges), np.zeros(hinges))
+        self.motor_torques = np.zeros(hinges)
+        """(J,) torques of the motors in the last step."""
 
     @property
     def angles(self) -> Array:
-        """(J,) a copy of the hinge angles."""
+        """(J,) a copy of the hinge angles, rad."""
         return self.state.angles.copy()
 
     @property
     def rates(self) -> Array:
-        """(J,) a copy of the hinge velocities."""
+        """(J,) a copy of the hinge velocities, rad/s."""
         return self.state.rates.copy()
 
     @property
     def centres(self) -> Array:
-        """(n, 3) a copy of the modules' centres, from their mean."""
-        centres = self._segments.positions
+        """(n, 3) centres of the modules relative to their mean, pitches."""
+        centres = self.engine.positions
         return centres - centres.mean(axis=0)
 
     @property
     def root_position(self) -> Array:
-        """(3,) a copy of the root's centre."""
+        """(3,) a copy of the root's centre, pitches."""
         return self.state.position.copy()
 
     @property
     def root_wxyz(self) -> Array:
-        """(4,) the root's orientation."""
+        """(4,) orientation of the root, w first."""
         return wxyz_from_matrix(self.state.rotation)
 
-    @property
-    def motor_torques(self) -> Array:
-        """(J,) what the motors did in the last step."""
-        return self.torques
-
     def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> None:
-        """Sets a configuration at rest."""
+        """Set a configuration at rest."""
         self.state = State.at_rest(angles, root_position, matrix_from_wxyz(root_wxyz))
-        self._segments.place(self.state)
-        self._centre = self.faults.masses @ self._segments.positions / self.faults.masses.sum()
+        self.engine.place(self.state)
+        self._centre = self.engine.centre_of_mass
 
     def begin_step(self) -> None:
-        """Nothing: poses are those of the present state at any time."""
+        """Do nothing: poses are those of the present state at any time."""
 
     def follow(self, angles: Array, rates: Array, torques: Array) -> None:
-        """Tells the servos where hinges are to be after the coming step, how fast, and with what.
+        """Set the setpoint of the servos for the end of the coming step.
 
         Args:
-            angles, rates: (J,) at the step's end.
-            torques: (J,) that a robot without faults needs for it.
+            angles, rates: (J,) hinge angles, rad, and rates, rad/s.
+            torques: (J,) torques that a robot without model errors needs.
         """
-        self._target = (angles, rates, torques)
+        self._target = ServoTarget(angles, rates, torques)
 
     def end_step(self) -> None:
-        """One step.
+        """Integrate one step; raise ``SimulationError`` if the state is not finite."""
+        self.motor_torques = self._advance(slice(0, len(self.state.angles)), self._target)
 
-        Raises:
-            SimulationError: When the numbers are bad.
-        """
-        state, h, segments = self.state, self._step_s, self._segments
-        model, data, dofs = segments.model, segments.data, segments.hinge_dofs
-        found: list[Acceleration] = []
-
-        def accelerations(inertia: Array, applied: Array) -> Array:
-            model.dof_armature[dofs], data.qfrc_applied[dofs] = inertia, applied
-            found.append(segments.accelerations(state, None))
-            return found[-1].hinges
-
-        hinges = slice(0, len(state.angles))
-        given = self.faults.drive(hinges, state.angles, state.rates, self._target, h, accelerations)
-        acceleration = found[-1]
-        self.torques = given
-        if not advance(
-            self._reduced,
-            ReducedAcceleration(acceleration.hinges, acceleration.linear, acceleration.angular),
-            h,
-            self.chain.module.joint,
-            segments.root,
-            segments.modules,
-        ):
-            raise SimulationError("the state is no longer finite.")
-
-    def stop_drifting(self) -> None:
-        """Takes away the momentum that integration has added since the chain was at rest."""
-        remove_net_momentum(
-            self.faults.masses,
-            self.chain.module.inertia,
-            self._segments.root,
-            self._centre,
-            self._reduced,
-            self._segments.modules,
-        )
-
-    @property
-    def _reduced(self) -> ReducedState:
-        """The state's arrays, as kernels take them."""
-        s = self.state
-        return ReducedState(s.angles, s.rates, s.position, s.rotation, s.velocity, s.spin)
+    def find_contacts(self) -> DetectedContacts | None:
+        """Return the contacts of the present state, in the world frame."""
+        return self._contacts.find(self.engine.positions, self.engine.rotations)

@@ -1,21 +1,17 @@
-"""Segments: accelerations of a chain at linear cost, with exact re-synchronisation.
+"""Segments: a free chain as MuJoCo trees of a few modules, welded end to end.
 
-MuJoCo sees free trees of a few modules, welded end to end. Only the *reduced* state is integrated:
-all hinge angles and the pose of one root. Before every evaluation exact forward kinematics writes
-the pose and velocity of every segment, so the welds are closed at every step and nothing drifts;
-contacts act on the very poses that are recorded.
+MuJoCo simulates them where contacts have friction, in the published explosion; in all others it
+only finds the contacts, and ``planner.simulation.engine`` computes their forces. Only the reduced
+state is integrated: all hinge angles and the pose of one root. Before every evaluation forward
+kinematics writes the pose and velocity of every segment, so the welds are closed at every step.
 
-In reduced coordinates a contact row asks J S q̈ = a_ref; MuJoCo's rows see J (S q̈ + Ṡ q̇) instead,
+In reduced coordinates a contact row asks J S q̈ = a_ref; MuJoCo's rows have J (S q̈ + Ṡ q̇) instead,
 where S maps reduced to segment velocities. So J Ṡ q̇ is added to the reference of contact rows. Weld
-rows keep theirs: MuJoCo's own −J̇ q̇ is what keeps the ends together.
-
-Of a chain without a base MuJoCo only finds the contacts: their forces come of a system of their
-own, in which the chain answers as one tree (``planner.kernels.articulated``).
+rows keep theirs: MuJoCo's own −J̇ q̇ keeps the ends together.
 """
 
 from __future__ import annotations
 
-from copy import copy
 from typing import Any, Final
 
 import numpy as np
@@ -26,6 +22,7 @@ from planner.errors import SimulationError
 from planner.kernels.clearance import least_separation
 from planner.kernels.module import ModuleStates
 from planner.kernels.segment_state import SegmentLayout, write_root_velocities, write_state
+from planner.simulation.engine import DetectedContacts, SpringChain, build_chain_model
 from planner.simulation.model import (
     SEGMENT_MODULES,
     Material,
@@ -34,19 +31,22 @@ from planner.simulation.model import (
     segment_starts,
 )
 from planner.simulation.mujoco import mujoco
-from planner.simulation.reduced import Acceleration, Found, ReducedChain, State
+from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
 BIAS_STEP_S: Final = 1e-4
-"""Time step of the finite difference that gives the accelerations of contacts at rest rates."""
-FREE_ABOVE: Final = 1e-6
-"""Distance in pitches from which on two hulls are not in contact."""
+"""Time step of the finite difference for J Ṡ q̇, s. A larger one is less exact, a smaller one loses
+digits. Chosen."""
+MIN_FREE_GAP_PITCH: Final = 1e-6
+"""Distance of two hulls, pitches, from which they are not in contact. Larger values call MuJoCo
+more often. Chosen."""
 WELD_STIFFENING: Final = 1e-4
-"""Factor of the bodies' inverse weights in MuJoCo's regularisation of weld rows."""
+"""Factor of the bodies' inverse weights in MuJoCo's regularisation of weld rows. With a larger one
+the welds give. Chosen."""
 
 
-class Segments(ReducedChain):
-    """A chain as MuJoCo's segments. Holds a model and its data; the root is the middle module."""
+class Segments(SpringChain):
+    """Chain as segments, with their MuJoCo model and its data; the root is the middle module."""
 
     def __init__(
         self, chain: Chain, material: Material, *, segment_modules: int = SEGMENT_MODULES
@@ -56,12 +56,14 @@ class Segments(ReducedChain):
         self.model: Any = compiled(segment_spec(chain, material, starts))
         self._set_options()
         self.data: Any = mujoco.MjData(self.model)
-        super().__init__(chain, material, root=chain.root)
+        super().__init__(chain, material, build_chain_model(chain, root=chain.root))
+        self._ahead = ModuleStates.empty(len(chain))
+        self._bias = np.zeros(self.model.nv)
         self._geom_size = material.geom_size
         joints = [self.model.joint(name) for name in chain.joint_names]
         hinge_qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
         self.hinge_dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
-        """(J,) where the hinges' velocities are among the model's."""
+        """(J,) indices of the hinges' velocities in ``qvel``."""
         roots = [self.model.joint(f"root_{start}") for start in starts]
         root_qpos = np.array([j.qposadr[0] for j in roots], dtype=np.int64)
         root_dofs = np.array([j.dofadr[0] for j in roots], dtype=np.int64)
@@ -75,20 +77,6 @@ class Segments(ReducedChain):
             geoms[geom] = of_body.get(body, -1)
         self._module_of_geom = geoms
 
-    def copy(self) -> Segments:
-        """Segments of the same chain that share nothing that changes with these."""
-        twin = copy(self)
-        twin.model = copy(self.model)
-        twin.data = mujoco.MjData(twin.model)
-        twin._make_room()
-        return twin
-
-    def _make_room(self) -> None:
-        super()._make_room()
-        n = len(self.chain)
-        self._ahead = ModuleStates.empty(n)
-        self._bias = np.zeros(self.model.nv)
-
     def _set_options(self) -> None:
         option = self.model.opt
         option.solver = mujoco.mjtSolver.mjSOL_NEWTON
@@ -100,30 +88,29 @@ class Segments(ReducedChain):
         self.model.body_invweight0[:] *= WELD_STIFFENING
 
     def set_contact_time_constant(self, seconds: float) -> None:
-        """How fast contacts push back: ``solref[0]`` of every geom."""
+        """Set the time constant of all contacts, ``solref[0]``, s."""
         self.model.geom_solref[:, 0] = seconds
 
     def set_stiffness(self, stiffness: Array) -> None:
-        """Springs of the (J,) hinges towards straight."""
+        """Set the stiffness of the springs of (J,) hinges."""
         super().set_stiffness(stiffness)
         self.model.jnt_stiffness[self._hinge_ids] = stiffness
 
-    def accelerations(self, state: State, forces: Array | None) -> Acceleration:
-        """The acceleration of a state under forces on the modules.
+    def accelerations(self, state: State, forces: Array) -> Acceleration:
+        """Return the acceleration of a state under forces on the modules, by MuJoCo.
 
         ``place`` must have been called for the same state.
 
         Args:
             state: The reduced state.
-            forces: (n, 3) at the modules' centres, in the world; None for none at any time.
+            forces: (n, 3) forces at the modules' centres, in the world frame.
 
         Raises:
-            SimulationError: When MuJoCo warns of bad numbers.
+            SimulationError: The accelerations are not finite.
         """
         model, data = self.model, self.data
         self._write(state)
-        if forces is not None:
-            data.xfrc_applied[self._bodies, :3] = forces
+        data.xfrc_applied[self._bodies, :3] = forces
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         if data.ncon:
@@ -145,7 +132,7 @@ class Segments(ReducedChain):
         )
 
     def _write(self, state: State) -> None:
-        """Tells MuJoCo a state that has been placed."""
+        """Write a state that has been placed into MuJoCo's."""
         write_state(
             state.angles,
             state.rates,
@@ -156,14 +143,14 @@ class Segments(ReducedChain):
         )
 
     def is_free(self, state: State, near: NDArray[np.int64]) -> bool:
-        """Whether nothing touches in a state that has been placed, and no hinge is at its stop.
+        """Return True if nothing touches in a placed state and no hinge is at its stop.
 
         Args:
             state: The reduced state.
-            near: (P, 2) all pairs of modules that are not linked and so near that they may touch.
+            near: (P, 2) pairs of modules that are not linked and near enough to touch.
         """
         module = self.chain.module
-        if np.abs(state.angles).max() >= self._stop_rad:
+        if np.abs(state.angles).max() >= self.stop_rad:
             return False
         least, _, _ = least_separation(
             self.positions,
@@ -171,25 +158,25 @@ class Segments(ReducedChain):
             near,
             module.hull,
             self._geom_size,
-            FREE_ABOVE,
+            MIN_FREE_GAP_PITCH,
         )
-        return least >= FREE_ABOVE
+        return least >= MIN_FREE_GAP_PITCH
 
     def lean_accelerations(
         self, state: State, forces: Array, near: NDArray[np.int64]
     ) -> Acceleration:
-        """``accelerations`` in a tenth of the time.
+        """Return the acceleration of a state, by the articulated-body pass.
 
-        MuJoCo finds the contacts, and their forces follow its equations; the chain's answer to them
-        is that of one tree, without welds. ``place`` must have been called for the same state.
+        MuJoCo only finds the contacts. ``place`` must have been called for the same state. It takes
+        a tenth of the time of ``accelerations``.
 
         Args:
             state: The reduced state.
-            forces: (n, 3) at the modules' centres, in the world.
-            near: (P, 2) all pairs of modules that are not linked and so near that they may touch.
+            forces: (n, 3) forces at the modules' centres, in the world frame.
+            near: (P, 2) pairs of modules that are not linked and near enough to touch.
 
         Raises:
-            SimulationError: When the numbers are bad.
+            SimulationError: The accelerations are not finite.
         """
         if self.is_free(state, near):
             return self.free_accelerations(state, forces)
@@ -197,14 +184,14 @@ class Segments(ReducedChain):
         self._write(state)
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_collision(self.model, data)
-        found = Found.of(self.model, data, self._module_of_geom)
-        return self._held_accelerations(state, forces, found)
+        contacts = DetectedContacts.from_mujoco(self.model, data, self._module_of_geom)
+        return self._contact_accelerations(state, forces, contacts)
 
     def _add_bias_to_contacts(self, state: State) -> None:
         data = self.data
         ahead = state.copy()
         ahead.advance(BIAS_STEP_S)
-        self._kinematics(ahead, self._ahead)
+        self._compute_kinematics(ahead, self._ahead)
         # Constant hinge velocities: only those of the roots change.
         bias = self._bias
         bias[:] = data.qvel

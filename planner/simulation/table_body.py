@@ -1,4 +1,4 @@
-"""Table body: a chain on a table, under gravity, its motors limited.
+"""Table body: a chain on a table, under gravity, with motors of limited torque.
 
 Units are natural: a module's mass, the pitch and gravity are 1. Torques are then in w·p, the weight
 of a module times the pitch, and time is in √(pitch / gravity): 32 ms for a pitch of 1 cm.
@@ -29,22 +29,22 @@ from planner.simulation.model import (
 from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
-BAD: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
+BAD_NUMBER_WARNINGS: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 
 
 class TableBody:
-    """A chain on a table.
+    """Chain on a table.
 
     Motors are constraints, as in ``planner.simulation.tree.RateMotors``: a hinge turns at the
-    wanted rate as long as its torque suffices, and gives way beyond. No torque is above the limit.
+    wanted rate as long as its torque suffices, and yields beyond. No torque is above the limit.
 
     Args:
         chain: The chain; folded, it stands on the table, z up.
-        parameters: Of the simulation.
-        height: Where the top of the table is, along z.
-        torque_limit: Of every motor, in w·p; 0 for none at all.
-        friction: μ between modules and table; modules slide on each other without.
-        clamped: Whether the first module is clamped to the table; else the chain lies free.
+        parameters: Parameters of the simulation.
+        height: Height of the table's top, along z, pitches.
+        torque_limit: Largest torque of every motor, w·p; 0 for no motors.
+        friction: Coefficient of friction μ between modules and table; there is none among modules.
+        clamped: True if the first module is clamped to the table; else the chain lies freely.
     """
 
     def __init__(
@@ -82,55 +82,59 @@ class TableBody:
 
     @property
     def angles(self) -> Array:
-        """(J,) a copy of the hinge angles."""
+        """(J,) a copy of the hinge angles, rad."""
         return self.data.qpos[self._qpos]
 
     @property
     def torques(self) -> Array:
-        """(J,) a copy of what the motors did in the last step, in w·p."""
+        """(J,) a copy of the motors' torques in the last step, w·p."""
         return self._torques.copy()
 
     @property
     def poses(self) -> tuple[Array, Array]:
-        """(n, 3) centres and (n, 4) orientations of the modules."""
+        """(n, 3) centres, pitches, and (n, 4) orientations of the modules."""
         mujoco.mj_kinematics(self.model, self.data)
         return self.data.xpos[self._bodies], self.data.xquat[self._bodies]
 
     def place(self, angles: Array) -> None:
-        """Sets a configuration at rest, its first module where the folded chain has it."""
+        """Set a configuration at rest, its first module placed as in the folded chain."""
         data = self.data
         mujoco.mj_resetData(self.model, data)
         data.qpos[self._qpos] = angles
         self._torques[:] = 0.0
 
-    def step(self, rates: Array, left: Array, expected: Array) -> None:
-        """A step in which the motors turn at (J,) rates, and make up for what is (J,) left.
+    def step(self, rates: Array, errors: Array, expected: Array) -> None:
+        """Integrate one step in which the motors turn at given rates and correct errors.
 
-        They do so no faster than they can stop what they carry with a share of their torque. They
-        give way less where they know what (J,) torques are to be expected.
+        Corrections are no faster than a fraction of the torque can stop the modules carried.
+
+        Args:
+            rates: (J,) rates of the plan, rad per unit of time.
+            errors: (J,) remaining angles to the targets, rad.
+            expected: (J,) torques of the plan, w·p, with which motors yield less.
 
         Raises:
-            SimulationError: When MuJoCo warns of bad numbers.
+            SimulationError: MuJoCo warns of bad numbers.
         """
         model, data = self.model, self.data
         mujoco.mj_step1(model, data)
         carried = data.M[self._diagonal]
-        stopping = np.sqrt(2.0 * self._braking / carried * np.abs(left))
-        rates = rates + np.sign(left) * np.minimum(self._gain * np.abs(left), stopping)
+        stopping = np.sqrt(2.0 * self._braking / carried * np.abs(errors))
+        rates = rates + np.sign(errors) * np.minimum(self._gain * np.abs(errors), stopping)
         rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF))
         hinges = self._hinge_of_dof[data.efc_id[rows]]
         # A row's reference acceleration is −b (J q̇): that of a rate w is −b (J q̇ − w).
         data.efc_aref[rows] += data.efc_KBIP[rows, 1] * rates[hinges]
-        # Its force is (a_ref − a) / R, up to the limit: so much is there without any error.
+        # Its force is (a_ref − a) / R, up to the limit: this torque needs no error.
         data.efc_aref[rows] += data.efc_R[rows] * expected[hinges]
         mujoco.mj_step2(model, data)
         self._torques[hinges] = data.efc_force[rows]
-        for name in BAD:
+        for name in BAD_NUMBER_WARNINGS:
             if data.warning[int(getattr(mujoco.mjtWarning, name))].number:
                 raise SimulationError("the state is no longer finite.")
 
     def inertial_torques(self, angles: Array, rates: Array, accelerations: Array) -> Array:
-        """(J,) hinge torques of a motion without gravity and contacts, the first module held."""
+        """Return (J,) torques of a motion without gravity and contacts, the first module held."""
         model, data = self.model, self._planned
         data.qpos[self._qpos] = angles
         data.qvel[self._dofs] = rates

@@ -1,4 +1,4 @@
-"""Tree: the single middle-rooted MuJoCo model of a chain, with what playback asks of it."""
+"""Tree: a chain as one MuJoCo tree, rooted in the middle, for playbacks without robots."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
 ROOT_DOFS: Final = 6
-"""Degrees of freedom of the free root."""
+"""Number of degrees of freedom of the free root."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,8 +23,8 @@ class Servos:
     """Position actuators: kp (target − angle) − kv rate.
 
     Attributes:
-        stiffness: kp.
-        damping: kv.
+        stiffness: kp, torque per rad.
+        damping: kv, torque per rad/s.
         torque_limit: Largest torque; None for no limit.
     """
 
@@ -37,8 +37,8 @@ class Servos:
 class RateMotors:
     """Motors as constraints: a hinge turns at the wanted rate as long as its torque suffices.
 
-    So ODE's motors work. In MuJoCo it is a row of dry friction, whose bound is the torque, that
-    brings the rate to the wanted one in place of zero.
+    They work as those of ODE. In MuJoCo each is a row of dry friction, whose bound is the torque,
+    with the wanted rate in place of zero.
 
     Attributes:
         torque_limit: Largest torque.
@@ -48,15 +48,15 @@ class RateMotors:
 
 
 class Tree:
-    """A chain as one MuJoCo tree. Holds a model and its data.
+    """Chain as one MuJoCo tree, with its model and data.
 
     Args:
         chain: The chain.
-        material: Joints and surfaces.
-        step_s: Time step.
-        motors: Of every hinge; None for a chain without.
-        damping: Share of its velocity that the chain loses in each step: the generalised force
-            −(damping / step) M q̇, which is the same for every way to write the chain.
+        material: Material of its joints and surfaces.
+        step_s: Time step, s.
+        motors: Motors of every hinge; None for a chain without.
+        damping: Fraction of its velocity that the chain loses in each step, by the generalised
+            force −(damping / step) M q̇, which does not depend on the coordinates.
     """
 
     def __init__(
@@ -102,33 +102,33 @@ class Tree:
 
     @property
     def angles(self) -> Array:
-        """(J,) a copy of the hinge angles."""
+        """(J,) a copy of the hinge angles, rad."""
         return self.data.qpos[self._qpos]
 
     @property
     def rates(self) -> Array:
-        """(J,) a copy of the hinge velocities."""
+        """(J,) a copy of the hinge velocities, rad/s."""
         return self.data.qvel[self._dofs]
 
     @property
     def centres(self) -> Array:
-        """(n, 3) a copy of the modules' centres, as of ``begin_step``, from their mean."""
+        """(n, 3) centres of the modules at ``begin_step`` relative to their mean, pitches."""
         centres = self.data.xpos[self._bodies]
         return centres - centres.mean(axis=0)
 
     @property
     def root_position(self) -> Array:
-        """(3,) a copy of the root's centre."""
+        """(3,) a copy of the root's centre, pitches."""
         return self.data.qpos[:3].copy()
 
     @property
     def root_wxyz(self) -> Array:
-        """(4,) a copy of the root's orientation."""
+        """(4,) a copy of the root's orientation, w first."""
         return self.data.qpos[3:7].copy()
 
     @property
     def motor_torques(self) -> Array:
-        """(J,) what motors and applied torques did in the last step."""
+        """(J,) torques of motors and applied torques in the last step."""
         data = self.data
         torques = (data.qfrc_actuator + data.qfrc_applied - self._passive)[self._dofs]
         if isinstance(self.motors, RateMotors):
@@ -136,7 +136,7 @@ class Tree:
         return torques
 
     def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> None:
-        """Sets a configuration at rest."""
+        """Set a configuration at rest."""
         self.data.qpos[:3] = root_position
         self.data.qpos[3:7] = root_wxyz
         self.data.qpos[self._qpos] = angles
@@ -146,7 +146,7 @@ class Tree:
         self._centre = self.data.subtree_com[0].copy()
 
     def begin_step(self) -> None:
-        """Everything of a step that depends on positions and velocities."""
+        """Compute the part of a step that depends on positions and velocities."""
         data = self.data
         mujoco.mj_step1(self.model, data)
         if self._drag:
@@ -155,10 +155,10 @@ class Tree:
             data.qfrc_applied[:] = self._passive
 
     def end_step(self) -> None:
-        """The rest of a step.
+        """Finish a step.
 
         Raises:
-            SimulationError: When MuJoCo warns of bad numbers.
+            SimulationError: MuJoCo warns of bad numbers.
         """
         mujoco.mj_step2(self.model, self.data)
         warnings = self.data.warning
@@ -171,11 +171,11 @@ class Tree:
                 raise SimulationError("the state is no longer finite.")
 
     def stop_drifting(self) -> None:
-        """Takes away the momentum that integration has added since the chain was at rest.
+        """Remove the momentum that integration has added since the chain was at rest.
 
         A free chain that began at rest has none: its root's velocity is −M_rr⁻¹ M_rj q̇, and its
-        centre of mass stays. What is left of a turn about its length would make a chain spin ever
-        faster as it becomes straight.
+        centre of mass stays. A remaining angular momentum about its length would make a chain spin
+        ever faster as it becomes straight.
         """
         data = self.data
         data.qpos[:3] += self._centre - data.subtree_com[0]  # as of ``begin_step``
@@ -183,11 +183,11 @@ class Tree:
         data.qvel[:ROOT_DOFS] -= np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
 
     def apply_torques(self, torques: Array) -> None:
-        """Sets (J,) torques on the hinges for the coming step."""
+        """Set (J,) torques on the hinges for the coming step."""
         self.data.qfrc_applied[self._dofs] = self._passive[self._dofs] + torques
 
     def set_rates(self, rates: Array) -> None:
-        """Sets (J,) rates that rate motors turn at in the coming step, after ``begin_step``."""
+        """Set (J,) rates of rate motors for the coming step, after ``begin_step``."""
         data = self.data
         rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF))
         self._rows, self._hinge_of_row = rows, self._hinge_of_dof[data.efc_id[rows]]
@@ -195,28 +195,28 @@ class Tree:
         data.efc_aref[rows] += data.efc_KBIP[rows, 1] * rates[self._hinge_of_row]
 
     def set_servo_targets(self, targets: Array) -> None:
-        """Sets (J,) target angles of the position actuators for the coming step."""
+        """Set (J,) target angles of the position actuators for the coming step."""
         self.data.ctrl[self._actuators] = targets
 
     def torques_for(self, accelerations: Array) -> Array:
-        """(J,) hinge torques that give hinge accelerations, the root floating freely.
+        """Return (J,) torques that cause given hinge accelerations of a floating chain.
 
         The root's acceleration is the one that needs no force on it:
         a_root = −M_rr⁻¹ r, with r the root's residual of the inverse dynamics for a_root = 0.
         ``begin_step`` or ``evaluate`` must have been called for the state.
         """
         data, model = self.data, self.model
-        kept = data.qacc.copy()
+        accelerations_before = data.qacc.copy()
         data.qacc[:ROOT_DOFS] = 0.0
         data.qacc[self._dofs] = accelerations
         mujoco.mj_rne(model, data, 1, self._work)
         data.qacc[:ROOT_DOFS] = -np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
         mujoco.mj_rne(model, data, 1, self._work)
-        data.qacc[:] = kept
+        data.qacc[:] = accelerations_before
         return self._work[self._dofs]
 
     def evaluate(self, angles: Array, rates: Array) -> None:
-        """Positions and velocities at a configuration of a free chain without momentum.
+        """Compute positions and velocities of a free chain without momentum.
 
         The root stands at the origin; its velocity is −M_rr⁻¹ M_rj q̇.
         """
@@ -233,7 +233,7 @@ class Tree:
         mujoco.mj_comVel(model, data)
 
     def held_torques(self, angles: Array, rates: Array, accelerations: Array) -> Array:
-        """(J,) hinge torques of a motion while the root is held still, without gravity."""
+        """Return (J,) torques of a motion while the root is held still, without gravity."""
         data, model = self.data, self.model
         data.qpos[:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
         data.qpos[self._qpos] = angles
@@ -247,10 +247,10 @@ class Tree:
         return self._work[self._dofs]
 
     def gravity_torques(self) -> Array:
-        """(J,) hinge torques under gravity 1 in each hinge's worst direction, the root held.
+        """Return (J,) torques under gravity 1 in each hinge's worst direction, the root held.
 
         A hinge with axis a carries the modules beyond it, of mass m and with their centre at r from
-        it: m |a × r|. For the configuration that was evaluated last.
+        it: m |a × r|. The configuration is that of the last ``evaluate``.
         """
         data, model = self.data, self.model
         bodies = model.jnt_bodyid[self._joints]
@@ -259,7 +259,7 @@ class Tree:
         return model.body_subtreemass[bodies] * lengths
 
     def _root_inertia(self) -> Array:
-        """(6, 6) the root's block of the mass matrix: the whole chain as one rigid body."""
+        """Return the root's (6, 6) block of the mass matrix: the whole chain as one rigid body."""
         lower = np.zeros((ROOT_DOFS, ROOT_DOFS))
         for r, row in enumerate(self._root_rows):
             lower[r, : r + 1] = self.data.M[row]

@@ -1,7 +1,7 @@
-"""Window robot: a robot with faults that folds a long chain, its core and its rod rigid.
+"""Window robot: a robot that folds a long chain, of which one stretch of joints moves at a time.
 
-As ``planner.simulation.robot``, with the joints of one stretch alone. Hinges that join the core are
-latched there at their folded angles; those of the rod are latched straight.
+The folded core and the straight tail are rigid lumps at both ends of that stretch. Hinges that join
+the core are latched at their folded angles; those of the tail are latched straight.
 """
 
 from __future__ import annotations
@@ -10,24 +10,95 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.errors import SimulationError
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
+from planner.kernels.contact_forces import PairContacts
+from planner.kernels.module import ChainModel, Lumps
+from planner.kernels.servo_step import ServoTarget
 from planner.parameters.playback import RobotParameters
-from planner.simulation.mujoco import mujoco
-from planner.simulation.robot import Faults
-from planner.simulation.window_body import Lumps, WindowBody
+from planner.simulation.contacts import boxes_around, robot_contacts
+from planner.simulation.engine import DetectedContacts, Engine
+from planner.simulation.reduced import State
+from planner.simulation.robot import Faults, ServoChain
 
 Array = NDArray[np.float64]
 
 
-class WindowRobot:
-    """A chain with servos and the faults of one robot, of which a stretch of joints moves.
+class RigidEnds:
+    """Folded core and straight tail of a chain, for every position of its window.
+
+    Args:
+        chain: Chain of cubes.
+        masses: (n,) masses of its modules, in module masses.
+    """
+
+    def __init__(self, chain: Chain, masses: Array) -> None:
+        self._folded = forward_kinematics(chain.module, chain.folded_rad)
+        self._straight = forward_kinematics(chain.module, np.zeros_like(chain.folded_rad))
+        inertia = chain.module.inertia
+        self._core = _moments(masses, inertia, self._folded.positions, self._folded.rotations)
+        straight = (self._straight.positions[::-1], self._straight.rotations[::-1])
+        back = _moments(masses[::-1], inertia, *straight)
+        self._tail = tuple(sums[::-1] for sums in back)
+
+    def lumps(self, core: int, tail: int) -> Lumps:
+        """Return modules before ``core`` and those behind ``tail``, in the frames of these two."""
+        lumps = Lumps.none()
+        for end, sums, poses, module, outermost in (
+            (0, self._core, self._folded, core, core - 1),
+            (1, self._tail, self._straight, tail, tail + 1),
+        ):
+            if not 0 <= outermost < len(poses.positions):
+                continue
+            mass, first, second = (each[outermost] for each in sums)
+            position, rotation = poses.positions[module], poses.rotations[module]
+            centre = first / mass
+            about = mass * ((centre @ centre) * np.eye(3) - np.outer(centre, centre))
+            lumps.masses[end] = mass
+            lumps.centres[end] = rotation.T @ (centre - position)
+            moments, axes = np.linalg.eigh(rotation.T @ (second - about) @ rotation)
+            lumps.moments[end], lumps.axes[end] = moments, axes
+        return lumps
+
+    def folded_pose(self, module: int) -> tuple[Array, Array]:
+        """Return (3,) centre and (3, 3) orientation of a folded module in the frame of module 0."""
+        return self._folded.positions[module], self._folded.rotations[module]
+
+    def boxes(self, core: int) -> tuple[Array, Array]:
+        """Return (B, 3) centres and half sides of boxes around the folded modules before ``core``.
+
+        They are in the frame of module ``core``, whose axes are those of the lattice.
+        """
+        position, rotation = self.folded_pose(core)
+        cells = (self._folded.positions[:core] - position) @ rotation
+        return boxes_around(np.rint(cells).astype(np.int64))
+
+
+def _moments(
+    masses: Array, inertia: Array, positions: Array, rotations: Array
+) -> tuple[Array, Array, Array]:
+    """Return mass, first and second moment, (n,), (n, 3), (n, 3, 3), of modules up to each one."""
+    own = (rotations * inertia) @ rotations.transpose(0, 2, 1)
+    squares = (positions**2).sum(axis=1)
+    about = squares[:, None, None] * np.eye(3) - positions[:, :, None] * positions[:, None, :]
+    return (
+        np.cumsum(masses),
+        np.cumsum(masses[:, None] * positions, axis=0),
+        np.cumsum(masses[:, None, None] * (own + about), axis=0),
+    )
+
+
+class WindowRobot(ServoChain):
+    """Robot of which a stretch of joints is simulated at a time.
 
     Args:
         chain: The chain.
-        parameters: What the robot is like.
-        peak_torque: Largest torque of the plan, of which limits and friction are multiples.
-        seed: Whole numbers that say which robot of this kind it is.
-        base: Centre and orientation of module 0, at rest.
+        parameters: Kind of robot.
+        peak_torque: Largest torque of the plan, which limit and friction are relative to.
+        seed: Whole numbers that identify the robot among those of its kind.
+        base: (3,) centre and (4,) orientation of module 0, at rest.
+        geom_size: Size of the colliding modules as a fraction of the pitch.
+        step_s: Time step, s.
     """
 
     def __init__(
@@ -38,84 +109,101 @@ class WindowRobot:
         peak_torque: float,
         seed: list[int],
         base: tuple[Array, Array],
+        geom_size: float,
+        step_s: float,
     ) -> None:
-        self.chain = chain
-        self.faults = Faults(chain, parameters, peak_torque=peak_torque, seed=seed)
-        self._lumps = Lumps(chain, self.faults.masses)
-        self._base = base
-        self._first = 0
-        self._rates = np.zeros(0)
-        self._bodies: dict[int, WindowBody] = {}
-        self._body: WindowBody | None = None
-        self._centre: Array | None = None
-        self.angles = np.zeros(0)
-        """(H,) of the stretch."""
+        faults = Faults(chain, parameters, peak_torque=peak_torque, seed=seed)
+        super().__init__(chain, faults, step_s)
+        self._ends = RigidEnds(chain, faults.masses)
+        self._contacts = robot_contacts(chain, geom_size=geom_size, step_s=step_s)
+        self._hinges = slice(0, 0)
+        self._core = 0
+        self.state = State.at_rest(np.zeros(0), base[0], matrix_from_wxyz(base[1]))
 
-    def take(self, first: int, body: WindowBody) -> None:
-        """Goes on with another stretch.
-
-        Args:
-            first: Its first joint, see ``WindowBody.take``.
-            body: Of as many joints; it is not changed.
-        """
-        base = self.base_pose
-        if body.joints not in self._bodies:
-            self._bodies[body.joints] = body.copy()
-        self._body = body = self._bodies[body.joints]
-        body.take(first, self._lumps)
-        k = self.chain.module.hinges_per_joint
-        start, stop = k * first, k * (first + body.joints)
-        known = slice(k * self._first, k * self._first + len(self.angles))
-        angles, rates = np.zeros(stop - start), np.zeros(stop - start)
-        folded = max(start, min(known.start, stop))
-        angles[: folded - start] = self.chain.folded_rad[start:folded]
-        low, high = max(start, known.start), min(stop, known.stop)
-        if high > low:
-            angles[low - start : high - start] = self.angles[low - known.start : high - known.start]
-            rates[low - start : high - start] = self._rates[low - known.start : high - known.start]
-        self.angles, self._rates, self._first = angles, rates, first
-        self._hinges = slice(start, stop)
-        body.place(base, angles)
-        body.move(rates)
+    @property
+    def angles(self) -> Array:
+        """(H,) hinge angles of the stretch, rad."""
+        return self.state.angles
 
     @property
     def base_pose(self) -> tuple[Array, Array]:
-        """(3,) centre of module 0 and (4,) its orientation."""
-        return self._base if self._body is None else self._body.core_pose()
+        """(3,) centre of module 0, and (4,) its orientation."""
+        position, rotation = self._base()
+        return position, wxyz_from_matrix(rotation)
 
-    def step(self, angles: Array, rates: Array, torques: Array) -> Array:
-        """One step towards (H,) angles and rates at its end; (H,) torques of the motors.
+    def _base(self) -> tuple[Array, Array]:
+        """Return (3,) centre and (3, 3) orientation of module 0."""
+        folded_position, folded_rotation = self._ends.folded_pose(self._core)
+        rotation = self.state.rotation @ folded_rotation.T
+        return self.state.position - rotation @ folded_position, rotation
+
+    def take(self, first: int, joints: int) -> None:
+        """Continue with another stretch, from the present hinge angles and rates.
 
         Args:
-            angles, rates: (H,) at the step's end.
-            torques: (H,) that a robot without faults needs for it.
+            first: Its first joint, between the modules ``first + 1`` and ``first + 2``.
+            joints: Number of joints.
+        """
+        module, is_first = self.chain.module, self._core == 0
+        position, rotation = self._base()
+        before, k = self._hinges, module.hinges_per_joint
+        start, stop = k * first, k * (first + joints)
+        angles, rates = np.zeros(stop - start), np.zeros(stop - start)
+        folded = max(start, min(before.start, stop))
+        angles[: folded - start] = self.chain.folded_rad[start:folded]
+        low, high = max(start, before.start), min(stop, before.stop)
+        if high > low:
+            shared = slice(low - start, high - start)
+            old = slice(low - before.start, high - before.start)
+            angles[shared], rates[shared] = self.state.angles[old], self.state.rates[old]
+        self._hinges, self._core = slice(start, stop), first + 1
+        core, tail = first + 1, first + 1 + joints
+        masses = self.faults.masses[core : tail + 1]
+        lumps = self._ends.lumps(core, tail)
+        joint = module.joint._replace(rigid_links=0)
+        self.engine = Engine(
+            ChainModel(joint, masses, module.inertia, lumps, False, 0), module.angle_limit_rad
+        )
+        folded_position, folded_rotation = self._ends.folded_pose(core)
+        self.state = State.at_rest(
+            angles, position + rotation @ folded_position, rotation @ folded_rotation
+        )
+        self.state.rates = rates
+        self.engine.place(self.state)
+        if is_first:
+            self._centre = self.engine.centre_of_mass
+        self.stop_drifting()
+        self._contacts.set_boxes(*self._ends.boxes(core))
+        self._contacts.prepare(joints + 1, len(self.chain) - 1 - tail)
+
+    def step(self, angles: Array, rates: Array, torques: NDArray[np.floating]) -> Array:
+        """Integrate one step, and return the (H,) torques of the motors.
+
+        Args:
+            angles, rates: (H,) hinge angles, rad, and rates, rad/s, at the step's end.
+            torques: (H,) torques that a robot without model errors needs.
 
         Raises:
-            SimulationError: When the numbers are bad.
+            SimulationError: The state is not finite.
         """
-        body = self._body
-        assert body is not None
-        model, data, dofs = body.model, body.data, body.dofs
+        target = ServoTarget(angles, rates, np.asarray(torques, dtype=np.float64))
+        motors = self._advance(self._hinges, target)
+        self.stop_drifting()
+        return motors
 
-        def accelerations(inertia: Array, applied: Array) -> Array:
-            model.dof_armature[dofs], data.qfrc_applied[dofs] = inertia, applied
-            mujoco.mj_forward(model, data)
-            return data.qacc[dofs]
-
-        given = self.faults.drive(
-            self._hinges,
-            self.angles,
-            self._rates,
-            (angles, rates, torques),
-            float(model.opt.timestep),
-            accelerations,
+    def find_contacts(self) -> DetectedContacts | None:
+        """Return the contacts of the present state, found in the frame of the core."""
+        engine = self.engine
+        position, rotation = engine.positions[0].copy(), engine.rotations[0].copy()
+        contacts = self._contacts.find(
+            (engine.positions - position) @ rotation, rotation.T @ engine.rotations
         )
-        centre = body.take_momentum()  # what integration has added to it
-        if self._centre is None:
-            self._centre = centre
-        mujoco.mj_Euler(model, data)
-        data.qpos[:3] += self._centre - centre
-        if not np.isfinite(data.qpos).all():
-            raise SimulationError("the state is no longer finite.")
-        self.angles, self._rates = data.qpos[dofs + 1], data.qvel[dofs]
-        return given
+        if contacts is None:
+            return None
+        pairs, normals, points, depths = contacts.points
+        return DetectedContacts(
+            points=PairContacts(
+                pairs, normals @ rotation.T, points @ rotation.T + position, depths
+            ),
+            model=contacts.model,
+        )

@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.simulation.anchored import Anchored, ContactFinder
+from planner.simulation.anchored import Anchored
+from planner.simulation.contacts import ContactFinder
 from planner.simulation.model import (
     Material,
     add_module_geom,
@@ -172,8 +173,8 @@ def test_boxes_may_be_moved_resized_added_and_taken_away() -> None:
         finder.set_boxes(*boxes)
         window = Anchored(chain, MATERIAL, finder, rod=0, heaviest_rod=HEAVIEST)
         window.place(state)
-        found = finder.found(window.positions, window.rotations)
-        assert (0 if found is None else len(found.depths)) == contacts
+        found = finder.find(window.positions, window.rotations)
+        assert (0 if found is None else len(found.points.depths)) == contacts
 
 
 def test_a_rod_however_long_meets_no_cube_that_is_left_over() -> None:
@@ -185,4 +186,4 @@ def test_a_rod_however_long_meets_no_cube_that_is_left_over() -> None:
     window = Anchored(small, MATERIAL, finder, rod=500_000, heaviest_rod=HEAVIEST)
     for rotation in (np.eye(3), np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])):
         window.place(State.at_rest(np.zeros(len(small.folded_rad)), np.zeros(3), rotation))
-        assert finder.found(window.positions, window.rotations) is None
+        assert finder.find(window.positions, window.rotations) is None

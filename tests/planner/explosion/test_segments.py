@@ -290,7 +290,7 @@ def test_many_contacts_push_as_few_do(modules: int, monkeypatch: pytest.MonkeyPa
     exact = segments.lean_accelerations(state, forces, near)
     assert exact.contacts > 2
     free = segments.free_accelerations(state, forces)
-    monkeypatch.setattr("planner.simulation.reduced.MOST_PIVOTED", 0)
+    monkeypatch.setattr("planner.simulation.engine.MAX_DIRECT_CONTACTS", 0)
     nearly = segments.lean_accelerations(state, forces, near)
     assert difference(free, exact) > 0.1
     # Not the same: the softness of a contact is that of two modules that are not linked.

@@ -26,7 +26,8 @@ from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.progress import Progress
 from planner.simulation.anchored import Anchored
-from planner.simulation.reduced import Acceleration, ReducedChain, State
+from planner.simulation.engine import SpringChain
+from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
 from tests.planner.chains import COIL
 
@@ -177,7 +178,7 @@ def break_explosions(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     calls = 0
 
     def breaking(original: Any) -> Any:
-        def broken(self: ReducedChain, state: State, forces: Array, *more: Array) -> Acceleration:
+        def broken(self: SpringChain, state: State, forces: Array, *more: Array) -> Acceleration:
             nonlocal calls
             calls += 1
             if calls > after:

@@ -19,8 +19,9 @@ from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
+from planner.simulation.contacts import robot_contacts
 from planner.simulation.model import Material, tree_spec
-from planner.simulation.robot import Robot, RobotBody
+from planner.simulation.robot import Robot
 from planner.verification.verify import verify
 from tests.planner.chains import coil, line
 
@@ -39,8 +40,9 @@ def of(robot: RobotParameters) -> PlaybackParameters:
 
 
 def made(chain: Chain, robot: RobotParameters, seed: int = 0) -> Robot:
-    body = RobotBody(chain, geom_size=0.3, step_s=0.08)
-    return Robot(body, robot, peak_torque=10.0, seed=[seed])
+    contacts = robot_contacts(chain, geom_size=0.3, step_s=0.08)
+    contacts.prepare(len(chain))
+    return Robot(chain, contacts, robot, peak_torque=10.0, seed=[seed], step_s=0.08)
 
 
 @pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)
@@ -70,9 +72,8 @@ def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain)
     data.qfrc_applied[dofs] = stiffness * (target - angles) + damping * rates + torques
     mujoco.mj_forward(model, data)
     assert data.ncon == 0
-    # But for what the welds between segments give.
     wanted = h * data.qacc[dofs]
-    np.testing.assert_allclose(robot.rates, wanted, atol=3e-4 * np.abs(wanted).max())
+    np.testing.assert_allclose(robot.rates, wanted, atol=1e-9 * np.abs(wanted).max())
     # The servo is taken at the end of the step: what it gives there is what it asks for there.
     given = stiffness * (target - robot.angles) + damping * (rates - robot.rates) + torques
     np.testing.assert_allclose(
@@ -80,14 +81,14 @@ def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain)
     )
 
 
-def test_a_robot_without_faults_is_off_by_what_its_welds_give(
+def test_a_robot_without_faults_is_off_by_nothing(
     small: tuple[Chain, Record, Playback],
 ) -> None:
     chain, record, _ = small
     exact = play_back(chain, record, of(FAULTLESS))
     assert exact.status == "folded"
     assert exact.max_angle_error_rad is not None
-    assert exact.max_angle_error_rad < 1e-4
+    assert exact.max_angle_error_rad < 1e-12
     assert (exact.robots, exact.others_rad) == (None, None)
 
 

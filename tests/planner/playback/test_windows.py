@@ -1,4 +1,4 @@
-"""Robots that fold peeled chains: their core and rod rigid, the window simulated."""
+"""Robots that fold peeled chains: their core and tail rigid, the window simulated."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
 from planner.chain.kinematics import forward_kinematics
+from planner.chain.rotations import matrix_from_wxyz
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.playback.window_course import FRAME_RAD, WindowCourse
 from planner.simulation.model import Material, tree_spec
-from planner.simulation.window_body import Lumps, WindowBody
-from planner.simulation.window_robot import WindowRobot
+from planner.simulation.window_robot import RigidEnds, WindowRobot
 from tests.planner.peels import peel, snake
 
 Array = NDArray[np.float64]
@@ -56,23 +56,31 @@ def some(chain: Chain, scale: float = 0.3) -> Array:
     return angles + scale * rng.normal(size=2 * JOINTS)
 
 
-def test_its_torques_are_those_of_the_whole_chain(chain: Chain) -> None:
+@pytest.mark.parametrize("stretch", [(FIRST, JOINTS), (0, JOINTS), (70, 24)], ids=str)
+def test_torques_of_a_stretch_are_those_of_the_whole_chain(
+    chain: Chain, stretch: tuple[int, int]
+) -> None:
+    first, joints = stretch
+    hinges = slice(2 * first, 2 * (first + joints))
     rng = np.random.default_rng(1)
-    angles, rates, accelerations = some(chain), *rng.normal(size=(2, 2 * JOINTS))
-    body = WindowBody(chain, JOINTS, geom_size=SIZE, step_s=0.08)
-    body.take(FIRST, Lumps(chain, np.ones(len(chain))))
-    found = body.floating_torques(angles, rates, accelerations)
-    moving = np.zeros((2, len(chain.folded_rad)))
-    moving[:, HINGES] = rates, accelerations
-    whole = floating_torques(chain.module, bent(chain, angles)[None], moving[:1], moving[1:])[0]
-    np.testing.assert_allclose(found, whole[HINGES], atol=1e-9 * np.abs(whole).max())
+    motion = np.zeros((3, 1, len(chain.folded_rad)))
+    motion[0, :, : hinges.start] = chain.folded_rad[: hinges.start]
+    motion[:, :, hinges] = rng.normal(size=(3, 1, 2 * joints))
+    lumps = RigidEnds(chain, np.ones(len(chain))).lumps(first + 1, first + 1 + joints)
+    found = floating_torques(chain.module, *motion[:, :, hinges], lumps)
+    whole = floating_torques(chain.module, *motion)
+    np.testing.assert_allclose(found, whole[:, hinges], atol=1e-9 * np.abs(whole).max())
+
+
+def robot_of(chain: Chain, errors: RobotParameters, size: float = SIZE) -> WindowRobot:
+    return WindowRobot(
+        chain, errors, peak_torque=10.0, seed=[3], base=UPRIGHT, geom_size=size, step_s=0.08
+    )
 
 
 def test_a_step_is_that_of_one_tree_of_mujoco_that_holds_all_other_hinges(chain: Chain) -> None:
-    parameters = replace(FAULTLESS, mass_error=0.1, torque_limit=100.0)
-    robot = WindowRobot(chain, parameters, peak_torque=10.0, seed=[3], base=UPRIGHT)
-    body = WindowBody(chain, JOINTS, geom_size=SIZE, step_s=0.08)
-    robot.take(FIRST, body)
+    robot = robot_of(chain, replace(FAULTLESS, mass_error=0.1, torque_limit=100.0))
+    robot.take(FIRST, JOINTS)
     rng = np.random.default_rng(5)
     angles = chain.folded_rad[HINGES] * 0.0
     target, rates = 0.01 * rng.normal(size=(2, 2 * JOINTS))
@@ -104,50 +112,69 @@ def test_a_step_is_that_of_one_tree_of_mujoco_that_holds_all_other_hinges(chain:
     )
 
 
-def test_the_window_touches_the_core_that_there_is_and_the_rod() -> None:
-    chain = snake((4, 4, 6))
-    body = WindowBody(chain, JOINTS, geom_size=0.95, step_s=0.08)
-    lumps = Lumps(chain, np.ones(len(chain)))
-    model, data = body.model, body.data
+def configured(chain: Chain, first: int, angles: Array, size: float = SIZE) -> WindowRobot:
+    """A robot at rest with the (H,) angles of a stretch, its module 0 upright at the origin."""
+    robot = robot_of(chain, replace(FAULTLESS, mass_error=0.2), size)
+    robot.take(first, JOINTS)
+    robot.state.angles[:] = angles
+    robot.engine.place(robot.state)
+    return robot
 
-    def touching(first: int, angles: Array) -> set[frozenset[str]]:
-        body.take(first, lumps)
-        body.place(UPRIGHT, angles)
-        mujoco.mj_forward(model, data)
-        names = [[model.body(model.geom_bodyid[g]).name for g in c.geom] for c in data.contact]
-        return {frozenset(pair) for pair in names}
+
+def test_the_window_touches_the_core_that_there_is_and_the_tail() -> None:
+    chain = snake((4, 4, 6))
+
+    def touching(first: int, angles: Array) -> set[tuple[int, int]]:
+        contacts = configured(chain, first, angles, 0.95).find_contacts()
+        pairs = [] if contacts is None else contacts.points.pairs.tolist()
+        return {(min(pair), max(pair)) for pair in pairs}
 
     straight = np.zeros(2 * JOINTS)
     folded = chain.folded_rad[HINGES]
-    assert not touching(FIRST, folded)  # all in their cells, the rod leads away
+    assert not touching(FIRST, folded)  # all in their cells, the tail leads away
     backwards = folded.copy()
     backwards[:8] = -folded[:8]
-    assert any("core" in pair for pair in touching(FIRST, backwards))
+    assert any(pair[0] == 0 for pair in touching(FIRST, backwards))
     # What is not folded yet is not in the core, and the cube that it is linked to is no obstacle.
     assert not touching(0, straight)
     curled = straight.copy()
-    curled[-8:] = np.tile([np.pi / 2, 0.0], 4)  # the rod comes back along the window
-    assert any("rod" in pair and "core" not in pair for pair in touching(0, curled))
+    curled[-8:] = np.tile([np.pi / 2, 0.0], 4)  # the tail comes back along the window
+    pairs = touching(0, curled)
+    assert any(pair[1] == JOINTS for pair in pairs)
+    assert not any(pair[0] == 0 for pair in pairs)
+
+
+def test_contacts_are_in_the_world_however_the_core_is_turned(chain: Chain) -> None:
+    angles = chain.folded_rad[HINGES].copy()
+    angles[:8] *= -1.0
+    angles += 0.03 * np.random.default_rng(1).normal(size=len(angles))  # no faces in one plane
+    robot = configured(chain, FIRST, angles, 0.95)
+    before = robot.find_contacts()
+    rotation = matrix_from_wxyz(np.array([0.5, 0.5, 0.5, 0.5]))
+    robot.state.rotation = rotation @ robot.state.rotation
+    robot.state.position = rotation @ robot.state.position + 3.0
+    robot.engine.place(robot.state)
+    after = robot.find_contacts()
+    assert before is not None and after is not None
+    expected = before.points.points @ rotation.T + 3.0
+    np.testing.assert_allclose(after.points.points, expected, atol=1e-9)
+    np.testing.assert_allclose(after.points.normals, before.points.normals @ rotation.T, atol=1e-9)
 
 
 def test_rigid_parts_are_where_the_chain_has_them(chain: Chain) -> None:
     angles = some(chain)
-    body = WindowBody(chain, JOINTS, geom_size=SIZE, step_s=0.08)
-    masses = np.random.default_rng(2).uniform(0.5, 1.5, len(chain))
-    body.take(FIRST, Lumps(chain, masses))
-    body.place(UPRIGHT, angles)
-    mujoco.mj_forward(body.model, body.data)
+    robot = configured(chain, FIRST, angles)
+    masses = robot.faults.masses
     poses = forward_kinematics(chain.module, bent(chain, angles))
     np.testing.assert_allclose(
-        body.data.subtree_com[1], masses @ poses.positions / masses.sum(), atol=1e-9
+        robot.engine.centre_of_mass, masses @ poses.positions / masses.sum(), atol=1e-9
     )
-    for place in (0, 7, JOINTS):
-        found = body.data.xpos[body.model.body(f"module_{place + 1}").id]
-        np.testing.assert_allclose(found, poses.positions[FIRST + 1 + place], atol=1e-9)
-    rod = body.model.body("rod").id
     np.testing.assert_allclose(
-        body.data.xpos[rod], poses.positions[FIRST + 1 + JOINTS :].mean(axis=0), atol=1e-9
+        robot.engine.positions, poses.positions[FIRST + 1 : FIRST + 2 + JOINTS], atol=1e-9
     )
+    base = robot.base_pose
+    np.testing.assert_allclose(base[0], UPRIGHT[0], atol=1e-9)
+    np.testing.assert_allclose(base[1], UPRIGHT[1], atol=1e-9)
 
 
 @pytest.fixture(scope="module")

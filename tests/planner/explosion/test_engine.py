@@ -1,0 +1,131 @@
+"""The engine: its accelerations are those of one MuJoCo tree of the same bodies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
+from planner.chain.rotations import wxyz_from_matrix
+from planner.kernels.articulated import Accelerations, Loads
+from planner.kernels.module import Lumps
+from planner.simulation.contacts import ContactFinder
+from planner.simulation.engine import Engine, build_chain_model
+from planner.simulation.model import Material, tree_spec
+from planner.simulation.reduced import State
+from tests.planner.chains import coil, line, random_rotation, random_state
+
+Array = NDArray[np.float64]
+CHAINS = {
+    "cubes": coil(32),
+    "line": line(60),
+    "tetrahedra": Chain.from_angles(TETRAHEDRON, np.zeros(11)),
+}
+
+
+def random_lumps(seed: int) -> Lumps:
+    rng = np.random.default_rng(seed)
+    axes = np.stack([random_rotation(rng) for _ in range(2)])
+    moments = np.array([[900.0, 800.0, 500.0], [60.0, 40.0, 50.0]])
+    return Lumps(np.array([30.0, 8.0]), rng.normal(size=(2, 3)), axes, moments)
+
+
+def tree(chain: Chain, size: float, masses: Array, rotors: Array, lumps: Lumps) -> Any:
+    """One MuJoCo tree, its lumps bodies of their own; exact contacts."""
+    spec = tree_spec(chain, Material(geom_size=size))
+    for end, module in enumerate((0, len(chain) - 1)):
+        if lumps.masses[end]:
+            body = spec.body(f"module_{module}").add_body()
+            body.explicitinertial, body.mass = True, float(lumps.masses[end])
+            body.ipos = lumps.centres[end].tolist()
+            body.iquat = wxyz_from_matrix(lumps.axes[end]).tolist()
+            body.inertia = lumps.moments[end].tolist()
+    model: Any = spec.compile()
+    for i, mass in enumerate(masses):
+        body = model.body(f"module_{i}").id
+        model.body_mass[body] *= mass
+        model.body_inertia[body] *= mass
+    for name, rotor in zip(chain.joint_names, rotors, strict=True):
+        model.dof_armature[model.joint(name).dofadr[0]] = rotor
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
+    model.opt.iterations, model.opt.tolerance = 100, 0.0
+    return model
+
+
+def accelerate_tree(model: Any, chain: Chain, state: State, torques: Array) -> tuple[Array, int]:
+    """(J + 6,) accelerations of the hinges and of the root, angular first, in the world."""
+    data: Any = mujoco.MjData(model)
+    data.joint("root").qpos[:] = [*state.position, *wxyz_from_matrix(state.rotation)]
+    data.joint("root").qvel[:] = [*state.velocity, *state.spin]
+    for j, name in enumerate(chain.joint_names):
+        data.joint(name).qpos[0], data.joint(name).qvel[0] = state.angles[j], state.rates[j]
+        data.qfrc_applied[model.joint(name).dofadr[0]] = torques[j]
+    mujoco.mj_forward(model, data)
+    root = data.joint("root").qacc
+    hinges = [data.joint(name).qacc[0] for name in chain.joint_names]
+    return np.concatenate([hinges, state.rotation @ root[3:], root[:3]]), int(data.ncon)
+
+
+def joined(accelerations: Accelerations) -> Array:
+    return np.concatenate([accelerations.qdd, accelerations.root])
+
+
+@pytest.mark.parametrize("has_lumps", [False, True], ids=["modules", "lumps"])
+@pytest.mark.parametrize("scale", [0.0, 20.0], ids=["without-torques", "with-torques"])
+@pytest.mark.parametrize("chain", CHAINS.values(), ids=CHAINS)
+def test_engine_of_a_free_chain_moves_as_one_tree(
+    chain: Chain, scale: float, has_lumps: bool
+) -> None:
+    rng = np.random.default_rng(len(chain))
+    hinges = len(chain.folded_rad)
+    masses = 1.0 + 0.2 * rng.normal(size=len(chain))
+    rotors = rng.uniform(0.0, 1e4, hinges) * rng.integers(0, 2, hinges)
+    torques = scale * rng.normal(size=hinges)
+    lumps = random_lumps(3) if has_lumps else Lumps.none()
+    model = build_chain_model(chain, root=chain.root, masses=masses, lumps=lumps)
+    engine = Engine(model, chain.module.angle_limit_rad)
+    mj_model = tree(chain, 0.02, masses, rotors, lumps)
+    loads = Loads(torques, rotors, np.zeros((len(chain), 3)), np.zeros(3))
+    state = random_state(chain, 7, most=1.2)
+    for _ in range(3):
+        engine.place(state)
+        found = joined(engine.constrained(state, loads, None))
+        expected, contacts = accelerate_tree(mj_model, chain, state, torques)
+        assert contacts == 0
+        np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+        state.rates += 1e-3 * found[:hinges]
+        state.advance(1e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_engine_in_contact_moves_as_one_tree(seed: int) -> None:
+    chain = coil(32)
+    rng = np.random.default_rng(seed)
+    hinges = len(chain.folded_rad)
+    masses = 1.0 + 0.1 * rng.normal(size=len(chain))
+    rotors, torques = np.full(hinges, 500.0), 50.0 * rng.normal(size=hinges)
+    state = State.at_rest(0.99 * chain.folded_rad, np.zeros(3), random_rotation(rng))
+    state.angles += 0.01 * rng.normal(size=hinges)
+    state.rates[:] = 0.05 * rng.normal(size=hinges)
+    engine = Engine(
+        build_chain_model(chain, root=chain.root, masses=masses), chain.module.angle_limit_rad
+    )
+    engine.place(state)
+    finder = ContactFinder(chain, Material(geom_size=1.0))
+    finder.prepare(len(chain))
+    contacts = finder.find(engine.positions, engine.rotations)
+    assert contacts is not None
+    loads = Loads(torques, rotors, np.zeros((len(chain), 3)), np.zeros(3))
+    found = joined(engine.constrained(state, loads, contacts))
+    mj_model = tree(chain, 1.0, masses, rotors, Lumps.none())
+    expected, count = accelerate_tree(mj_model, chain, state, torques)
+    assert count == len(contacts.points.depths) > 2
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    twin = finder.copy().find(engine.positions, engine.rotations)
+    assert twin is not None
+    np.testing.assert_array_equal(twin.points.points, contacts.points.points)
