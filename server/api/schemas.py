@@ -21,8 +21,8 @@ from server.store.leases import Preparing
 from server.store.shown import ShownFold
 
 SMOOTHING_MESSAGE: Final = "smoothing"
-"""Message of the stage ``explode`` while a plan is smoothed; pages derive the stage's name from
-it."""
+"""Progress message of the stage ``explode`` if a fold only smooths an existing plan; web pages name
+the stage by this text."""
 PAUSED_MESSAGE: Final = "Paused because others are waiting. It continues automatically."
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]

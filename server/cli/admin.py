@@ -26,7 +26,8 @@ Force = Annotated[
 ]
 FOLD_LIST_COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
 VISITOR_LETTERS: Final = 8
-"""Letters of a visitor's pseudonym that lists show: enough to distinguish visitors. Chosen."""
+"""Number of characters of a visitor's pseudonym (a hash of the IP address) that the operator's
+lists display: enough to distinguish visitors. Chosen."""
 
 admin = typer.Typer(
     add_completion=False,

@@ -24,10 +24,12 @@ from server.store.schema_version import Schema
 from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, engine_of
 
 DAY_S: Final = 86400.0
-MOVING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
-"""States of a job that a worker has, or will have."""
+ACTIVE_JOB_STATES: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
+"""Job states of DBOS, the job system, in which a worker computes the job or will do so; a fold with
+such a job is not queued again."""
 INPUT_FILES: Final = ("input", "request.json", "cells.json", *COPIED_NAMES)
-"""Files of a fold that exist before anything is computed."""
+"""Files of a fold that exist before anything is computed. They stay when the operator has the fold
+computed again; all its other files are deleted."""
 
 
 class AdminError(Exception):
@@ -166,7 +168,7 @@ class AdminTasks:
         if row.status == "verified" and not force:
             raise AdminError(f"{fold_id} is verified; use --force to compute it again anyway.")
         job = self.job(fold_id)
-        if job in MOVING:
+        if job in ACTIVE_JOB_STATES:
             what = "waits in the queue" if row.status == "queued" else "is being computed"
             raise AdminError(f"{fold_id} {what} (its job is {job}); wait for it, or expire it.")
         self._check_inputs(row)
