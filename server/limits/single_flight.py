@@ -15,7 +15,8 @@ from server.errors import ServiceError, TooMany, Unavailable
 from server.limits.quota import Holder, Permit, Quota
 
 PENDING_RETRY_S: Final = 3
-"""``Retry-After`` if too many results are being computed, in s. Chosen."""
+"""Value of the ``Retry-After`` header, in s, if a result cannot be computed because too many others
+are being computed. Chosen."""
 Thing = TypeVar("Thing")
 
 
