@@ -13,13 +13,16 @@ DETAIL_RGB: Final = (92, 96, 104)
 TEXT_RGB: Final = (28, 31, 36)
 BAND_RGB: Final = (252, 251, 249)
 BAND_HEIGHT_PX: Final = 108
-"""Height of the caption at the bottom of a social picture, in pixels. Chosen."""
+"""Height of the caption band at the bottom of a fold's preview picture for social networks, in
+pixels. Chosen."""
 FAILED_BAND_PX: Final = 84
-"""Height of the red band at the top of the picture of a failed fold, in pixels. Chosen."""
+"""Height of the red band at the top of the preview picture of a failed fold, in pixels. Chosen."""
 MARGIN_LEFT_PX: Final = 40
-"""Distance of a caption's text from the left edge, in pixels. Chosen."""
+"""Distance of a caption's text from the left and from the right edge of the picture, in pixels.
+Chosen."""
 NAME_PX: Final = 44
-"""Font size of the fold's name, in pixels; a long name is drawn smaller. Chosen."""
+"""Largest font size of the fold's name in a picture's caption, in pixels; a long name is drawn
+smaller. Chosen."""
 VERDICT_PX: Final = 30
 
 
