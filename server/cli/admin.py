@@ -26,8 +26,9 @@ Force = Annotated[
 ]
 FOLD_LIST_COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
 VISITOR_LETTERS: Final = 8
-"""Number of characters of a visitor's pseudonym (a hash of the IP address) that the operator's
-lists display: enough to distinguish visitors. Chosen."""
+"""Number of first characters of a visitor's pseudonym that the operator's lists display. They are
+part of the hash of the visitor's network of IP addresses, so visitors of one network look the same.
+Chosen."""
 
 admin = typer.Typer(
     add_completion=False,

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from planner.pipeline.fold_layout import DESCRIBED
 from planner.verification.integrity import damaged_among
 from server.api.base_folds import COPIED_NAMES
-from server.jobs.queue import APPLICATION, Jobs
+from server.jobs.queue import ACTIVE_JOB_STATES, APPLICATION, Jobs
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.fold_files import size_of
@@ -24,9 +24,6 @@ from server.store.schema_version import Schema
 from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, engine_of
 
 DAY_S: Final = 86400.0
-ACTIVE_JOB_STATES: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
-"""Job states of DBOS, the job system, in which a worker computes the job or will do so; a fold with
-such a job is not queued again."""
 INPUT_FILES: Final = ("input", "request.json", "cells.json", *COPIED_NAMES)
 """Files of a fold that exist before anything is computed. They stay when the operator has the fold
 computed again; all its other files are deleted."""

@@ -15,8 +15,8 @@ from server.limits.networks import visitor_at
 from server.limits.quota import Permit
 
 CLOSE_HANDSHAKE_S: Final = 1.0
-"""Time that a peer may take to answer the close frame of a websocket, in s; then the connection is
-aborted. A larger value leaves more connections open to peers that do not answer. Chosen."""
+"""Time that a client may take to answer the close frame of a websocket, in s; then the connection
+is aborted. A larger value leaves more connections open to clients that do not answer. Chosen."""
 PARSED_BYTES: Final = 512
 """Number of received websocket bytes that are parsed before their events count in the rate limit;
 they hold at most 85 frames. A larger value lets a flood of small frames take more processor time

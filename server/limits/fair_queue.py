@@ -35,9 +35,9 @@ SLICE_COST_FACTOR: Final = 3.0
 expected computing time. A smaller value interrupts and repeats more stages; a larger one lets
 others wait longer. Chosen."""
 FIRST_SLICE_DIVISOR: Final = 3.0
-"""Divisor of the first time slice; the quotient is the minimum time for which a fold computes
-before it pauses for any other waiting fold. A larger value lets short folds pause earlier.
-Chosen."""
+"""Divisor of the configured duration of a fold's first time slice; the quotient is the minimum time
+for which a fold computes before it pauses for any other waiting fold. With a larger value short
+folds pause earlier. Chosen."""
 SLICE_GROWTH: Final = 3.0
 """Factor by which the time slice of a fold grows with each pause; at its end the fold makes room
 for cheaper folds. With this value pauses waste at most half of the last slice's work; a larger one

@@ -23,8 +23,8 @@ from server.errors import ServiceError, TooMany, Unavailable
 from server.limits.networks import networks_of
 
 OPEN_RETRY_S: Final = 10
-"""Value of the ``Retry-After`` header, in s, if a visitor has too many open connections, event
-streams or robots. Chosen."""
+"""Value of the ``Retry-After`` header, in s, if a request is refused because a visitor already has
+too many open event streams, uploads or robots. Chosen."""
 BUSY_RETRY_S: Final = 5
 """Value of the ``Retry-After`` header, in s, if a request is refused because too many others wait
 to be processed. Chosen."""

@@ -23,9 +23,9 @@ PLAN_COLUMNS: Final = (
     "Clearance, pitch",
     "Computing, s",
 )
-"""Column headings of the table that compares several plans of one fold: folding time, torque at
-that time, torque if all plans took as long as the slowest, proved clearance between modules, and
-computing time."""
+"""Column headings of the table that compares several plans of one fold: folding time, largest
+torque, largest torque if all plans took as long as the slowest one, proved clearance between
+modules, and computing time."""
 PREFERENCE_WORDS: Final[dict[Preference, str]] = {
     "computing": "First verified plan",
     "time": "Shortest folding time",

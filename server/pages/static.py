@@ -20,7 +20,8 @@ from web.static_files import STATIC, VERSIONED, code_of, scripts_version
 router = APIRouter(include_in_schema=False)
 
 IMMUTABLE_CACHE_CONTROL: Final = "public, max-age=31536000, immutable"
-"""Value of ``Cache-Control`` for content that never changes under its address (RFC 8246)."""
+"""Value of the header ``Cache-Control`` for files whose content never changes under their address:
+browsers need not ask for them again for a year (RFC 8246)."""
 SWAGGER_FILES: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
 """Files of the package ``fastapi_offline`` that this service offers as static files, for the API
 documentation without internet access."""

@@ -37,10 +37,10 @@ TABLE_DISC_OPACITY: Final = 0.85
 """Opacity (0 to 1) of the discs in the viser scene that show the forces of modules on the table.
 Chosen."""
 GROUND_SINK_S: Final = 0.05
-"""Time constant with which the displayed ground follows the lowest module downwards, in s of wall
-time. With a larger value the chain dips below the ground for longer. Chosen."""
+"""Time constant with which the displayed ground follows the lowest module downwards, in s of
+playing time. With a larger value the chain dips below the ground for longer. Chosen."""
 GROUND_RISE_S: Final = 0.5
-"""Time constant with which the displayed ground follows the lowest module upwards, in s of wall
+"""Time constant with which the displayed ground follows the lowest module upwards, in s of playing
 time. With a smaller value the ground moves more restlessly. Chosen."""
 
 
