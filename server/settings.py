@@ -23,7 +23,7 @@ MIB_BYTES = 1024 * 1024
 VARIABLE_PREFIX: Final = "FOLDBACK_"
 MIN_TOKEN_LENGTH: Final = 16
 """Minimum length of an operator's access token, in characters; the service does not start with a
-shorter one, as it could be guessed. Chosen."""
+shorter one. With a smaller value tokens could be guessed. Chosen."""
 
 
 class Settings(BaseSettings):

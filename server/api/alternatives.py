@@ -19,8 +19,8 @@ from server.store.shown import RUNNING_STATUSES, Found
 
 MAX_ATTEMPT_DIGITS: Final = 3
 """Maximum number of digits of the number in an address that selects one of a fold's attempts (plans
-computed for the same shape). A longer number selects nothing; folds have at most a few dozen
-attempts. Chosen."""
+computed for the same shape). A longer number selects nothing, so a smaller value could hide
+attempts; folds have at most a few dozen. Chosen."""
 
 
 def alternative(found: Found, number: str) -> Found | None:

@@ -27,8 +27,8 @@ PAUSED_MESSAGE: Final = "Paused because others are waiting. It continues automat
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
 MAX_FOLD_NAME: Final = 200
-"""Maximum length of the name that an owner gives a fold, in characters; a longer one is refused.
-Chosen."""
+"""Maximum length of the name that an owner gives a fold, in characters; a longer one is refused. A
+larger value makes lists and pages harder to read. Chosen."""
 
 TOKEN_PATTERN: Final = r"^[!-~]{24,200}$"
 """Pattern of an owner token (the secret with which a client proves that folds are its own) that the

@@ -32,7 +32,7 @@ from server.pages import certificate_words
 
 MAX_LISTED_JOINTS = 10
 """Maximum number of joints in the printed table of motor torques: those with the largest peak
-torques. Chosen."""
+torques. A larger value makes the table longer. Chosen."""
 
 
 def retime(

@@ -25,7 +25,7 @@ from server.store.tables import FoldRow
 
 SHOWN_ESTIMATE_S: Final = 60.0
 """Time for which the last displayed remaining time of a fold is cached, in s, so that the next one
-continues it without a jump. Chosen."""
+continues it without a jump. A smaller value lets it jump for clients that ask rarely. Chosen."""
 MAX_CACHED_ESTIMATES: Final = 1024
 """Maximum number of folds whose last displayed remaining time is cached. With a smaller value
 remaining times may jump while many folds are watched. Chosen."""
@@ -38,8 +38,8 @@ PACE_PRIOR: Final = 0.2
 remaining time is estimated, as a fraction of the typical duration. A larger value is steadier and
 follows an unusually slow or fast fold later. Chosen."""
 MIN_REMAINING_S: Final = 0.1
-"""Smallest remaining time that is reported for a running fold, in s; 0 would mean that it takes
-longer than usual. Chosen."""
+"""Smallest remaining time that is reported for a running fold, in s, as 0 means that the fold takes
+longer than usual. A larger value overestimates the end. Chosen."""
 LATE_FACTOR: Final = 2.0
 """Multiple of a stage's typical duration after which the stage counts as late, so that no remaining
 time is displayed. With a larger value wrong estimates are displayed for longer. Chosen."""

@@ -23,11 +23,12 @@ from server.errors import ServiceError, TooMany, Unavailable
 from server.limits.networks import networks_of
 
 OPEN_RETRY_S: Final = 10
-"""Value of the ``Retry-After`` header, in s, if a request is refused because a visitor already has
-too many open event streams, uploads or robots. Chosen."""
+"""Value of the ``Retry-After`` header, in s, if a request is refused because too many event
+streams, uploads or robots are open. A smaller value brings more requests that are refused again.
+Chosen."""
 BUSY_RETRY_S: Final = 5
 """Value of the ``Retry-After`` header, in s, if a request is refused because too many others wait
-to be processed. Chosen."""
+to be processed. A smaller value brings more requests that are refused again. Chosen."""
 TURN_TIMEOUT_S: Final = 10.0
 """Default of the maximum time that a request waits until fewer others are being processed, in s;
 then it is refused. A smaller value refuses more requests under load. Chosen."""

@@ -31,7 +31,7 @@ EXPECTED_WORDS: Final = {
 REMEDY: Final = "Correct it, or unset it; docs/operations.md lists all settings."
 MAX_QUOTED_CHARACTERS: Final = 60
 """Maximum length of a setting's value that an error message quotes, in characters; the rest is cut
-off. Chosen."""
+off. A larger value makes messages longer. Chosen."""
 
 
 def settings_of(**given: Any) -> Settings:

@@ -18,7 +18,7 @@ SUPERVISION_POLL_S: Final = 0.2
 larger value it is restarted later. Chosen."""
 STOP_TIMEOUT_S: Final = 10.0
 """Time that the service's processes may take to stop when the service stops, in s; then they are
-killed. Chosen."""
+killed. A smaller value interrupts more requests and folds. Chosen."""
 MAX_RESTART_PAUSE_S: Final = 30.0
 """Maximum pause before a worker process that ends again and again is restarted, in s; the pause
 doubles from 0.5 s. A larger value resumes later after the cause is gone. Chosen."""

@@ -41,7 +41,7 @@ CHAIN_LABELS: Final = {"cube": "Cubes", "tetrahedron": "Tetrahedra"}
 MODULE_PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
 MAX_ZERO_TORQUE_WP: Final = 0.05
 """Joint torque below which gallery cards say that a fold on a table needs no motor torque, in w·p
-(module weight × pitch). Chosen."""
+(module weight × pitch). A larger value hides small torques. Chosen."""
 WORLD_LABELS: Final = {"table": "On a table"}
 CARD_STATUS_LABELS: Final = {
     "verified": "Verified",

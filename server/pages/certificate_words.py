@@ -23,18 +23,19 @@ NOT_SIMULATED: Final = "not simulated"
 NOT_KNOWN: Final = "unknown: computed by an earlier version"
 BASELINE_LABEL: Final = "one joint at a time (a baseline)"
 MAX_NAMED_SERVOS: Final = 8
-"""Maximum number of servos with sufficient torque that a fold's page lists, lightest first.
-Chosen."""
+"""Maximum number of servos with sufficient torque that a fold's page lists, lightest first. A
+larger value makes the list longer. Chosen."""
 NEAR_PITCH_FACTOR: Final = 1.1
 """Factor on the smallest module pitch for which a servo is strong enough. If none suits the
 requested pitch, a fold's page lists the servos for pitches up to the product; a larger value lists
 more of them. Chosen."""
 ON_TABLE_PITCH: Final = 1e-3
 """Distance of a module's corner from the table top, above or below, within which a page says that
-it lies on the table, in pitches. Chosen."""
+it lies on the table, in pitches. A smaller value displays rounding errors as gaps. Chosen."""
 ROUNDING_PITCH: Final = 1e-9
 """Overlap of two modules up to which it is the rounding error of a contact and is not reported, in
-pitches; torques, in w·p, are rounded up with the same tolerance. Chosen."""
+pitches; torques, in w·p, are rounded up with the same tolerance. A larger value hides real
+overlaps. Chosen."""
 
 
 def headline(certificate: CertificateFigures) -> str:

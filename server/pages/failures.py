@@ -54,7 +54,7 @@ STAGES_WITH_MOTION: Final = ("explode", "play_back")
 """Stages in which the displayed chain moves, so that the reason of a failure names the frame."""
 MAX_BLOCKING_LINES: Final = 24
 """Maximum number of blocked hinge rotations and part movements that the page of a failed fold lists
-one by one; further ones are only counted. Chosen."""
+one by one; further ones are only counted. A larger value makes the page longer. Chosen."""
 NUMBERED_PARTS: Final = re.compile(
     r"\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?",
     re.IGNORECASE,

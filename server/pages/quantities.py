@@ -12,7 +12,7 @@ SIGNIFICANT_DIGITS: Final = 3
 """Default number of significant digits of a displayed number. Chosen."""
 MAX_WHOLE_VALUE: Final = 1e6
 """Value below which a displayed number of at least 1 is written as a whole number, without a power
-of ten. Chosen."""
+of ten. A larger value writes longer numbers. Chosen."""
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SI_PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 """SI prefixes of displayed quantities by power of ten; ``SI_PREFIXES`` in ``lib/text.js`` must be

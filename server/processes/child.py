@@ -109,8 +109,9 @@ class _Parent:
 
 
 MAX_OPEN_FILES: Final = 512
-"""Maximum number of open files of one computing process (``RLIMIT_NOFILE``), so that a faulty or
-malicious input cannot exhaust those of the machine. Chosen."""
+"""Maximum number of open files of one computing process (``RLIMIT_NOFILE``). With a larger value a
+malicious input could exhaust those of the machine; with a smaller one valid tasks could fail.
+Chosen."""
 MAX_WRITTEN_FILE_BYTES: Final = 8 * 2**30
 """Maximum size of a file that a computing process can write, in bytes (``RLIMIT_FSIZE``), so that a
 faulty or malicious input cannot fill the disk. A smaller value fails folds with long motions.

@@ -41,11 +41,12 @@ MAX_START_CPU_S: Final = 240.0
 numerical kernels; beyond it the process is killed. A smaller value fails on slow machines.
 Chosen."""
 MAX_START_S: Final = 3600.0
-"""Maximum wall time of the start of a computing process, in s; beyond it the process is killed. It
-is long, as a process of low priority on a busy machine gets little processor time. Chosen."""
+"""Maximum wall time of the start of a computing process, in s; beyond it the process is killed.
+With a smaller value processes of low priority, which get little time on a busy machine, could never
+start. Chosen."""
 CHILD_EXIT_S: Final = 1.0
 """Time that a computing process may take to exit after it has closed its output, in s; then it is
-killed. Chosen."""
+killed. A larger value reports a crash later. Chosen."""
 MAX_CALLS_PER_CHILD: Final = 200
 """Number of tasks after which a computing process is replaced by a new one, since its limit of
 processor time applies to its whole life. A smaller value starts processes more often; with a larger

@@ -47,8 +47,8 @@ PACKAGE_DIRS: Final = ("site-packages", "dist-packages")
 process may read them even if the service's data lie below them."""
 THREAD_EXIT_S: Final = 5.0
 """Maximum time to wait for other threads to end before a computing process is confined, in s.
-Confinement by the kernel applies to the calling thread only, so remaining threads would keep their
-access. Chosen."""
+Confinement by the kernel applies to the calling thread only; with a smaller value slow threads make
+the start fail. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -54,8 +54,8 @@ A smaller value writes more often; with a larger one unused folds are ordered le
 Chosen."""
 TURN_COUNTER: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
 SLICE_END_S: Final = 1.0
-"""Time that a fold takes to pause for another one after its time slice, in s: a check of the queue
-and the end of a step. It only affects estimates of waiting times. Chosen."""
+"""Time that a fold is assumed to take to pause for another one after its time slice, in s: a check
+of the queue and the end of a step. A larger value makes estimated waiting times longer. Chosen."""
 CANCELLATION_MEMORY_S: Final = 3600.0
 """Time for which a visitor who has cancelled a gallery fold loses its precedence for the next one,
 in s; then gallery folds go before all others again. A smaller value lets cancellations delay others

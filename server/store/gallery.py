@@ -15,11 +15,11 @@ from planner.chain.module import CUBE, module_named
 from planner.errors import InputError
 
 MAX_SUGGESTED_NAMES: Final = 4
-"""Maximum number of similar names that the error about an unknown gallery example suggests.
-Chosen."""
+"""Maximum number of similar names that the error about an unknown gallery example suggests. A
+larger value makes the message longer. Chosen."""
 MAX_LISTED_EXAMPLES: Final = 6
 """Maximum number of suitable gallery examples that the error about a wrong kind of module or number
-of modules lists; further ones are only counted. Chosen."""
+of modules lists; further ones are only counted. A larger value makes the message longer. Chosen."""
 MIN_NAME_SIMILARITY: Final = 0.5
 """Minimum similarity, from 0 to 1 (``difflib``), of an example's name that the error about an
 unknown gallery example suggests. A larger value suggests fewer names. Chosen."""

@@ -36,7 +36,7 @@ TRANSFERS_AT_ONCE: Final = 8
 is faster for many small files and opens more connections. Chosen."""
 MAX_FETCH_ATTEMPTS: Final = 5
 """Maximum number of attempts to fetch a fold's files from the object store while its motion is
-being replaced; then the request fails. Chosen."""
+being replaced; then the request fails. A larger value fails less often, and later. Chosen."""
 log = logging.getLogger("foldback.storage")
 Answer = TypeVar("Answer")
 

@@ -26,7 +26,8 @@ RECENT_WINDOW_S: Final = 3600.0
 value is steadier and follows changes later. Chosen."""
 MAX_FOLD_AGE_S: Final = 86400.0
 """Largest assumed time from the request of a fold to its end, in s. The search for recently ended
-folds reads only rows that are young enough; it misses folds that took longer. Chosen."""
+folds ignores older rows; a larger value reads more rows, a smaller one misses more folds that took
+long. Chosen."""
 MAX_ENDED_FOLDS: Final = 500
 """Maximum number of recently ended folds whose durations are read for the figures for operators. A
 larger value is more accurate and slower. Chosen."""

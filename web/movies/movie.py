@@ -29,16 +29,18 @@ MAX_FPS: Final[dict[str, int]] = {"mp4": 60, "gif": 25}
 """Maximum number of a movie's frames per second by file format. Larger values take longer to draw
 and make larger files. Chosen."""
 MIN_MOVIE_S: Final = 0.1
-"""Minimum duration of a movie, in s; a shorter movie is refused. Chosen."""
+"""Minimum duration of a movie, in s; a shorter movie is refused. A smaller value permits movies of
+fewer frames. Chosen."""
 MAX_MOVIE_S: Final[dict[str, float]] = {"mp4": 60.0, "gif": 20.0}
 """Maximum duration of a movie by file format, in s. A larger value occupies a worker for longer and
 makes larger files. Chosen."""
 ELEVATION_RANGE_DEG: Final = (-10.0, 85.0)
 """Smallest and largest permitted elevation of a movie's camera above the horizontal plane, in
-degrees; below 0 the camera looks from below. Chosen."""
+degrees. Below 0 the camera looks from below the ground; at 90 the upward direction of the picture
+is undefined. Chosen."""
 MAX_TURN_DEG: Final = 720.0
 """Maximum angle by which a movie's camera may orbit around the chain, in degrees in either
-direction. Chosen."""
+direction. A larger value permits faster orbits. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,8 +28,8 @@ MAX_FRAMED_POINTS: Final = 600
 chains every n-th one and the extreme ones are taken. A larger value takes longer and is more
 accurate. Chosen."""
 DEFAULT_ASPECT: Final = 1.6
-"""Aspect ratio (width / height) for which a camera is placed if the picture's size is unknown.
-Chosen."""
+"""Aspect ratio (width / height) for which a camera is placed if the picture's size is unknown. With
+a larger value chains may be cut off at the sides of narrow pictures. Chosen."""
 GROUND_GAP_PITCH: Final = 0.35
 """Gap between the lowest module and the drawn ground in movies and pictures of chains without a
 table, in pitches. A larger value makes the chain seem to float higher. Chosen."""

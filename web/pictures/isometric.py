@@ -21,8 +21,8 @@ DRAWN_MODULE_SIZE: Final = 0.93
 """Edge length of a cube in an isometric drawing, in pitches; smaller values widen the gaps between
 modules. Chosen."""
 EDGE_STROKE_PITCH: Final = 0.1
-"""Width of the stroke around each face in an isometric drawing, which rounds its corners, in
-pitches. Chosen."""
+"""Width of the stroke around each face in an isometric drawing, in pitches. A larger value rounds
+the corners of faces more. Chosen."""
 DRAWING_MARGIN_PITCH: Final = 0.6
 """Width of the empty margin around an isometric drawing, in pitches. Chosen."""
 SINE, COSINE = 0.5, math.sqrt(0.75)

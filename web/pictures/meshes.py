@@ -15,7 +15,8 @@ DISPLAYED_MODULE_SIZE: Final = 0.93
 """Size of a displayed module relative to its true size, so that gaps separate neighbouring modules.
 A smaller value widens the gaps. Chosen."""
 MODULE_BEVEL: Final = 0.075
-"""Width of the bevel along the edges of a displayed module, in pitches. Chosen."""
+"""Width of the bevel along the edges of a displayed module, in pitches. A larger value makes
+modules look rounder. Chosen."""
 STUD_RADIUS: Final = 0.21
 """Radius of the disc that marks the free end of a displayed chain, in pitches. Chosen."""
 STUD_HEIGHT: Final = 0.09
@@ -24,8 +25,9 @@ STUD_SIDES: Final = 20
 """Number of sides of the polygon that approximates the disc at the free end of a displayed chain.
 More are rounder and slower to draw. Chosen."""
 FLAT_TOLERANCE: Final = 1e-6
-"""Distance from a plane up to which a corner of a module's mesh lies in this plane, in pitches; it
-covers rounding errors. Chosen."""
+"""Distance from a plane up to which a corner of a module's mesh lies in this plane, in pitches. A
+smaller value splits faces because of rounding errors; a larger one merges different faces.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -24,13 +24,14 @@ MAX_SHORT_FORM_LENGTH: Final = 64
 """Maximum length of a camera view in an address, in characters; a longer one is ignored. Chosen."""
 MAX_ELEVATION_RAD: Final = 1.56
 """Largest elevation of the camera, in rad; at π/2 it would look straight down, where the upward
-direction of the picture is undefined. ``js/player/camera_rig.js`` has the same."""
+direction of the picture is undefined. ``js/player/camera_rig.js`` has the same. Chosen."""
 MAX_ZOOM: Final = 40.0
-"""Largest distance of the camera from the chain, as a multiple of the default one.
-``js/player/camera_rig.js`` has the same. Chosen."""
+"""Largest distance of the camera from the chain, as a multiple of the default one. A larger value
+permits views in which the chain is only a dot. ``js/player/camera_rig.js`` has the same. Chosen."""
 MIN_ZOOM: Final = 0.02
-"""Smallest distance of the camera from the chain, as a multiple of the default one.
-``js/player/camera_rig.js`` has the same. Chosen."""
+"""Smallest distance of the camera from the chain, as a multiple of the default one. A smaller value
+permits closer views, and views from inside of modules. ``js/player/camera_rig.js`` has the same.
+Chosen."""
 MIN_FOLLOW_ZOOM: Final = 1.08
 """Smallest distance of a camera that follows the chain, as a multiple of the distance at which the
 chain touches the picture's edge. A larger value shows the chain smaller. Chosen."""

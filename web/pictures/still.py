@@ -39,7 +39,7 @@ tried views; below it a still picture uses the view with the largest one. A larg
 default view more often. Chosen."""
 EXPOSURE: Final = 1.1
 """Factor on the brightness of faces in still pictures, which makes them as bright as in movies,
-where faces have a specular highlight. Chosen."""
+where faces have a specular highlight. A larger value makes pictures brighter. Chosen."""
 
 
 def still(

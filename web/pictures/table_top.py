@@ -17,9 +17,10 @@ TABLE_RGB: Final = (206, 190, 166)
 the dark theme. Chosen."""
 TABLE_MARGIN_PITCH: Final = 2.5
 """Width of the displayed table beyond the space that the chain's motion covers, on each side, in
-pitches. Chosen."""
+pitches. A larger value shows the chain smaller relative to the table. Chosen."""
 MIN_TABLE_SIDE_PITCH: Final = 10.0
-"""Minimum width and length of the displayed table, in pitches. Chosen."""
+"""Minimum width and length of the displayed table, in pitches. A larger value shows a larger table
+under short chains. Chosen."""
 CORNER_RADIUS_FRACTION: Final = 0.12
 """Radius of the displayed table's rounded corners, as a fraction of its shorter side. Chosen."""
 TABLE_BEVEL: Final = 0.12

@@ -19,7 +19,8 @@ hidden modules, then those farthest from the camera's target, are left out. A la
 longer and more memory. Chosen."""
 FACE_CONTACT_DISTANCE_PITCH: Final = 1.02
 """Largest distance between the centres of two cubes that share a face, in pitches: 1 and a
-tolerance for rounding. A cube with such neighbours on all sides is hidden."""
+tolerance for rounding. A cube with such neighbours on all sides is hidden and need not be drawn.
+Chosen."""
 
 
 def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:

@@ -33,7 +33,8 @@ MAX_BATCH_BYTES: Final = 2**20
 """Maximum size of a batch of a motion's frames that a browser gets in one answer, in bytes before
 compression. A larger value needs fewer requests, and each one takes longer. Chosen."""
 UNLIMITED_BYTES: Final = 2**40
-"""Maximum size of a batch of frames that holds a whole motion, in bytes: larger than any motion."""
+"""Limit for the size of a batch of frames that is to hold a whole motion, in bytes: larger than any
+motion. Chosen."""
 WINDOW_HEADER_BYTES: Final = 80
 """Number of bytes of one frame of a long chain, which stores only the section that moves, in
 addition to that section's angles and errors. It serves to estimate the size of batches."""

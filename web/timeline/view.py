@@ -50,7 +50,7 @@ REFRESH_INTERVAL_S: Final = 0.1
 shows new frames later; a smaller one reads files more often. Chosen."""
 OUTLINE_COLUMNS: Final = 320
 """Default number of columns of the progress bar below the 3D view; each shows the phase and the
-largest joint error of its frames. Chosen."""
+largest joint error of its frames. A larger value is finer and sends more data. Chosen."""
 TABLE_EXTENT_SAMPLES: Final = 256
 """Approximate number of frames, spread over a motion, from which the size of the displayed table is
 computed. A larger value is more accurate and slower. Chosen."""

@@ -33,14 +33,14 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 SCENE_SIZE: Final = 4.0
-"""Longest side of the shape in a 3D preview, in units of the viser scene, whatever the shape's real
-size. Chosen."""
+"""Longest side of the shape in a 3D preview, in units of the viser scene, so that shapes of all
+sizes fit into it. Chosen."""
 PATH_WIDTH_PITCH: Final = 0.3
-"""Width of the rods that show the chain's path through the cells in a 3D preview, in pitches.
-Chosen."""
+"""Width of the rods that show the chain's path through the cells in a 3D preview, in pitches. A
+larger value hides more of the path behind. Chosen."""
 PATH_END_SIZE_PITCH: Final = 0.46
-"""Size of the cubes that mark the two ends of the chain's path in a 3D preview, in pitches.
-Chosen."""
+"""Size of the cubes that mark the two ends of the chain's path in a 3D preview, in pitches. A
+larger value hides more of the path behind. Chosen."""
 SOLID_RGB: Final[Rgb] = (92, 120, 164)
 GHOST_RGB: Final[Rgb] = (110, 120, 134)
 GHOST_OPACITY: Final = 0.13
@@ -50,10 +50,11 @@ SOLID_OPACITY: Final = 0.34
 """Opacity (0 to 1) of the uploaded mesh in a 3D preview that also shows a chain's path. A larger
 value hides more of the modules. Chosen."""
 SOLID_OPACITY_NO_PATH: Final = 0.1
-"""Opacity (0 to 1) of the uploaded mesh in a 3D preview of cells without a path; the cells, which
-are opaque, show through it. Chosen."""
+"""Opacity (0 to 1) of the uploaded mesh in a 3D preview of cells without a path, which are opaque.
+A larger value hides more of the cells. Chosen."""
 ADDED_OPACITY: Final = 0.55
-"""Opacity (0 to 1) of the cells in a 3D preview that a repair adds to the shape. Chosen."""
+"""Opacity (0 to 1) of the cells in a 3D preview that a repair adds to the shape. A larger value
+hides more of the shape behind. Chosen."""
 PREVIEW_AZIMUTH_RAD: Final = np.deg2rad(-54.0)
 """Initial azimuth of a 3D preview's camera, in rad from the x axis around the vertical z axis.
 Chosen."""

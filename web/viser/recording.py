@@ -24,7 +24,8 @@ MAX_RECORDED_NUMBERS: Final = 12_000_000
 as it stores every pose. A larger value plays long chains more smoothly and makes larger files.
 Chosen."""
 RECORDING_S: Final = 24.0
-"""Duration for which a file for the viser player plays at normal speed, in s. Chosen."""
+"""Duration for which a file for the viser player plays at normal speed, in s. A larger value plays
+the motion more slowly. Chosen."""
 
 
 def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes:

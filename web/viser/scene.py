@@ -29,13 +29,13 @@ SCENE_STRETCH_FACTOR: Final = 3
 view, so that the folded part beside it fits as well. A larger value shows modules smaller.
 Chosen."""
 MAX_SCENE_PITCH: Final = 0.25
-"""Maximum length of a pitch in units of the viser scene, so that the modules of short chains do not
-fill the screen. Chosen."""
+"""Maximum length of a pitch in units of the viser scene. With a larger value the modules of short
+chains would fill the screen. Chosen."""
 PATH_THICKNESS_PITCH: Final = 0.18
 """Thickness of the line through the modules' centres in the viser scene, in pitches. Chosen."""
 TABLE_DISC_OPACITY: Final = 0.85
-"""Opacity (0 to 1) of the discs in the viser scene that show the forces of modules on the table.
-Chosen."""
+"""Opacity (0 to 1) of the discs in the viser scene that show the forces of modules on the table. A
+larger value hides more of the table top. Chosen."""
 GROUND_SINK_S: Final = 0.05
 """Time constant with which the displayed ground follows the lowest module downwards, in s of
 playing time. With a larger value the chain dips below the ground for longer. Chosen."""

@@ -34,13 +34,13 @@ if TYPE_CHECKING:
 
 DEFAULT_DURATION_S: Final = 20.0
 """Time for which a fold shown from Python plays at speed 1, in s, unless it has very few or very
-many frames. Chosen."""
+many frames. A larger value plays the motion more slowly. Chosen."""
 MIN_PLAYED_FPS: Final = 12.0
-"""Minimum number of the motion's frames that are played per second at speed 1; motions of few
-frames are therefore shorter. Chosen."""
+"""Minimum number of the motion's frames that are played per second at speed 1, so that motions of
+few frames do not stutter; they are therefore shorter. A larger value plays them faster. Chosen."""
 MAX_PLAYED_FPS: Final = 240.0
-"""Maximum number of the motion's frames that are played per second at speed 1; motions of many
-frames therefore take longer. Chosen."""
+"""Maximum number of the motion's frames that are played per second at speed 1, so that long motions
+can be followed; they therefore take longer. A larger value plays them faster. Chosen."""
 DRAW_INTERVAL_S: Final = 1 / 30
 """Time between two updates of the 3D view while a motion plays, in s. A smaller value is smoother
 and sends more data to the browser. Chosen."""
