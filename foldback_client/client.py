@@ -22,8 +22,8 @@ from foldback_client.upload import FoldOptions, ShapeOptions, Source, file_of, f
 
 T = TypeVar("T")
 CONNECT_TIMEOUT_S: Final = 10.0
-"""Maximum time to open a connection, in s. A larger value notices later that a service cannot be
-reached. Chosen."""
+"""Maximum time to open a connection to the service, in s; then the request fails. With a larger
+value the client notices later that the service cannot be reached. Chosen."""
 
 
 class Client:

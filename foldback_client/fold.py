@@ -21,11 +21,12 @@ if TYPE_CHECKING:
     from foldback_client.downloads import Place
 
 EVENT_TIMEOUT_S: Final = 45.0
-"""Time without an event, in s, after which a stream of events counts as broken and is opened again.
-The service sends one at least every 15 s; a smaller value breaks off slow connections, a larger one
-notices later that one is dead. Chosen."""
+"""Time without an event on a fold's event stream, in s, after which the client connects anew; the
+service sends one at least every 15 s. A smaller value breaks off slow connections; a larger one
+notices broken ones later. Chosen."""
 DIRECT_FILES: Final = frozenset({"plan.json", "plan.npz", "model.xml", "certificate.json"})
-"""Files of a fold with an address of their own; all other names are those of exports."""
+"""Files of a fold that the client downloads from ``/api/folds/{id}/{name}``; all others are
+exports, which have another address."""
 
 
 class Fold:

@@ -16,7 +16,8 @@ FRAME_ARRAYS: Final = (
     "positions",
     "wxyzs",
 )
-"""Names of the arrays with a value for each frame, as the service's JSON has them."""
+"""Names of the arrays with one entry per frame in the JSON that the service returns for a
+motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Any, Final
 import httpx
 
 FINAL_STATUSES: Final = frozenset({"verified", "failed", "cancelled"})
-"""Statuses of a fold that has ended."""
+"""Statuses of a fold that has ended; no further progress follows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

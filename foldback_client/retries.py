@@ -7,8 +7,8 @@ from random import SystemRandom
 from typing import Final
 
 RETRIED_STATUSES: Final = frozenset({429, 502, 503})
-"""HTTP statuses after which a request is repeated: too many requests, and a service that is
-restarting."""
+"""HTTP statuses after which the client repeats a request: too many requests (429), and a service
+that is restarting (502, 503)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -77,10 +77,12 @@ from server.store.stats import Stats
 from web.timeline.views import TimelineViews
 
 WARM_UP_DELAY_S: Final = 1.5
-"""Time after the start of the web process before it prepares the landing page, in s, so that first
-requests do not wait for it. Chosen."""
+"""Time between the start of the web process and the preparation of its landing page, in s, so that
+the first requests do not compete with the preparation. A larger value makes the first view of the
+landing page slow for longer. Chosen."""
 UPLOAD_QUEUE_TIMEOUT_S: Final = 60.0
-"""Maximum time that an upload waits for its turn to be read, in s; then it is refused. Chosen."""
+"""Maximum time that an upload waits until a process is free to read it, in s; then it is refused. A
+smaller value refuses more uploads under load; a larger one keeps more connections open. Chosen."""
 log = logging.getLogger("foldback.web")
 
 ROUTERS: Final = (

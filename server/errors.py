@@ -12,9 +12,11 @@ from planner.errors import DamagedError, InputError
 from planner.files import READ_ONLY_ERRORS
 
 MOTION_FILES: Final = ("timeline.zarr", "chain.json", "plan.npz", "plan.json")
-"""Files that hold the motion of a fold."""
+"""Files that hold the motion of a fold. If one of them is damaged, error messages say that the
+motion is damaged."""
 FULL_DISK_RETRY_S: Final = 60
-"""``Retry-After`` of a refusal because the disk is full, in s. Chosen."""
+"""Value of the ``Retry-After`` header, in s, if a request is refused because the disk is full or
+cannot be written. A smaller value brings more requests that fail again. Chosen."""
 READ_ONLY_WORDS: Final = "New folds cannot be accepted: the disk is read-only."
 
 

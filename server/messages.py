@@ -22,7 +22,8 @@ MESSAGES: Final = (
         '"{sign}" isn\'t an angle. Use 0, + or − for each hinge.',
     ),
 )
-"""Messages for the most frequent errors, by a pattern of their text."""
+"""Messages for people for the most frequent input errors: a pattern that matches the whole error
+text, and the message that replaces it."""
 
 
 def message_for_people(detail: str) -> str:

@@ -19,10 +19,11 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from planner.files import refuses_writing
 
 MIB_BYTES = 1024 * 1024
-"""Bytes in a MiB."""
+"""Number of bytes in a MiB."""
 VARIABLE_PREFIX: Final = "FOLDBACK_"
 MIN_TOKEN_LENGTH: Final = 16
-"""Minimum length of an operator's token, in characters; a shorter one could be guessed. Chosen."""
+"""Minimum length of an operator's access token, in characters; the service does not start with a
+shorter one. With a smaller value tokens could be guessed. Chosen."""
 
 
 class Settings(BaseSettings):

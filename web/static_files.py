@@ -13,8 +13,8 @@ STATIC: Final = Path(__file__).parent / "static"
 SCRIPT_IMPORT: Final = re.compile(
     r'(\bfrom\s+|\bimport\s+|\bimport\()"(\.{1,2}/[a-z_/]+\.js)"(?!\)\.[A-Z])'
 )
-"""Pattern of an import in a script, except of types: the words before the address, and the address.
-``import(`` loads a module on first use."""
+"""Matches an import of another script in JavaScript, except in a comment about types; the groups
+are the words before the address (``import(`` loads the script on first use) and the address."""
 
 
 def text_of(name: str) -> str:
@@ -23,11 +23,13 @@ def text_of(name: str) -> str:
 
 
 VERSIONED: Final = "version"
-"""Directory in addresses of scripts, before their version."""
+"""First directory in the addresses of scripts; the second one is their version, so that browsers
+may cache them for ever."""
 COMMENT_LINES: Final = re.compile(
     r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n", re.MULTILINE | re.DOTALL
 )
-"""Pattern of lines of a script with nothing but a comment; ``/**`` comments hold types."""
+"""Matches lines of a script that hold nothing but a comment; they are removed before the script is
+sent."""
 
 
 def code_of(name: str) -> str:

@@ -18,8 +18,9 @@ from planner.pipeline.preference import COMPUTING
 from server.store.shown import RUNNING_STATUSES, Found
 
 MAX_ATTEMPT_DIGITS: Final = 3
-"""Maximum number of digits of an attempt's number in an address; folds have at most a few dozen
-attempts."""
+"""Maximum number of digits of the number in an address that selects one of a fold's attempts (plans
+computed for the same shape). A longer number selects nothing, so a smaller value could hide
+attempts; folds have at most a few dozen. Chosen."""
 
 
 def alternative(found: Found, number: str) -> Found | None:

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
 MAX_UNQUEUED_NUMBERS: Final = 100_000
-"""Maximum count of numbers in an answer with frames that is computed at once; a larger one waits in
-the queue for files. A larger value lets large answers delay others. Chosen."""
+"""Maximum count of numbers in a JSON answer with frames of a motion that is computed at once; a
+larger answer waits in the queue of derived files. With a larger value, large answers delay other
+requests. Chosen."""
 PLAN_MEDIA_TYPES: Final = {
     "plan.json": "application/json",
     "plan.npz": "application/octet-stream",

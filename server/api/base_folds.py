@@ -21,10 +21,12 @@ COPIED_FILES: Final[dict[str, dict[str, str]]] = {
     "refold": {START_CHAIN: "chain.json", START_PLAN: "plan.npz"},
     "smooth": {RECORDED_PLAN: "plan.npz", START_CHAIN: "chain.json"},
 }
-"""Files that a refold or a smoothed plan copies from the finished fold, by use: name in the new
-fold, and in the finished one."""
+"""Files that a new fold takes over from a finished one, by purpose ("refold": fold the folded chain
+into another shape; "smooth": smooth its plan). Each entry maps the name in the new fold to the name
+in the finished fold."""
 COPIED_NAMES: Final = tuple(name for files in COPIED_FILES.values() for name in files)
-"""Files that a fold may have before it is computed, beside its input."""
+"""Names, in a new fold, of the files that it takes over from a finished fold; they exist before
+anything is computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

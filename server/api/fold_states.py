@@ -19,10 +19,11 @@ from server.jobs.remaining import EtaEstimator
 from server.store.folds import NoSuchFoldError, Store
 
 STATE_CACHE_S: Final = 0.15
-"""Time for which a fold's state is cached for all who watch it, in s. A larger value shows progress
-later; a smaller one reads the database more often. Chosen."""
+"""Time for which the progress of a running fold is cached for all clients that watch it, in s. A
+larger value shows progress later; a smaller one reads the database more often. Chosen."""
 MAX_CACHED_STATES: Final = 1024
-"""Maximum number of folds whose states are cached. Chosen."""
+"""Maximum number of folds whose progress is cached. A smaller value reads the database more often
+while many folds are watched; a larger one takes more memory. Chosen."""
 
 
 class FoldStates:

@@ -47,7 +47,8 @@ from server.store.owned import change_fold
 router = APIRouter(prefix="/api/folds", tags=["folds"])
 OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
-"""File name suffixes of mesh formats."""
+"""File name suffixes of uploads that are triangle meshes, in lower case. Other uploads hold voxels,
+paths of cells, or chains."""
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 
 Here = Annotated[Context, Depends(context_of)]

@@ -35,8 +35,8 @@ from web.viser.scene_bundle import bundle_of
 router = APIRouter(include_in_schema=False)
 
 MAX_FRAME_WAIT_S: Final = 2.0
-"""Maximum time that a request may wait for new frames, in s. A larger value needs fewer requests
-and occupies places for longer. Chosen."""
+"""Maximum time that a request may wait for new frames of a running fold (long polling), in s. A
+larger value needs fewer requests, and each one occupies a connection for longer. Chosen."""
 BINARY_MEDIA_TYPE: Final = "application/octet-stream"
 
 

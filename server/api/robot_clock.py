@@ -11,8 +11,9 @@ from typing import Final, Literal
 
 Reason = Literal["start", "pause", "silence", "behind", "error"]
 MAX_CLOCK_STEP_S: Final = 0.1
-"""Maximum time by which the clock of a played motion advances at once, in s. After a longer delay
-it goes on from the same point rather than jump. Chosen."""
+"""Maximum time by which the clock of a motion that a robot plays advances in one update, in s.
+After a delayed update the motion goes on from the same point instead of jumping; a larger value
+permits larger jumps. Chosen."""
 
 
 class RobotClock:

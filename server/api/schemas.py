@@ -21,17 +21,18 @@ from server.store.leases import Preparing
 from server.store.shown import ShownFold
 
 SMOOTHING_MESSAGE: Final = "smoothing"
-"""Message of the stage ``explode`` while a plan is smoothed; pages derive the stage's name from
-it."""
+"""Progress message of the stage ``explode`` if a fold only smooths an existing plan; web pages name
+the stage by this text."""
 PAUSED_MESSAGE: Final = "Paused because others are waiting. It continues automatically."
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
 MAX_FOLD_NAME: Final = 200
-"""Maximum length of the name that an owner gives a fold, in characters. Chosen."""
+"""Maximum length of the name that an owner gives a fold, in characters; a longer one is refused. A
+larger value makes lists and pages harder to read. Chosen."""
 
 TOKEN_PATTERN: Final = r"^[!-~]{24,200}$"
-"""Pattern of an owner token that a client chooses itself: 24 to 200 printable ASCII characters
-without spaces."""
+"""Pattern of an owner token (the secret with which a client proves that folds are its own) that the
+client chooses itself: 24 to 200 printable ASCII characters without spaces."""
 
 
 class ProblemBody(BaseModel):

@@ -38,8 +38,8 @@ from server.store.tables import PreviewRow
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 DISCONNECT_POLL_S: Final = 0.1
-"""Time between two checks whether the client of a preview has disconnected, in s. A larger value
-computes longer for nobody. Chosen."""
+"""Time between two checks whether the client that waits for a preview has disconnected, in s. With
+a larger value, computing for a disconnected client stops later. Chosen."""
 
 
 @router.get("", summary="List the gallery shapes")

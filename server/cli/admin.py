@@ -25,8 +25,10 @@ Force = Annotated[
     bool, typer.Option("--force", help="Also act in cases that are normally refused.")
 ]
 FOLD_LIST_COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
-VISITOR_LETTERS: Final = 8
-"""Letters of a visitor's pseudonym that lists show: enough to distinguish visitors. Chosen."""
+PSEUDONYM_CHARACTERS: Final = 8
+"""Number of first characters of a visitor's pseudonym that the operator's lists display. They are
+part of the hash of the visitor's network of IP addresses, so visitors of one network look the same.
+A larger value makes the lists wider. Chosen."""
 
 admin = typer.Typer(
     add_completion=False,
@@ -93,7 +95,7 @@ def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> Non
             raise _ended(f"There is no fold {fold_id!r}.") from None
         known = {column.key: getattr(row, column.key) for column in row.__table__.columns}
         known |= {
-            "visitor": row.visitor[:VISITOR_LETTERS],
+            "visitor": row.visitor[:PSEUDONYM_CHARACTERS],
             "owner": row.owner is not None,
             "job": tasks.job(fold_id),
         }
@@ -223,7 +225,7 @@ def _shown(row: FoldRow) -> dict[str, Any]:
         "modules": row.modules,
         "age_s": round(time.time() - row.created_at, 1),
         "bytes": row.bytes,
-        "visitor": row.visitor[:VISITOR_LETTERS],
+        "visitor": row.visitor[:PSEUDONYM_CHARACTERS],
         "pinned": row.pinned,
         "gallery": row.public,
     }

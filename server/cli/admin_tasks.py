@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from planner.pipeline.fold_layout import DESCRIBED
 from planner.verification.integrity import damaged_among
 from server.api.base_folds import COPIED_NAMES
-from server.jobs.queue import APPLICATION, Jobs
+from server.jobs.queue import ACTIVE_JOB_STATES, APPLICATION, Jobs
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.fold_files import size_of
@@ -24,10 +24,9 @@ from server.store.schema_version import Schema
 from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, engine_of
 
 DAY_S: Final = 86400.0
-MOVING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
-"""States of a job that a worker has, or will have."""
 INPUT_FILES: Final = ("input", "request.json", "cells.json", *COPIED_NAMES)
-"""Files of a fold that exist before anything is computed."""
+"""Files of a fold that exist before anything is computed. They stay when the operator has the fold
+computed again; all its other files are deleted."""
 
 
 class AdminError(Exception):
@@ -166,7 +165,7 @@ class AdminTasks:
         if row.status == "verified" and not force:
             raise AdminError(f"{fold_id} is verified; use --force to compute it again anyway.")
         job = self.job(fold_id)
-        if job in MOVING:
+        if job in ACTIVE_JOB_STATES:
             what = "waits in the queue" if row.status == "queued" else "is being computed"
             raise AdminError(f"{fold_id} {what} (its job is {job}); wait for it, or expire it.")
         self._check_inputs(row)

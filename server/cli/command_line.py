@@ -36,15 +36,17 @@ COMMANDS: Final = {
     "doctor": "Check the requirements of the service.",
     "admin": "List, delete, repeat and pin folds of a service.",
 }
-"""Commands and the first line of their help, so that the list of all needs no import."""
+"""Commands of ``foldback`` with the first line of their help; the list of commands is printed
+without importing their modules."""
 
 OPENGL_COMMANDS: Final = frozenset(("serve", "worker", "movie", "doctor"))
-"""Commands that need OpenGL; for the others MuJoCo's OpenGL is not loaded."""
+"""Commands that draw or start processes that draw. For all others MuJoCo's OpenGL is not loaded,
+which makes their start faster."""
 
 GC_THRESHOLD_OBJECTS: Final = 100_000
-"""Newly allocated objects after which Python's garbage collector runs (threshold 0 of
-``gc.set_threshold``). With Python's default, imports take 0.2 s longer; a larger value takes more
-memory. Measured."""
+"""Number of newly allocated objects after which Python's garbage collector runs (threshold 0 of
+``gc.set_threshold``). With Python's default the imports take 0.2 s longer; with a larger value
+garbage stays in memory for longer. Measured."""
 
 
 class LazyCommands(TyperGroup):

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 TYPED_REMEDY = "for voxels in any order, use --as-voxels"
 MAX_INPUT_BYTES = 64 * 2**20
-"""Maximum size of an input file, in bytes; a larger one is refused before it is read. Chosen."""
+"""Maximum size of an input file of the command line, in bytes; a larger one is refused before it is
+read. A larger value lets a wrong file take more memory. Chosen."""
 
 
 def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:

@@ -11,7 +11,8 @@ from planner.errors import InputError
 from planner.parameters.settings import IDEAL
 
 ROBOT_KINDS: Final = {"typical": (), "ideal": (IDEAL,)}
-"""Settings of each kind of robot that ``--robot`` names."""
+"""Values of the option ``--robot``, with the planner settings that each one adds: ``typical`` keeps
+the default number of simulated robots with errors, ``ideal`` tests the plan on none of them."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
 FoldDirectory = Annotated[
     Path, typer.Argument(metavar="DIR", help=("Folder written by `foldback fold`."))

@@ -33,8 +33,8 @@ from server.cli.options import (
 from server.store.gallery import Gallery
 
 FIRST_FOLD_DIR = "start"
-"""Directory, within that of the plan, in which the first shape is folded if it has not been folded
-yet."""
+"""Subdirectory of the output directory in which the start shape is folded, if the user gives a
+shape rather than a folded chain."""
 
 
 def refold(

@@ -31,7 +31,8 @@ from server.cli.options import AsJson, FoldDirectory
 from server.pages import certificate_words
 
 MAX_LISTED_JOINTS = 10
-"""Maximum number of joints in the printed table, those with the largest torques. Chosen."""
+"""Maximum number of joints in the printed table of motor torques: those with the largest peak
+torques. A larger value makes the table longer. Chosen."""
 
 
 def retime(

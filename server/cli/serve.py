@@ -18,8 +18,8 @@ from server.ops.starting import settings_of, starting, warn_of_unknown_names
 from server.processes.limits import keep_secrets
 
 MAX_HEAD_BYTES: Final = 32 * 1024
-"""Maximum size of a request's first line and headers, in bytes; a larger request is refused.
-Chosen."""
+"""Maximum size of an HTTP request's first line and headers, in bytes; a larger request is refused.
+A larger value lets each connection take more memory. Chosen."""
 log = logging.getLogger("foldback.serve")
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from server.cli.options import AsJson
 
 TABLE_FILE = "table.json"
 MM_PER_M = 1000.0
-"""Millimetres in a metre."""
+"""Number of millimetres in a metre."""
 
 
 def table(

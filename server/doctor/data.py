@@ -28,8 +28,9 @@ NETWORK_FILESYSTEMS: Final = frozenset(
 )
 VOLATILE_FILESYSTEMS: Final = frozenset({"tmpfs", "ramfs"})
 MAX_CLOCK_DIFFERENCE_S: Final = 5.0
-"""Largest difference between the database's clock and this machine's, in s, that is not reported.
-Leases and queue times suffer from more. Chosen."""
+"""Largest difference between the clocks of the database and of this machine that ``foldback
+doctor`` accepts, in s. Larger differences distort expiry times and queue times; a smaller value
+reports harmless ones. Chosen."""
 JOBS_TABLE: Final = "workflow_status"
 
 

@@ -15,7 +15,8 @@ from server.processes.movie_task import GL_SETTING, NO_FFMPEG, NO_GL, backends
 from server.settings import Settings
 
 DRAWING_TIMEOUT_S: Final = 60.0
-"""Maximum time of a check of OpenGL, in s; then it counts as failed. Chosen."""
+"""Maximum time of the check of ``foldback doctor`` that OpenGL can draw, in s; then the check has
+failed. A smaller value fails on slow machines. Chosen."""
 _DRAW: Final = """
 import sys, mujoco, importlib
 context = importlib.import_module(f"mujoco.{sys.argv[1]}").GLContext(64, 64)

@@ -26,16 +26,20 @@ from server.settings import Settings, unknown_names, unknown_words
 
 MIN_PYTHON: Final = (3, 11)
 WEB_PROCESS_BYTES: Final = 384 * 2**20
-"""Memory of the web process, in bytes, for the estimate whether the service fits into the machine.
-Measured."""
+"""Memory that the web process takes, in bytes. ``foldback doctor`` uses it to estimate if the
+service fits into the machine's memory; with a larger value it warns on more machines. Measured."""
 WEB_CHILD_BYTES: Final = 272 * 2**20
-"""Memory of each of its computing processes at rest, in bytes; for their limits see
-docs/operations.md. Measured."""
+"""Memory that each computing process of the web process takes without a task, in bytes. ``foldback
+doctor`` uses it to estimate if the service fits into the machine's memory; with a larger value it
+warns on more machines. Measured."""
 OTHER_OPEN_FILES: Final = 256
-"""Number of open files that the web process needs besides one for each stream and each robot.
-Chosen."""
+"""Number of file descriptors that the web process needs in addition to one for each event stream
+and each robot. ``foldback doctor`` compares the sum with the limit of open files; with a larger
+value it warns on more machines. Chosen."""
 PROBE_TIMEOUT_S: Final = 5.0
-"""Maximum time to wait for the answer of a service that occupies the port, in s. Chosen."""
+"""Maximum time that ``foldback doctor`` waits for the answer of the program that occupies the
+service's port, to find out if it is this service, in s. With a smaller value it does not recognise
+a busy service. Chosen."""
 
 
 def python(settings: Settings) -> Finding:

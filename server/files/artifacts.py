@@ -15,11 +15,11 @@ from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError
 
 FILES_AT_ONCE: Final = 2
-"""Number of derived files that are computed at the same time; others wait. A larger value takes
-more memory. Chosen."""
+"""Number of derived files (exports, JSON of motions) that are computed at the same time; others
+wait. A larger value takes more memory and processor time from other requests. Chosen."""
 MAX_PENDING_FILES: Final = 8
-"""Maximum number of derived files that are computed or wait for it; more requests are refused.
-Chosen."""
+"""Maximum number of derived files (exports, JSON of motions) that are being computed or wait for
+it; further requests are refused. A larger value makes clients wait longer instead. Chosen."""
 Thing = TypeVar("Thing")
 
 

@@ -17,19 +17,21 @@ from server.store.object_store import StorageError
 from server.store.tables import FoldRow, MovieRow
 
 CANCELLED_FOLD_S: Final = 3600.0
-"""Time from the last access to a cancelled fold until it is removed, in s. A larger value occupies
-the disk longer. Chosen."""
+"""Time from the last access to a cancelled fold until the fold is deleted, in s. A larger value
+occupies the disk for longer. Chosen."""
 MAX_CANCELLED_BYTES: Final = 16 * 2**20
-"""Maximum size of one visitor's cancelled folds, in bytes, besides the last one; beyond it the
-oldest is removed earlier. Chosen."""
+"""Maximum total size of one visitor's cancelled folds, in bytes; beyond it the files of the oldest
+ones are deleted early. The newest one always stays. A larger value lets visitors occupy more of the
+disk. Chosen."""
 MAX_CANCELLED_FOLDS: Final = 32
-"""Maximum number of one visitor's cancelled folds. A larger value makes each cancellation slower.
-Chosen."""
+"""Maximum number of cancelled folds that are stored for one visitor; older ones are deleted. A
+larger value makes each cancellation slower. Chosen."""
 CANCELLED_BATCH_ROWS: Final = 500
-"""Rows that one statement of a sweep reads. Chosen."""
+"""Maximum number of rows of the table of folds that one database query reads when cancelled folds
+are deleted. A larger value takes more memory; a smaller one needs more queries. Chosen."""
 MAX_CANCELLED_BATCHES: Final = 20
-"""Maximum number of batches of one sweep. A larger value delays the worker's other duties.
-Chosen."""
+"""Maximum number of batches of folds that one sweep deletes; later sweeps delete the rest. A larger
+value delays the worker's other duties. Chosen."""
 log = logging.getLogger("foldback.janitor")
 _Row = sa.Row[str, int, float | None]
 _CANCELLED: Final = (FoldRow.status == "cancelled", FoldRow.pinned.is_(False))

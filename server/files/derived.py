@@ -27,10 +27,12 @@ from server.store.tables import (
 )
 
 MIN_DERIVED_AGE_S: Final = 600.0
-"""Time for which a computed file stays for the client that requested it, in s, however little room
-there is. Chosen."""
+"""Minimum age of a derived file (an export or a movie) before it may be deleted to make room, in s,
+so that the client that requested the file can download it. A larger value may leave the disk full
+for longer. Chosen."""
 COUNTED_FLAG: Final = "counted_apart"
-"""Name of the database counter which records that ``count_apart`` has run."""
+"""Name of the database row which records that the derived files of earlier versions have been
+counted separately from the folds' own files; the count happens only once."""
 log = logging.getLogger("foldback.janitor")
 
 

@@ -6,8 +6,9 @@ import unicodedata
 from typing import Final
 
 MAX_STEM_CHARACTERS: Final = 60
-"""Maximum length of a fold's name within the name of a downloaded file, in characters; file systems
-permit 255 bytes. Chosen."""
+"""Maximum length of a fold's name within the name of a downloaded file, in characters; the rest is
+cut off. A larger value could exceed the 255 bytes that file systems permit for the whole name.
+Chosen."""
 
 
 def download_stem(name: str) -> str:

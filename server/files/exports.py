@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from planner.exports import Export
 
 MAX_EXPORTED_PLAN_BYTES: Final = 64 * 2**20
-"""Maximum unpacked size of a plan that the service exports, in bytes; larger ones are left to the
-command line. Some formats need ten times as much memory. Chosen."""
+"""Maximum unpacked size of a plan that the service exports to other formats, in bytes; larger plans
+are left to the command line. Some formats need ten times as much memory. Chosen."""
 PLAN: Final = "plan.npz"
 
 

@@ -20,10 +20,12 @@ from server.processes.scratch import CHAIN, MOMENT_FILE, PICTURE, Scratch
 from web.timeline.view import TimelineView
 
 MAX_PICTURE_BYTES: Final = 8 * 2**20
-"""Maximum size of a picture that a child process draws, in bytes; a larger file is cut off.
-1200×630 pixels take 0.1 MB. Chosen."""
+"""Maximum number of bytes that are read from a picture file that a child process has drawn, so that
+a faulty process cannot fill the memory. A smaller value could cut off valid pictures; one of
+1200×630 pixels has 0.1 MB. Chosen."""
 MAX_CACHED_PICTURES: Final = 64
-"""Maximum number of pictures in memory, about 0.1 MB each; others are drawn again. Chosen."""
+"""Maximum number of drawn pictures of folds that are cached in memory, about 0.1 MB each. A smaller
+value draws pictures again more often. Chosen."""
 
 
 def moment_of(

@@ -19,15 +19,17 @@ from web.timeline.cache import Cache
 from web.viser.preview_scene import preview_scene_of
 
 SCENES_AT_ONCE: Final = 2
-"""Number of preview scenes that are built at the same time; others wait. A larger value takes more
-memory. Chosen."""
+"""Number of 3D scenes for previews of shapes that are built at the same time; others wait. A larger
+value takes more memory. Chosen."""
 MAX_PENDING_SCENES: Final = 8
-"""Maximum number of preview scenes that are built or wait for it; more requests are refused.
-Chosen."""
+"""Maximum number of 3D scenes for previews that are being built or wait for it; further requests
+are refused. A larger value makes clients wait longer instead. Chosen."""
 MAX_PENDING_SCENES_OF_VISITOR: Final = 3
-"""Maximum number of one visitor's scenes among them. Chosen."""
+"""Maximum number of one visitor's 3D scenes for previews that are being built or wait for it;
+further requests are refused. With a larger value one visitor delays others more. Chosen."""
 MAX_SCENE_CACHE_BYTES: Final = 32 * 2**20
-"""Maximum size of the cached preview scenes, in bytes. Chosen."""
+"""Maximum total size of the 3D scenes of previews that are cached in memory, in bytes. A smaller
+value builds scenes again more often. Chosen."""
 
 
 class PreviewScenes:

@@ -49,31 +49,37 @@ from server.store.object_store import Storage
 
 OPTIONS_KEY: Final = re.compile(r"[0-9a-f]{24}")
 MAX_OPTION_SETS: Final = 400
-"""Maximum number of sets of options whose previews are stored for one upload: so many of its owner,
-and so many of all others together. More are refused. Chosen."""
+"""Maximum number of sets of options for which previews of one upload are stored. The uploader and
+all other visitors together each have this number; further sets are refused. A larger value lets one
+upload occupy more of the disk. Chosen."""
 OFFERS_FILE: Final = "offers.json"
-"""File beside a report with the variants of the shape that can fold on a table."""
+"""Name of the file, in the directory of a preview, with the variants of the shape that can fold on
+a table."""
 REMOVED_PREFIX: Final = ".going-"
-"""Prefix of directories that are being removed."""
+"""Prefix that a directory's name gets before its files are deleted, so that no reader finds it;
+after a crash a sweep deletes directories with this prefix."""
 PREVIEW_SETTLED_S: Final = 300.0
-"""Time since the last use of a preview, in s, after which its measured size is final, as no report
-is written any more. Chosen."""
+"""Time since the last change of a preview's directory after which its size is not measured again,
+in s. It exceeds the time for which a preview is computed; a smaller value could miss files that are
+written later. Chosen."""
 STRANGER_FILE: Final = "stranger"
-"""File that marks a report which the upload's owner has not requested."""
+"""Name of the file that marks a preview as requested by a visitor other than the uploader; such
+previews count separately."""
 STAT_BLOCK_BYTES: Final = 512
-"""Bytes of a block of ``st_blocks`` (POSIX)."""
+"""Size of the blocks that ``st_blocks`` of a file's status counts, in bytes (POSIX)."""
 PREVIEW_SWEEP_S: Final = 60.0
-"""Maximum time between two sweeps of expired previews, in s. A larger value lets them occupy the
-disk longer. Chosen."""
+"""Time after which an upload or a preview starts the next deletion of expired previews, in s. With
+a larger value expired previews occupy the disk for longer. Chosen."""
 PREVIEW_SWEEP_BYTES: Final = 16 * 2**20
-"""Uploaded bytes after which the next sweep is due, or an eighth of the limit for all previews if
-that is less. Chosen."""
+"""Number of newly written bytes of uploads and previews after which expired previews are deleted,
+at most an eighth of the limit for all previews. With a larger value the limit is exceeded further
+in between. Chosen."""
 UNREAD_UPLOAD_S: Final = 60.0
-"""Time for which a sweep spares an upload without a report, in s, because it is being read.
-Chosen."""
+"""Time for which a new upload without a preview is not deleted by a sweep, in s, as it may still be
+read. A smaller value may delete uploads during reading. Chosen."""
 MAX_PROTECTED_UPLOADS: Final = 4
-"""Maximum number of one visitor's newest uploads that a sweep spares for that reason; with more, a
-flood of uploads would stay. Chosen."""
+"""Maximum number of one visitor's newest uploads that sweeps do not delete while they are being
+read. With a larger value a flood of uploads could exceed the limit of the disk. Chosen."""
 log = logging.getLogger("foldback.web")
 
 

@@ -25,11 +25,13 @@ from server.store.object_store import Storage, StorageError
 PREVIEWS_KEY: Final = "previews"
 UPLOAD_FILE: Final = "upload.json"
 STORED_SWEEP_S: Final = 600.0
-"""Time between two sweeps of expired previews in the object store, in s. A larger value occupies
-storage longer; a smaller one lists it more often. Chosen."""
+"""Minimum time between two deletions of expired previews in the object store, in s. With a larger
+value expired previews occupy storage for longer; a smaller value lists the store more often.
+Chosen."""
 TOUCHES_PER_LIFETIME: Final = 8
-"""Number of times in a preview's lifetime that an access to it is recorded. A larger value writes
-more often; with a smaller one a preview may expire earlier after its last use. Chosen."""
+"""Number of times within a preview's lifetime that the time of its last access is updated in the
+object store. A larger value writes more often; with a smaller one a preview may expire too early
+after its last access. Chosen."""
 log = logging.getLogger("foldback.web")
 
 

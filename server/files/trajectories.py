@@ -26,23 +26,27 @@ if TYPE_CHECKING:
     from planner.robot.trajectory import Trajectory
 
 MAX_IDLE_TRAJECTORY_BYTES: Final = 128 * 2**20
-"""Maximum size of the cached trajectories that no request is using, in bytes. A smaller value
-computes them again more often. Chosen."""
+"""Maximum total size of the cached joint trajectories that no request uses, in bytes. A smaller
+value computes trajectories again more often. Chosen."""
 MAX_TRAJECTORY_BYTES: Final = 2**30
-"""Maximum size of all trajectories in memory, in bytes, with those of robots that are being driven;
-more are refused. Chosen."""
+"""Maximum total size of all joint trajectories in memory, in bytes, with those that robots are
+playing; further ones are refused. A larger value may exhaust the memory of the web process.
+Chosen."""
 MAX_CACHED_CLEARANCES: Final = 1024
-"""Maximum number of cached clearances of exported rows. Chosen."""
+"""Maximum number of exported trajectories whose proved clearance between modules is cached. A
+smaller value computes clearances again more often. Chosen."""
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
 """Trajectories that are being sent, which may take those who take them a while; in all and to one
 address."""
 MAX_MOTOR_TABLE_BYTES: Final = 32 * 2**20
-"""Maximum size of a table of motors, in bytes; 12 000 modules take about 5 MB. Chosen."""
+"""Maximum size of the table of motor torques that a computing process returns, in bytes; a larger
+table is refused. The table of 12 000 modules has about 5 MB. Chosen."""
 TRAJECTORY_CHUNK_BYTES: Final = 2**20
-"""Bytes of a trajectory that are sent at once. Chosen."""
+"""Number of bytes that are copied at once from the file with a computed trajectory. A larger value
+takes more memory; a smaller one is slower. Chosen."""
 MAX_RETIMED_PLAN_BYTES: Final = 64 * 2**20
-"""Maximum size of a plan that the service retimes, in bytes; larger ones are left to the command
-line. Chosen."""
+"""Maximum file size of a plan to which the service gives a new timing for a robot, in bytes; larger
+plans are left to the command line. A larger value lets one request take more memory. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,7 +22,8 @@ from server.settings import Settings
 from server.store.folds import new_id
 
 UPLOAD_CHUNK_BYTES: Final = 2**18
-"""Bytes of an upload that are read and hashed at once. Chosen."""
+"""Number of bytes of an uploaded file that are copied and hashed at once. A larger value takes more
+memory; a smaller one is slower. Chosen."""
 LOCK_FILE: Final = "lock"
 
 

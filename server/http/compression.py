@@ -17,7 +17,9 @@ from fastapi import Request
 from fastapi.responses import Response
 
 MAX_COMPRESSED_FRACTION: Final = 0.9
-"""Gzip is sent only if it is below this fraction of the original size. Chosen."""
+"""Largest size of a gzipped answer, as a fraction of the original size, at which the gzipped form
+is sent; otherwise the original is sent. A larger value makes browsers unpack for little gain.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,27 +20,32 @@ if TYPE_CHECKING:
     from server.settings import Settings
 
 SLICE_EVENTS: Final = 64
-"""Maximum number of events that one connection processes in one turn of the event loop, about 2 ms.
-A larger value delays other connections. Chosen."""
+"""Maximum number of protocol events (HTTP requests and chunks, websocket frames) of one connection
+that are processed in one turn of the event loop, about 2 ms. A larger value delays other
+connections. Chosen."""
 REQUEST_EVENTS: Final = 20
-"""Number of events that one request counts as: answering costs about 0.5 ms, an event 0.025 ms.
-Measured."""
+"""Number of protocol events that one HTTP request counts as in the rate limit: answering it costs
+about 0.5 ms, parsing one event (a chunk or a frame) 0.025 ms. Measured."""
 HEADER_FIELDS_PER_EVENT: Final = 4
-"""Number of header fields that count as one event. Larger values let requests with many fields take
-more processor time. Chosen."""
+"""Number of header fields that count as one protocol event in the rate limit. With a larger value
+requests with many fields may take more processor time. Chosen."""
 EVENT_RATE_RESERVE: Final = 2.0
-"""Events per second that a visitor may cause, as a multiple of those of its permitted requests per
-second. A larger value lets a flood take more processor time. Chosen."""
+"""Limit of a visitor's protocol events per second, as a multiple of the events that its permitted
+requests per second count as. A larger value lets a flood take more processor time; a smaller one
+slows uploads and streams. Chosen."""
 EVENT_BURST_S: Final = 5.0
-"""Seconds of its rate that a visitor or a connection may use up at once. A larger value delays
-others longer: all of it takes about 0.5 s. Chosen."""
+"""Capacity of the token bucket that limits protocol events, in seconds of its rate. With a larger
+value a burst delays other visitors for longer: at this value for about 0.5 s. Chosen."""
 MIN_BURST_EVENTS: Final = 1000.0
-"""Minimum number of events that are possible at once, however low the rate. Chosen."""
+"""Minimum capacity of the token bucket that limits protocol events, in events, so that a low rate
+does not stop ordinary page loads. A larger value permits longer bursts. Chosen."""
 CONNECTION_FRACTION: Final = 0.25
-"""Event rate of one connection as a fraction of its visitor's: 1000 events per second by default,
-2.5 times the messages that a robot may send. Requests count for the visitor only. Chosen."""
+"""Limit of protocol events of one connection, as a fraction of the limit of its visitor: 1000
+events per second by default, 2.5 times the messages that a robot may send. Requests count for the
+visitor only. A larger value lets one connection use up the visitor's limit. Chosen."""
 VISITORS_AT_FULL_RATE: Final = 4
-"""Number of visitors that may use their full event rate at the same time; more share it. Chosen."""
+"""Limit of protocol events of all visitors together, as a multiple of the limit of one visitor. A
+larger value lets floods from many addresses take more processor time. Chosen."""
 ALL_VISITORS: Final = "all"
 
 

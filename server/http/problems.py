@@ -43,9 +43,11 @@ from server.store.object_store import StorageError
 PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
 DISK_ERRNOS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 DATABASE_RETRY_S: Final = 5
-"""``Retry-After`` of an answer while the database cannot be reached, in s. Chosen."""
+"""Value of the ``Retry-After`` header, in s, while the database cannot be reached. A smaller value
+brings more requests that fail again. Chosen."""
 STORAGE_RETRY_S: Final = 5
-"""``Retry-After`` of an answer while the object store cannot be reached, in s. Chosen."""
+"""Value of the ``Retry-After`` header, in s, while the object store cannot be reached. A smaller
+value brings more requests that fail again. Chosen."""
 log = logging.getLogger("foldback.web")
 HTTP_STATUSES: Final[Mapping[type, int]] = {
     errors.Malformed: 400,
@@ -66,7 +68,8 @@ STATUS_HEADERS: Final[Mapping[int, Mapping[str, str]]] = {
     401: {"WWW-Authenticate": "Bearer"},
     426: {"Upgrade": "websocket"},
 }
-"""Headers that HTTP requires with a status."""
+"""Header fields that an error response must have, by its HTTP status (RFC 9110, sections 15.5.2 and
+15.5.22)."""
 PROBLEM_CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
 
 

@@ -13,7 +13,8 @@ from server.errors import read_only
 from server.http.problems import Problem, answer_of
 
 READING_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
-"""HTTP methods that change nothing."""
+"""HTTP methods that change nothing, and that a read-only service therefore answers (RFC 9110,
+section 9.2.1)."""
 
 
 class ReadOnly:

@@ -15,7 +15,7 @@ from server.limits.fair_threads import CURRENT_VISITOR
 from server.limits.token_buckets import TokenBuckets
 
 EXEMPT_PATH: Final = "/health"
-"""Path without a rate limit, which monitoring requests."""
+"""Path of the health check, which monitoring requests; it has no rate limit."""
 
 
 class RequestRate:

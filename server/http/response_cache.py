@@ -23,10 +23,12 @@ from server.http.security import SAFE_METHODS
 from server.store.shown import id_of_fold
 
 RESPONSE_CACHE_S: Final = 1.0
-"""Time for which an answer is cached for all visitors, in s. A larger value shows changes later; a
-smaller one computes more answers. Chosen."""
+"""Time for which an answer about a verified fold, which no longer changes, is cached for all
+clients, in s. With a larger value a deleted fold is displayed for longer; a smaller one computes
+more answers. Chosen."""
 MAX_RESPONSE_CACHE_BYTES: Final = 16 * 2**20
-"""Maximum size of the cached answers, in bytes. Chosen."""
+"""Maximum total size of the cached answers about verified folds, in bytes. A smaller value computes
+answers again more often. Chosen."""
 CACHEABLE_FOLD: Final = "lately"
 Key = tuple[str, str, str, bytes]
 

@@ -42,20 +42,24 @@ SECURITY_HEADERS: Final = {
     "X-Robots-Tag": "noindex, nofollow",
 }
 INDEXED_HEADERS: Final = {"X-Robots-Tag": "all"}
-"""Headers of answers that search engines may index: those of the gallery, which hold no secret."""
+"""Header of public answers, such as those of the gallery, that permits search engines to index
+them; all other answers forbid it."""
 CONTROL_CHARACTERS: Final = re.compile(r"[\x00-\x1f\x7f]")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 FORM_OVERHEAD_BYTES: Final = 64 * 1024
-"""Bytes that a form may have besides its file, in addition to the limit for uploads. Chosen."""
+"""Number of bytes by which an upload request may exceed the limit of an uploaded file, for the
+other fields of its form. A smaller value could refuse files of permitted size. Chosen."""
 MAX_SMALL_BODY_BYTES: Final = 64 * 1024
-"""Maximum size of a request body other than a form with a file, in bytes, as it is held in memory.
-Chosen."""
+"""Maximum size of a request body other than a form with a file, in bytes. Such bodies are held in
+memory, so a larger value lets requests take more of it. Chosen."""
 MAX_DRAINED_BYTES: Final = 64 * 2**20
-"""Maximum number of bytes of a refused upload that are read and discarded, so that the client gets
-the answer. Chosen."""
+"""Maximum number of bytes of a refused upload that are read and discarded before the connection is
+closed, so that the client gets the answer. A larger value takes more traffic. Chosen."""
 MAX_DRAIN_S: Final = 10.0
-"""Maximum time that a refused upload is read for that, in s. Chosen."""
+"""Maximum time for which the body of a refused upload is read and discarded before the connection
+is closed, in s, so that slow clients get the answer as well. A larger value occupies connections
+for longer. Chosen."""
 
 
 class SecurityHeaders:

@@ -18,11 +18,14 @@ from server.settings import Settings
 
 FORM_MEDIA_TYPES: Final = ("multipart/form-data", "application/x-www-form-urlencoded")
 MAX_FORM_FILES: Final = 2
-"""Maximum number of files in a form; a form with more is refused. Chosen."""
+"""Maximum number of files in an uploaded form; a form with more is refused. A larger value lets a
+request take more disk space. Chosen."""
 MAX_FORM_FIELDS: Final = 32
-"""Maximum number of fields in a form. Chosen."""
+"""Maximum number of fields in an uploaded form, besides files; a form with more is refused. A
+larger value lets a request take more processor time. Chosen."""
 MAX_FORM_FIELD_BYTES: Final = 16 * 1024
-"""Maximum size of a field of a form, in bytes. Chosen."""
+"""Maximum size of one field of an uploaded form that is not a file, in bytes; a form with a larger
+one is refused. Fields are held in memory. Chosen."""
 
 
 class UploadsAtOnce:

@@ -15,15 +15,18 @@ from server.limits.networks import visitor_at
 from server.limits.quota import Permit
 
 CLOSE_HANDSHAKE_S: Final = 1.0
-"""Time that a peer may take to answer the close frame of a websocket, in s; then the connection is
-aborted. A larger value leaves more connections open to peers that do not answer. Chosen."""
+"""Time that a client may take to answer the close frame of a websocket, in s; then the connection
+is aborted. A larger value leaves more connections open to clients that do not answer. Chosen."""
 PARSED_BYTES: Final = 512
-"""Bytes of a websocket that are parsed before their events are counted; they hold at most 85
-frames. Chosen."""
+"""Number of received websocket bytes that are parsed before their events count in the rate limit;
+they hold at most 85 frames. A larger value lets a flood of small frames take more processor time
+before it is noticed. Chosen."""
 MAX_FRAGMENTS: Final = 256
-"""Maximum number of frames of one websocket message; with more the connection is closed. Chosen."""
+"""Maximum number of frames in which a client may send one websocket message; with more the
+connection is closed. A larger value lets one message take more memory. Chosen."""
 BYTES_PER_EVENT: Final = 8192
-"""Bytes of a websocket's messages that count as one event. Chosen."""
+"""Number of received websocket bytes that count as one protocol event in the rate limit, in
+addition to each frame. A larger value lets long messages take more processor time. Chosen."""
 
 
 class _CountingServer(ServerProtocol):

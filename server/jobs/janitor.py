@@ -30,15 +30,19 @@ from server.store.object_store import StorageError
 from server.store.tables import ENDED, FoldRow
 
 MIN_UNUSED_S: Final = 3600.0
-"""Time since the last access for which a fold stays, in s, however little room there is. A larger
-value may leave the disk full. Chosen."""
-ORPHAN_SWEEP_S: Final = 3600.0
-"""Time between two searches for files without a row in the database, in s. Chosen."""
-NAMES_PER_SWEEP: Final = 500
-"""Maximum number of folds whose files are checked in one sweep, to bound its time. Chosen."""
-MIN_ORPHAN_AGE_S: Final = 3600.0
-"""Minimum age of files without a row, in s, before they are removed: an upload has files first.
+"""Time since the last access to a fold within which it is not deleted to make room on the disk, in
+s. A larger value may leave the disk full; a smaller one deletes folds that are still in use.
 Chosen."""
+ORPHAN_SWEEP_S: Final = 3600.0
+"""Time between two searches for folds' files that belong to no row of the database, in s. A larger
+value leaves such files on the disk for longer. Chosen."""
+NAMES_PER_SWEEP: Final = 500
+"""Maximum number of folds whose files one sweep compares with the database; later sweeps continue.
+A larger value delays the worker's other duties. Chosen."""
+MIN_ORPHAN_AGE_S: Final = 3600.0
+"""Minimum age of files that belong to no row of the database before they are deleted, in s: a new
+fold has files before it has a row. A smaller value may delete new folds; a larger one occupies the
+disk for longer. Chosen."""
 log = logging.getLogger("foldback.janitor")
 
 

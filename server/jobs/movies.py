@@ -33,10 +33,12 @@ from web.movies.movie import Movie
 
 Status = Literal["queued", "running", "ready", "failed"]
 MOVIE_RETRY_S: Final = 10
-"""``Retry-After`` of a request for a movie while the fold is unfinished or too many movies wait, in
-s. Chosen."""
+"""Value of the ``Retry-After`` header, in s, if a movie is requested while its fold is unfinished
+or while too many movies wait. A smaller value brings more requests that are refused again.
+Chosen."""
 MAX_LISTED_MOVIES: Final = 100
-"""Maximum number of movies in an owner's list; older ones are left out. Chosen."""
+"""Maximum number of movies in the list of an owner's movies; older ones are left out. A larger
+value makes the list slower. Chosen."""
 INTERRUPTED: Final = {
     "code": "interrupted",
     "detail": "this movie was interrupted; request it again.",

@@ -12,10 +12,11 @@ from server.store.tables import passes
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 REPEATED_STAGES: Final = ("explode", "play_back", "certify")
-"""Stages that a fold may go through again, for a better plan."""
+"""Stages of a fold that run again if several plans are computed and the best one is chosen."""
 REPORT_INTERVAL_S: Final = 0.2
-"""Minimum time between two reports of a stage's progress to the database, in s. A larger value
-shows progress later and cancels later; a smaller one writes more. Chosen."""
+"""Minimum time between two reports of a stage's progress to the database, in s; cancellations are
+read as often. With a larger value progress and cancellation are delayed; a smaller one writes more.
+Chosen."""
 
 
 class JobProgress:

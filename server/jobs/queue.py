@@ -27,31 +27,35 @@ APPLICATION: Final = "foldback"
 APPLICATION_VERSION: Final = "1"
 QUEUE: Final = "folds"
 QUICK_QUEUE: Final = "quick-folds"
-"""Queue of quick folds, for which every worker has separate places."""
+"""Name of the queue of folds that are expected to take little time. Every worker computes a number
+of them besides those of the other queue, so that they do not wait for long folds."""
 WORKFLOW: Final = "fold"
 MOVIES_QUEUE: Final = "movies"
 MOVIE_WORKFLOW: Final = "movie"
 ACTIVE_JOB_STATES: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
-"""States of a job that a worker has, or will have."""
+"""Job states of DBOS, the job system, in which a worker computes the job or will do so."""
 QUEUE_POLL_S: Final = 0.2
-"""Time between two looks of a worker for folds, in s, in each of two queues. A fold waits half of
-it on average. A smaller value takes more of a processor while there is nothing to do: 4 to 5 % with
-this and 1 s for movies. Chosen."""
+"""Time between two checks of a worker for waiting folds, in s, in each of two queues. A fold waits
+half of it on average. A smaller value takes more processor time while there is nothing to do: 4 to
+5 % of a core at this value, together with 1 s for movies. Chosen."""
 MOVIE_POLL_S: Final = 1.0
-"""Time between two looks of a worker for movies, in s; see ``QUEUE_POLL_S``. Chosen."""
+"""Time between two checks of a worker for waiting movies, in s. A movie waits half of it on
+average; a smaller value takes more processor time while there is nothing to do. Chosen."""
 JOBS_PER_BATCH: Final = 500
-"""Number of ended jobs that one statement of a sweep deletes. Chosen."""
+"""Maximum number of ended jobs that are read and deleted at once in the job system's tables. A
+larger value locks the tables for longer; a smaller one needs more queries. Chosen."""
 MAX_JOB_BATCHES: Final = 20
-"""Maximum number of batches of jobs that one sweep deletes. A larger value delays the worker's
-other duties. Chosen."""
+"""Maximum number of batches of ended jobs that one sweep deletes; later sweeps delete the rest. A
+larger value delays the worker's other duties. Chosen."""
 JOB_RECORD_S: Final = 3600.0
-"""Time for which the record of an ended job stays, in s. It must outlast the checks that find
-failed jobs; a larger value makes the table larger. Chosen."""
+"""Time for which the job system keeps the record of an ended job, in s. It must exceed the time
+between checks for failed jobs; a larger value makes the job tables larger. Chosen."""
 # A job ends so when not even its end could be noted, or when it took its worker along every time.
 FAILED_JOB_STATES: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
 ENDED_JOB_STATES: Final = frozenset({"SUCCESS", "CANCELLED", *FAILED_JOB_STATES})
 JOB_TABLES_LOCK: Final = 0x666F6C64
-"""Key of PostgreSQL's advisory lock under which the job system's tables are created."""
+"""Key of the advisory lock of PostgreSQL that a process holds while it creates the job system's
+tables, so that two processes never do so at the same time. Any number that no other lock uses."""
 
 
 def place_of(turn: int, cost_s: float) -> tuple[str, int]:

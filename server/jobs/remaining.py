@@ -24,25 +24,32 @@ from server.store.leases import Leases, Preparing
 from server.store.tables import FoldRow
 
 SHOWN_ESTIMATE_S: Final = 60.0
-"""Time for which the last shown estimate of a fold is cached, in s, to continue it smoothly.
-Chosen."""
+"""Time for which the last displayed remaining time of a fold is cached, in s, so that the next one
+continues it without a jump. A smaller value lets it jump for clients that ask rarely. Chosen."""
 MAX_CACHED_ESTIMATES: Final = 1024
-"""Maximum number of folds whose last estimates are cached. Chosen."""
+"""Maximum number of folds whose last displayed remaining time is cached. With a smaller value
+remaining times may jump while many folds are watched. Chosen."""
 SETTLING_RANGE_S: Final = (0.5, 3.0)
-"""Bounds of the time constant with which the shown remaining time approaches the estimate, in s; it
-is a quarter of that time in between. Larger values make it steadier and follow later. Chosen."""
+"""Smallest and largest time constant, in s, with which the displayed remaining time approaches a
+new estimate; in between it is a quarter of the remaining time. Larger values make the display
+steadier and less up to date. Chosen."""
 PACE_PRIOR: Final = 0.2
-"""Weight of the typical pace against the pace of this fold so far, as a fraction of its typical
-time. A larger value trusts this fold's pace later. Chosen."""
+"""Weight of the typical pace of folds against the measured pace of the running one when its
+remaining time is estimated, as a fraction of the typical duration. A larger value is steadier and
+follows an unusually slow or fast fold later. Chosen."""
 MIN_REMAINING_S: Final = 0.1
-"""Smallest remaining time that is reported for a running fold, in s. Chosen."""
+"""Smallest remaining time that is reported for a running fold, in s, as 0 means that the fold takes
+longer than usual. A larger value overestimates the end. Chosen."""
 LATE_FACTOR: Final = 2.0
-"""Multiple of a stage's typical time after which its remaining time counts as unknown. A larger
-value keeps wrong estimates longer. Chosen."""
+"""Multiple of a stage's typical duration after which the stage counts as late, so that no remaining
+time is displayed. With a larger value wrong estimates are displayed for longer. Chosen."""
 LATE_MARGIN_S: Final = 3.0
-"""Time that is added to this limit, in s, for short stages. Chosen."""
+"""Time on top of a multiple of a stage's typical duration before the stage counts as late, in s, so
+that short stages are not late at once. A larger value reports delays later. Chosen."""
 MIN_REMAINING_FRACTION: Final = 0.1
-"""Remaining time of a stage beyond its typical time, as a fraction of that time. Chosen."""
+"""Smallest estimated remaining time of a running stage, as a fraction of its typical duration; it
+applies once the typical duration is almost over. A larger value makes estimates of late stages
+longer. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,12 +14,13 @@ from server.store.object_store import StorageError
 from server.store.tables import passes
 
 RETRY_INTERVAL_S: Final = 0.5
-"""Time between two attempts to reach the database, the object store or the disk, in s. A smaller
-value loads a struggling service more. Chosen."""
+"""Time between two attempts to reach the database, the object store or the disk after an error, in
+s. A smaller value puts more load on a struggling service; a larger one resumes later. Chosen."""
 TRANSIENT_ERRNOS: Final = frozenset(
     {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.ESTALE}
 )
-"""Disk errors (errno) that may pass: no space, a quota, an I/O error, read-only, a stale handle."""
+"""Error numbers (errno) of disk errors after which a worker waits and tries again, as they may
+pass: no space, quota exceeded, I/O error, read-only file system, stale file handle."""
 Answer = TypeVar("Answer")
 log = logging.getLogger("foldback.worker")
 

@@ -33,11 +33,12 @@ from server.store.gallery import Gallery
 from server.store.object_store import StorageError
 
 UPLOAD_INTERVAL_S: Final = 0.7
-"""Time between two copies of a growing timeline to the object store, in s. A larger value shows
-frames later; a smaller one transfers more. Chosen."""
+"""Time between two copies of a running fold's motion to the object store, in s. A larger value
+shows frames later; a smaller one transfers more. Chosen."""
 MAX_CRASHES: Final = 3
-"""Number of crashes of its process after which a fold fails, in one stage. With 1 an accident fails
-a fold; a larger value lets a fold that crashes its process compute longer in vain. Chosen."""
+"""Number of crashes of the computing process within one stage after which a fold fails. With 1 a
+single accident fails a fold; with a larger value a fold that always crashes occupies a worker for
+longer. Chosen."""
 log = logging.getLogger("foldback.worker")
 
 

@@ -18,8 +18,9 @@ from server.store.folds import Store
 from server.store.tables import passes
 
 SLICE_POLL_S: Final = 0.5
-"""Time between two looks of a running fold at the queue, in s. Another fold waits that much longer
-at most. Chosen."""
+"""Time between two checks of a running fold if another fold in the queue should be computed
+instead, in s. With a larger value other folds wait longer; a smaller one reads the database more
+often. Chosen."""
 
 
 class Slice:

@@ -41,23 +41,27 @@ from server.store.tables import passes
 from server.store.worker_identity import WorkerIdentities
 
 RECOVERY_POLL_S: Final = 2.0
-"""Maximum time between two checks for expired workers and lost jobs, in s. A larger value takes
-over a dead worker's folds later. Chosen."""
+"""Maximum time between two checks of a worker for expired workers and lost jobs, in s. With a
+larger value a dead worker's folds continue later. Chosen."""
 HEARTBEATS_PER_LEASE: Final = 5
-"""Number of heartbeats that a worker sends in the time after which it counts as dead. A larger
-value tolerates more lost ones and writes more. Chosen."""
+"""Number of heartbeats that a worker sends within the lease time, without which it counts as dead.
+A larger value tolerates more lost heartbeats and writes to the database more often. Chosen."""
 RECOVERY_POLLS_PER_LEASE: Final = 8
-"""Minimum number of checks for expired workers in that time. Chosen."""
+"""Minimum number of checks for expired workers within the lease time, after which a worker without
+heartbeats counts as dead. With a smaller value dead workers are noticed later. Chosen."""
 ORPHANED_JOB_S: Final = 5.0
-"""Time after which a job of this worker that no thread processes is queued again, in s. Chosen."""
+"""Time after which a job that is assigned to this worker, but that none of its threads processes,
+is queued again, in s. A smaller value may queue a job that is just starting. Chosen."""
 WORKER_SWEEP_S: Final = 60.0
-"""Time between two sweeps of expired files and jobs, in s. Chosen."""
+"""Minimum time between two deletions of expired files and jobs by a worker, in s. A larger value
+occupies the disk for longer. Chosen."""
 COMPILING_REPORT_S: Final = 0.5
-"""Time between two reports of the compiled fraction of the kernels, in s; pages show it as often.
+"""Time between two reports of a starting worker about the fraction of its numerical kernels that is
+compiled, in s. A smaller value updates the displayed progress more often and writes more.
 Chosen."""
 MIN_JOBLESS_S: Final = 30.0
-"""Time for which a fold may be without a job, in s, before it counts as failed: it has its row
-first. Chosen."""
+"""Time for which an unfinished fold may have no job in the queue, in s, before it counts as failed:
+a new fold gets its database row before its job. A smaller value may fail new folds. Chosen."""
 log = logging.getLogger("foldback.worker")
 
 

@@ -20,23 +20,28 @@ from typing import Final
 from server.limits.networks import networks_of
 
 TICKS_PER_SECOND: Final = 10
-"""Units of virtual time per second of expected computing time. A larger value orders quick folds
-more finely. Chosen."""
+"""Units of the fair queue's virtual time (an integer) per second of expected computing time. A
+larger value distinguishes the costs of quick folds more finely, and reaches the largest priority
+earlier. Chosen."""
 MAX_PRIORITY: Final = 2**31 - 2
-"""Largest priority number that the job system permits, so the latest virtual time; at full load it
-is reached after years."""
+"""Largest priority number of the job system (a 32-bit integer), hence the largest virtual time of
+the fair queue; at full load it is reached after years."""
 QUICK_FOLD_S: Final = 10.0
-"""Maximum expected cost of a quick fold, in s. With a larger value quick folds wait longer for each
-other; with a smaller one more folds wait for long ones. Chosen: half of the shapes of fewer than
-300 modules."""
+"""Maximum expected computing time of a fold in the queue for quick folds, in s. With a larger value
+quick folds wait longer for each other; with a smaller one more folds wait for long ones. Chosen:
+half of the shapes of fewer than 300 modules are quick."""
 SLICE_COST_FACTOR: Final = 3.0
-"""Time that a fold computes before it makes room for any other fold, as a multiple of its expected
-cost. A smaller value repeats more stages, a larger one lets others wait longer. Chosen."""
+"""Time for which a fold computes before it pauses for any other waiting fold, as a multiple of its
+expected computing time. A smaller value interrupts and repeats more stages; a larger one lets
+others wait longer. Chosen."""
 FIRST_SLICE_DIVISOR: Final = 3.0
-"""That time is at least the first slice divided by this. Chosen."""
+"""Divisor of the configured duration of a fold's first time slice; the quotient is the minimum time
+for which a fold computes before it pauses for any other waiting fold. With a larger value short
+folds pause earlier. Chosen."""
 SLICE_GROWTH: Final = 3.0
-"""Factor on the time before a fold makes room for cheaper folds, after each pause. With it the work
-that pauses waste is at most half of the last slice. Chosen."""
+"""Factor by which the time slice of a fold grows with each pause; at its end the fold makes room
+for cheaper folds. With this value pauses waste at most half of the last slice's work; a larger one
+lets cheaper folds wait longer. Chosen."""
 
 
 def ticks(cost_s: float) -> int:

@@ -17,9 +17,11 @@ from typing import Any, Final, ParamSpec, TypeVar
 from server.limits.quota import Permit, Quota
 
 CURRENT_VISITOR: Final[ContextVar[str | None]] = ContextVar("visitor", default=None)
-"""Visitor whose request is being processed; None outside of requests."""
+"""Visitor (IP address) whose request the current task or thread processes, so that threads are
+shared fairly between visitors; None outside of requests."""
 MAX_REQUEST_THREADS: Final = min(32, (os.cpu_count() or 1) + 4)
-"""Maximum number of threads that process requests, as in the event loop's default pool."""
+"""Maximum number of threads that process requests: the default of ``ThreadPoolExecutor`` in
+Python's standard library."""
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 

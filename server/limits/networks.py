@@ -15,16 +15,17 @@ from typing import Final
 
 PSEUDONYM_SEPARATOR: Final = "|"
 IPV6_BITS: Final = (48, 56, 64)
-"""Prefix lengths of an IPv6 site, a home network and a visitor, in bits. Providers assign a home a
-/56 or a /48 (RIPE-690), of which it may use every /64."""
+"""Prefix lengths, in bits, of the IPv6 addresses that count as one site, one home network and one
+visitor. Providers assign a home a /56 or a /48 (RIPE-690), of which it may use every /64."""
 IPV4_BITS: Final = (24, 32)
-"""Prefix lengths of an IPv4 network and a visitor, in bits. /24 is the longest prefix that is
-routed."""
+"""Prefix lengths, in bits, of the IPv4 addresses that count as one network and one visitor. /24 is
+the longest prefix that is routed on the internet."""
 NETWORK_HEX_DIGITS: Final = 12
-"""Hexadecimal digits of a network's pseudonym. Fewer make collisions more likely. Chosen."""
+"""Number of hexadecimal digits of a network's pseudonym (a keyed hash of its address). With fewer
+digits different networks share a pseudonym, and thus limits, more often. Chosen."""
 VISITOR_HEX_DIGITS: Final = 32
-"""Hexadecimal digits of a visitor's pseudonym; with those of two networks it has 58 characters of
-the 64 that the column holds. Chosen."""
+"""Number of hexadecimal digits of the hash that identifies a visitor's address. With the digits of
+its two networks a pseudonym has 58 characters, of 64 that the database column holds. Chosen."""
 
 
 def visitor_at(host: str) -> str:

@@ -14,7 +14,8 @@ from server.limits.fair_queue import admits, network_of
 from server.settings import Settings
 
 QUEUE_RETRY_S: Final = 30
-"""``Retry-After`` of a fold that is refused because the queue is full, in s. Chosen."""
+"""Value of the ``Retry-After`` header, in s, if a fold is refused because the queue is full. A
+smaller value brings more requests that are refused again. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,16 +23,21 @@ from server.errors import ServiceError, TooMany, Unavailable
 from server.limits.networks import networks_of
 
 OPEN_RETRY_S: Final = 10
-"""``Retry-After`` if too many things of a visitor are open, such as streams, in s. Chosen."""
+"""Value of the ``Retry-After`` header, in s, if a request is refused because too many event
+streams, uploads or robots are open. A smaller value brings more requests that are refused again.
+Chosen."""
 BUSY_RETRY_S: Final = 5
-"""``Retry-After`` if too many requests wait for their turn, in s. Chosen."""
+"""Value of the ``Retry-After`` header, in s, if a request is refused because too many others wait
+to be processed. A smaller value brings more requests that are refused again. Chosen."""
 TURN_TIMEOUT_S: Final = 10.0
-"""Default maximum wait for a turn, in s; then the request is refused. Chosen."""
+"""Default of the maximum time that a request waits until fewer others are being processed, in s;
+then it is refused. A smaller value refuses more requests under load. Chosen."""
 TURN_POLL_S: Final = 0.1
-"""Time between two checks whether a waiting client has disconnected, in s. Chosen."""
+"""Time between two checks if the client of a waiting request has disconnected, in s. With a larger
+value disconnected clients occupy the queue for longer. Chosen."""
 NETWORK_DIVISOR: Final = 2
-"""One network may hold the total divided by this. A larger value leaves more for others and less
-for a school behind one network. Chosen."""
+"""Divisor of a limit for all visitors; the quotient is the limit for one network of IP addresses. A
+larger value leaves more to others, and less to a school behind one network. Chosen."""
 
 
 class Holder(StrEnum):

@@ -15,7 +15,9 @@ from server.errors import ServiceError, TooMany, Unavailable
 from server.limits.quota import Holder, Permit, Quota
 
 PENDING_RETRY_S: Final = 3
-"""``Retry-After`` if too many results are being computed, in s. Chosen."""
+"""Value of the ``Retry-After`` header, in s, if a derived file or another result cannot be computed
+because too many others are being computed. A smaller value brings more requests that are refused
+again. Chosen."""
 Thing = TypeVar("Thing")
 
 

@@ -11,11 +11,12 @@ from cachetools import LRUCache
 from server.limits.networks import networks_of
 
 MAX_BUCKETS: Final = 50_000
-"""Maximum number of visitors and networks whose token buckets are stored; a forgotten one starts
-with a full bucket. Chosen."""
+"""Maximum number of visitors and networks whose token buckets (rate limits) are stored; the least
+recently used one is dropped, and starts full again. A smaller value weakens the limits in floods
+from many addresses. Chosen."""
 NETWORK_RATE_FACTOR: Final = 2.0
-"""Rate and burst of a network as a multiple of one visitor's. A larger value gives a school behind
-one network more, and an attacker with many addresses as well. Chosen."""
+"""Rate limit and burst of a network of IP addresses, as a multiple of one visitor's. A larger value
+permits more to a school behind one network, and to an attacker with many addresses. Chosen."""
 
 
 class TokenBuckets:

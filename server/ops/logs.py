@@ -21,7 +21,8 @@ from server.settings import Settings
 QUIET_LOGGERS: Final = ("alembic", "dbos", "httpx", "opentelemetry", "websockets")
 CONTEXT_FIELDS: Final = ("fold", "movie", "worker", "request")
 ACCESS_FIELDS: Final = ("method", "route", "path", "status", "duration_ms")
-"""Fields of a line of ``foldback.access``; its text holds them, too."""
+"""Fields of a record of the logger ``foldback.access`` that become fields of a JSON log line; plain
+log lines hold them in their text."""
 _about: ContextVar[Mapping[str, str]] = ContextVar("about", default=MappingProxyType({}))
 
 

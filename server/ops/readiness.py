@@ -22,8 +22,8 @@ from server.store.object_store import StorageError
 from server.store.stats import Stats
 
 READINESS_CACHE_S: Final = 2.0
-"""Time for which the state of disk, storage and workers is cached, in s. A larger value reports
-failures later. Chosen."""
+"""Time for which the checked state of disk, object store and workers is cached, in s; ``/ready``
+reports it. A larger value reports failures later. Chosen."""
 OK: Final = "ok"
 log = logging.getLogger("foldback.web")
 

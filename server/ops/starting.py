@@ -27,10 +27,11 @@ EXPECTED_WORDS: Final = {
     "greater_than": "more than {gt}",
     "less_than_equal": "at most {le}",
 }
-"""Words for the expected value, by pydantic's type of error."""
+"""Texts for the expected value in error messages about settings, by pydantic's type of error."""
 REMEDY: Final = "Correct it, or unset it; docs/operations.md lists all settings."
 MAX_QUOTED_CHARACTERS: Final = 60
-"""Maximum length of a setting's value that an error message quotes, in characters. Chosen."""
+"""Maximum length of a setting's value that an error message quotes, in characters; the rest is cut
+off. A larger value makes messages longer. Chosen."""
 
 
 def settings_of(**given: Any) -> Settings:

@@ -14,12 +14,14 @@ from typing import Final
 from server.settings import Settings
 
 SUPERVISION_POLL_S: Final = 0.2
-"""Time between two checks whether a process has ended, in s. Chosen."""
+"""Time between two checks of the service's main process if a worker process has ended, in s. With a
+larger value it is restarted later. Chosen."""
 STOP_TIMEOUT_S: Final = 10.0
-"""Time that processes may take to stop, in s; then they are killed. Chosen."""
+"""Time that the service's processes may take to stop when the service stops, in s; then they are
+killed. A smaller value interrupts more requests and folds. Chosen."""
 MAX_RESTART_PAUSE_S: Final = 30.0
-"""Maximum pause before a process that keeps ending is started again, in s; it doubles from 0.5 s.
-Chosen."""
+"""Maximum pause before a worker process that ends again and again is restarted, in s; the pause
+doubles from 0.5 s. A larger value resumes later after the cause is gone. Chosen."""
 log = logging.getLogger("foldback.supervisor")
 
 

@@ -35,12 +35,13 @@ TAG_LABELS: Final = {
     "paper": "From the paper",
 }
 TETRAHEDRA_TAG: Final = "tetrahedra"
-"""Tag of shapes whose chains consist of tetrahedra; `CHAIN_LABELS` has the choice between kinds of
-chains."""
+"""Tag of gallery shapes whose chains consist of tetrahedra. The list of tags omits it, as the
+gallery has a separate choice between kinds of modules."""
 CHAIN_LABELS: Final = {"cube": "Cubes", "tetrahedron": "Tetrahedra"}
 MODULE_PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
 MAX_ZERO_TORQUE_WP: Final = 0.05
-"""Largest joint torque that cards describe as none, in w·p (module weight × pitch). Chosen."""
+"""Joint torque below which gallery cards say that a fold on a table needs no motor torque, in w·p
+(module weight × pitch). A larger value hides small torques. Chosen."""
 WORLD_LABELS: Final = {"table": "On a table"}
 CARD_STATUS_LABELS: Final = {
     "verified": "Verified",
@@ -55,8 +56,8 @@ _CARD_STATUSES: Final = {
     "failed": "failed",
 }
 MAX_INCLUDED_FOLDS: Final = 10_000
-"""Maximum number of public folds that are searched for those which came with the package.
-Chosen."""
+"""Maximum number of public folds that are read to find those which came with the package. With more
+public folds some would be missing from pages. Chosen."""
 FEATURED_SHAPES: Final = (
     "tetra-ring",
     "wrench-24",
@@ -71,7 +72,8 @@ FEATURED_SHAPES: Final = (
     "torus",
     "elephant",
 )
-"""Shapes on the landing page: every kind of chain, from the shortest to the longest."""
+"""Names of the gallery shapes on the landing page: chains of every kind of module, from the
+shortest to the longest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,7 +220,7 @@ def included_folds(store: Store) -> list[ShownFold]:
 
 
 METHOD_LABELS: Final = {"direct": "direct servoing", "paper": "published method"}
-"""Labels on a card for presets other than the default one."""
+"""Labels on a fold's card for presets of planner settings other than the default preset."""
 
 
 def method_words(row: FoldRow | ShownFold) -> str:

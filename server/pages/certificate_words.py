@@ -17,20 +17,25 @@ from planner.robot.sizing import at_which_pitch, who_would_do
 from server.pages.quantities import length_m, quantity, sentence
 
 CERTIFICATE_DIGITS: Final = 2
-"""Significant digits of a certificate's figures in texts. Chosen."""
+"""Number of significant digits of a certificate's figures, such as joint errors, on pages.
+Chosen."""
 NOT_SIMULATED: Final = "not simulated"
 NOT_KNOWN: Final = "unknown: computed by an earlier version"
 BASELINE_LABEL: Final = "one joint at a time (a baseline)"
 MAX_NAMED_SERVOS: Final = 8
-"""Maximum number of suitable servos that a text names, lightest first. Chosen."""
+"""Maximum number of servos with sufficient torque that a fold's page lists, lightest first. A
+larger value makes the list longer. Chosen."""
 NEAR_PITCH_FACTOR: Final = 1.1
-"""If no servo suits the pitch, those are named that suit a pitch up to this multiple of the
-smallest suitable one. Chosen."""
+"""Factor on the smallest module pitch for which a servo is strong enough. If none suits the
+requested pitch, a fold's page lists the servos for pitches up to the product; a larger value lists
+more of them. Chosen."""
 ON_TABLE_PITCH: Final = 1e-3
-"""Height above or below the table, in pitches, within which a corner counts as on it. Chosen."""
+"""Distance of a module's corner from the table top, above or below, within which a page says that
+it lies on the table, in pitches. A smaller value displays rounding errors as gaps. Chosen."""
 ROUNDING_PITCH: Final = 1e-9
-"""Overlaps below this, in pitches, are the rounding of a contact and are not reported; torques
-(w·p) are rounded up with the same tolerance. Chosen."""
+"""Overlap of two modules up to which it is the rounding error of a contact and is not reported, in
+pitches; torques, in w·p, are rounded up with the same tolerance. A larger value hides real
+overlaps. Chosen."""
 
 
 def headline(certificate: CertificateFigures) -> str:

@@ -23,24 +23,26 @@ PLAN_COLUMNS: Final = (
     "Clearance, pitch",
     "Computing, s",
 )
-"""Headings of the table of plans: folding time, its torque, torque if all took the time of the
-slowest, proved clearance, and computing time."""
+"""Column headings of the table that compares several plans of one fold: folding time, largest
+torque, largest torque if all plans took as long as the slowest one, proved clearance between
+modules, and computing time."""
 PREFERENCE_WORDS: Final[dict[Preference, str]] = {
     "computing": "First verified plan",
     "time": "Shortest folding time",
     "torque": "Least torque",
     "clearance": "Most clearance",
 }
-"""Labels of the preferences among plans."""
+"""Labels of the criteria by which one of several plans is chosen, by their names in the API."""
 SUPERLATIVES: Final[dict[Preference, str]] = {
     "time": "fastest",
     "torque": "least torque",
     "clearance": "most clearance",
 }
 MILLI_PER_UNIT: Final = 1e3
-"""Thousandths in a unit: mN·m in a N·m."""
+"""Number of thousandths in a unit, to convert N·m to mN·m."""
 CLEARANCE_DECIMALS: Final = 4
-"""Decimal places of clearances in pitches, enough to show differences between plans. Chosen."""
+"""Number of decimal places of clearances between modules, in pitches, in the comparison of plans:
+enough to show their differences. Chosen."""
 
 
 class PlanDot(TypedDict):

@@ -55,7 +55,7 @@ from server.store.shown import RUNNING_STATUSES, Found, ShownFold, has_motion
 
 RECORD: Final = "record.npz"
 SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
-"""Files of a fold that its page displays."""
+"""Files that the page of a fold needs; the page reports those that are damaged."""
 VIEW_DOWNLOADS: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
     ("recording.viser", "Recording", ".viser: for the viser client"),

@@ -51,17 +51,19 @@ STAGE_WORDS: Final = {
     "export": "writing the plan",
 }
 STAGES_WITH_MOTION: Final = ("explode", "play_back")
-"""Stages in which the displayed chain moves."""
+"""Stages in which the displayed chain moves, so that the reason of a failure names the frame."""
 MAX_BLOCKING_LINES: Final = 24
-"""Maximum number of turns and moves that the reason of a failed fold lists one by one; the rest is
-counted. Chosen."""
+"""Maximum number of blocked hinge rotations and part movements that the page of a failed fold lists
+one by one; further ones are only counted. A larger value makes the page longer. Chosen."""
 NUMBERED_PARTS: Final = re.compile(
     r"\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?",
     re.IGNORECASE,
 )
-"""Pattern of parts of an input that a text names by number, with the rest of a long list."""
+"""Matches mentions of numbered parts of an input in an error text ("module 3", "cells 1, 2 and 14
+more"), with the count that shortens a long list. Their numbers, counted from 0, are increased by 1
+for display."""
 WRONG_END_VERDICT: Final = re.compile(r"ends .* from the folded shape|does not end folded")
-"""Pattern of verdicts about a fold that does not end in its target shape."""
+"""Matches verdicts which say that a simulated chain does not end in its target shape."""
 EXPLOSION_ENDS: Final = {
     "stalled": "stalled",
     "timeout": "not straight",

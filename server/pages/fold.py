@@ -31,8 +31,8 @@ from web.pictures.picture_view import PictureView
 router = APIRouter(include_in_schema=False)
 
 MAX_DRAWN_MODULES: Final = 4000
-"""Maximum number of modules of the drawing that a page shows until the 3D view is ready; longer
-chains have none. Chosen."""
+"""Maximum number of modules of a chain of which a fold's page shows an SVG drawing until the 3D
+view is ready; for longer chains there is no drawing, as it would make the page slow. Chosen."""
 
 
 @router.get("/folds/{fold_id}", response_class=HTMLResponse)

@@ -16,19 +16,24 @@ from planner.motion.stuck_figures import KnotFigures
 
 Array = NDArray[np.float64]
 DRAWING_SIDE: Final = 160
-"""Side of the square of a knot's drawing, in SVG user units; strokes are a few units wide.
-Chosen."""
+"""Width and height of the square drawing of a chain's knot diagram, in SVG user units; strokes are
+a few units wide. Chosen."""
 DRAWING_RADIUS: Final = 66.0
-"""Radius of the circle that a knot is drawn in, in the same units. Chosen."""
+"""Radius of the circle that the drawing of a chain's knot diagram fits into, in SVG user units; the
+square has 160. A larger value leaves less margin. Chosen."""
 CROSSING_GAP: Final = 7.0
-"""Length by which a strand is cut on each side of a crossing that it passes under, in SVG user
-units. Chosen."""
+"""Length of the gap in the lower strand on each side of a crossing in a knot drawing, in SVG user
+units. A larger value shows more clearly which strand is above, and may cut short strands away.
+Chosen."""
 VERTICES_PER_ARC: Final = 2
-"""Vertices of the layout on each arc between two crossings. More draw rounder arcs. Chosen."""
+"""Number of vertices that the computed layout of a knot drawing has on each arc between two
+crossings. More make the arcs rounder. Chosen."""
 POINTS_PER_VERTEX: Final = 8
-"""Points of the drawn curve for each vertex of the layout. More draw it more smoothly. Chosen."""
+"""Number of points of the drawn curve per vertex of a knot drawing's layout. More make the curve
+smoother and the SVG larger. Chosen."""
 MAX_DRAWN_CROSSINGS: Final = 60
-"""Maximum number of crossings of a knot that is drawn; a drawing of more shows nothing. Chosen."""
+"""Maximum number of crossings of a knot diagram that is drawn; with more the drawing would be too
+dense to read. Chosen."""
 Face = list[int]
 
 

@@ -16,22 +16,23 @@ from server.pages.page import origin_of
 router = APIRouter(include_in_schema=False)
 
 FOLD_PATH: Final = re.compile(r"/(?:folds|embed)/([^/]+)")
-"""Pattern of the path of a fold's page; ``find_fold`` checks the id in it."""
+"""Matches the path of a fold's page or of its embeddable page; the group is the fold's id."""
 FRAME_WIDTH_PX: Final = 720
-"""Maximum width of an embedded frame, and its width if the asking site names no bounds, in pixels,
-as in *Share*. Chosen."""
+"""Maximum and default width of the frame in which other sites embed a fold (oEmbed), in pixels; the
+*Share* dialog proposes the same. Chosen."""
 FRAME_HEIGHT_PX: Final = 480
-"""Maximum height of an embedded frame, and its height if the asking site names no bounds, in
-pixels, as in *Share*. Chosen."""
+"""Maximum and default height of the frame in which other sites embed a fold (oEmbed), in pixels;
+the *Share* dialog proposes the same. Chosen."""
 MIN_FRAME_SIDE_PX: Final = 200
-"""Minimum side of an embedded frame, in pixels, at which the controls still leave room for the
-picture. Chosen."""
+"""Minimum width and height of the frame in which other sites embed a fold (oEmbed), in pixels. In a
+smaller frame the controls would leave no room for the picture. Chosen."""
 MAX_ADDRESS_CHARACTERS: Final = 2000
-"""Maximum length of an address that is looked up, in characters; a longer one is refused.
-Chosen."""
+"""Maximum length of the address in an oEmbed request, in characters; a longer one is refused. A
+smaller value could refuse addresses of folds with a camera view. Chosen."""
 OEMBED_PICTURE_PX: Final = (1200, 630)
-"""Width and height of a fold's picture in pixels: ``SOCIAL_PICTURE_PX`` of
-``web.pictures.social_picture``, whose import would load Pillow and numba into the web process."""
+"""Width and height of a fold's preview picture in oEmbed answers, in pixels: a copy of
+``SOCIAL_PICTURE_PX`` of ``web.pictures.social_picture``, whose import would load large libraries
+into the web process."""
 
 
 @router.get("/oembed")

@@ -20,7 +20,8 @@ from server.pages.setting_words import PAPER_ROWS, SOURCE_LABELS, TABLE_ROWS
 from web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
 
 THEME_SCRIPT: Final = "js/theme.js"
-"""The only inline script of pages; it sets the theme before anything is painted."""
+"""Script that sets the light or dark theme before the page is painted; the only inline script of
+pages."""
 
 
 @cache
@@ -80,7 +81,7 @@ TEMPLATE_VALUES: Final[dict[str, object]] = {
     "icon": icon,
     "theme_script": theme_script,
 }
-"""Values that every template gets."""
+"""Variables that are available in every HTML template."""
 
 
 def page(

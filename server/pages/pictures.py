@@ -32,17 +32,20 @@ from web.pictures.picture_view import MAX_SHORT_FORM_LENGTH, SHORT_FORM_PATTERN
 router = APIRouter(include_in_schema=False)
 
 CARD_PREFIX: Final = "card"
-"""First word of the names of files with a fold's picture."""
+"""Prefix of the names of files that cache a fold's preview picture; older pictures are found by it
+and deleted."""
 VERDICTS: Final = {
     "verified": ("Verified", "good"),
     "failed": ("Not verified", "bad"),
     "cancelled": ("Cancelled", "off"),
 }
-"""Label and tone of a picture by the status of its fold."""
+"""Text and colour class of the verdict in a fold's preview picture, by the fold's status."""
 FINAL_PICTURE_AGE_S: Final = 86400
-"""Time for which browsers may cache the picture of a finished fold, in s. Chosen."""
+"""Time for which browsers may cache the preview picture of a finished fold, in s. A larger value
+needs fewer requests, and shows a new name of the fold later. Chosen."""
 RUNNING_PICTURE_AGE_S: Final = 60
-"""Time for which browsers may cache the picture of a running fold, in s. Chosen."""
+"""Time for which browsers may cache the preview picture of a running fold, in s. A larger value
+shows the result later. Chosen."""
 
 
 @router.get("/folds/{fold_id}/drawing.svg")

@@ -45,12 +45,13 @@ from server.store.shown import RUNNING_STATUSES, ShownFold
 
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
 PLAN_MEMBER: Final = "plan.npy"
-"""Member of a plan.npz with everything but the frames, as JSON text."""
+"""Member of the archive plan.npz that holds everything of a plan but its frames, as JSON text."""
 MAX_PLAN_JSON_BYTES: Final = 16 * 2**20
-"""Maximum size of that member, in bytes; of a larger one a page shows no properties. A chain of 12
-000 modules takes 3 MB. Chosen."""
+"""Maximum size of the JSON text in a plan.npz of which a page shows the properties, in bytes; of a
+larger one none are shown, as reading it takes memory. A chain of 12 000 modules has 3 MB.
+Chosen."""
 SUMMARY_HEADING: Final = "In short"
-"""Heading of the first group of properties, which pages show unfolded."""
+"""Heading of the first group of a fold's properties; only its group is open when the page loads."""
 TRACKING_PARAMETERS: Final = (
     "spacing_rad",
     "distance_weight",
@@ -58,9 +59,11 @@ TRACKING_PARAMETERS: Final = (
     "step_s",
     "dynamic_up_to",
 )
-"""Playback parameters of all controllers that track the smooth curve through a record."""
+"""Names of the playback parameters that all controllers share which follow the smooth curve through
+the recorded joint angles; a fold's page lists them."""
 SERVO_PARAMETERS: Final = ("step_s", "friction", "damping", "gain", "stiffness", "torque_limit")
-"""Playback parameters of servos without feed-forward."""
+"""Names of the playback parameters that all simulated servos without feed-forward share; a fold's
+page lists them."""
 CONTROLLER_PARAMETERS: Final[dict[str, tuple[str, ...]]] = {
     "robot": (*TRACKING_PARAMETERS, "paced_by"),
     "computed-torque": (
@@ -74,9 +77,11 @@ CONTROLLER_PARAMETERS: Final[dict[str, tuple[str, ...]]] = {
     "paper": (*SERVO_PARAMETERS, "threshold_rad2", "least_steps", "dynamic_up_to"),
     "direct": (*SERVO_PARAMETERS, "direct_steps", "dynamic_up_to"),
 }
-"""Playback parameters of each controller, besides the controller itself and its limit of steps."""
+"""Names of the playback parameters that a fold's page lists, by the controller of the simulated
+joints."""
 EXPLOSION_STRATEGIES: Final = ("simultaneous", "blocks")
-"""Strategies that use the parameters of the explosion; peeling has its own."""
+"""Explosion strategies (ways to let the folded chain come loose in simulation) whose parameters a
+fold's page lists as those of the explosion; the strategy ``peel`` has its own."""
 SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
     "frames": ("Frames", "", 3),
     "fold_time_s": ("Folding time", "s", 3),
@@ -89,7 +94,8 @@ SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
     "tail_speed": ("Fastest end", "pitch/s", 2),
     "clearance": ("Clearance", "pitch", 2),
 }
-"""Label, unit and digits of each figure that smoothing changes."""
+"""Label, unit and number of significant digits of each figure of a plan that is compared before and
+after its smoothing."""
 SMOOTHING_NOTES: Final = {
     SOFTENED: "More smoothing would have left too little clearance.",
     RECORDED: "Any shorter motion would have left too little clearance, so only the timing is new.",

@@ -9,14 +9,17 @@ from decimal import ROUND_HALF_UP, Context, Decimal
 from typing import Final, cast
 
 SIGNIFICANT_DIGITS: Final = 3
-"""Default number of significant digits of a displayed quantity. Chosen."""
+"""Default number of significant digits of a displayed number. Chosen."""
 MAX_WHOLE_VALUE: Final = 1e6
-"""Values from 1 up to this are shown without a power of ten. Chosen."""
+"""Value below which a displayed number of at least 1 is written as a whole number, without a power
+of ten. A larger value writes longer numbers. Chosen."""
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SI_PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
-"""SI prefixes by power of ten; the same table as ``SI_PREFIXES`` in ``lib/text.js``."""
+"""SI prefixes of displayed quantities by power of ten; ``SI_PREFIXES`` in ``lib/text.js`` must be
+the same."""
 SI_UNITS: Final = ("N·m", "rad", "rad/s")
-"""Units that pages show with a prefix."""
+"""Units that pages display with an SI prefix, such as mN·m; quantities in other units get a power
+of ten."""
 STRATEGY_LABELS: Final = {
     "simultaneous": "All at once",
     "blocks": "Blocks first",

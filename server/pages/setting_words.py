@@ -20,7 +20,8 @@ from planner.parameters.settings import (
 from server.pages.quantities import quantity
 
 SETTING_DIGITS: Final = 6
-"""Significant digits of a setting's value, enough to show any default exactly. Chosen."""
+"""Maximum number of significant digits of a displayed setting's value, enough to show any default
+exactly. Chosen."""
 PAPER_PRESET: Final = preset("paper")
 SOURCE_LABELS: Final[dict[Source, str]] = {
     "published": "Value given in the paper.",
@@ -58,11 +59,14 @@ def _rows(settings: tuple[Setting, ...], parameters: Parameters) -> tuple[Settin
 
 
 PAPER_ROWS: Final = _rows(SETTINGS, PAPER_PRESET)
-"""Rows of the form with the settings of the published method."""
+"""Rows of the form for the planner settings of the preset ``paper`` (the published method), with
+their defaults."""
 ROBOT_ROWS: Final = _rows(ROBOT_SETTINGS, preset("default"))
-"""Rows of the form with the settings of the simulated robots that a plan is tested on."""
+"""Rows of the form for the settings of the simulated robots with errors that a plan is tested on,
+with their defaults."""
 TABLE_ROWS: Final = _rows(TABLE_SETTINGS, preset("default"))
-"""Rows of the form with the settings of a fold on a table."""
+"""Rows of the form for the planner settings of a fold on a table under gravity, with their
+defaults."""
 
 
 def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:

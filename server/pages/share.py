@@ -38,7 +38,8 @@ from web.viser.standalone import standalone_html, standalone_scripts
 router = APIRouter(include_in_schema=False)
 SHARED_FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"
 CHANGE_MARKER: Final = f"{TIMELINE}/zarr.json"
-"""File that is written last whenever a timeline changes; derived files are as new as it."""
+"""Metadata file of a fold's stored motion, which is written last whenever the motion changes. A
+file that was derived from the motion is up to date if it is newer."""
 
 
 @router.get("/embed/view")

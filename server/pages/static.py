@@ -20,9 +20,11 @@ from web.static_files import STATIC, VERSIONED, code_of, scripts_version
 router = APIRouter(include_in_schema=False)
 
 IMMUTABLE_CACHE_CONTROL: Final = "public, max-age=31536000, immutable"
-"""Value of ``Cache-Control`` for content that never changes under its address (RFC 8246)."""
+"""Value of the header ``Cache-Control`` for files whose content never changes under their address:
+browsers need not ask for them again for a year (RFC 8246)."""
 SWAGGER_FILES: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
-"""Files of the package ``fastapi_offline`` that are served from here."""
+"""Files of the package ``fastapi_offline`` that this service offers as static files, for the API
+documentation without internet access."""
 
 
 ROBOTS_TXT: Final = """\
@@ -52,7 +54,7 @@ WEB_MANIFEST: Final = {
         for size in (192, 512)
     ],
 }
-"""Web app manifest: name and icons under which a browser or a phone stores a link to the
+"""Web app manifest (W3C): name and icons with which a browser or a phone stores a link to the
 service."""
 
 

@@ -30,7 +30,8 @@ from server.processes.landlock import Allowed, no_new_rights
 from server.processes.limits import memory_words
 
 LOW_PRIORITY_KINDS: Final = ("stages", "movies", "retimer")
-"""Kinds of computing processes with a lower priority, as no page waits for them."""
+"""Kinds of computing processes that run with the configured niceness (a low priority), as no page
+waits for their results."""
 FULL_DISK_ERRNOS: Final = (errno.ENOSPC, errno.EDQUOT)
 FAILED_DISK_ERRNOS: Final = (errno.EROFS, errno.EIO)
 COMPUTING_LIBRARIES: Final = (
@@ -39,9 +40,11 @@ COMPUTING_LIBRARIES: Final = (
     "scipy.ndimage",
     "scipy.sparse.csgraph",
 )
-"""Libraries that the planner loads with its first computation."""
+"""Libraries that the planner imports with its first computation. Processes that compute import them
+at their start, so that the first task does not wait."""
 MESH_LIBRARY: Final = "trimesh"
-"""Library that is loaded with the first mesh."""
+"""Library that the planner imports with the first mesh. Processes that read meshes import it at
+their start, so that the first upload does not wait."""
 Task = Callable[[str, Path, Callable[[Progress], None], Callable[[], bool]], dict[str, Any]]
 
 
@@ -106,9 +109,13 @@ class _Parent:
 
 
 MAX_OPEN_FILES: Final = 512
-"""Maximum number of open files of a computing process (``RLIMIT_NOFILE``). Chosen."""
+"""Maximum number of open files of one computing process (``RLIMIT_NOFILE``). With a larger value a
+malicious input could exhaust those of the machine; with a smaller one valid tasks could fail.
+Chosen."""
 MAX_WRITTEN_FILE_BYTES: Final = 8 * 2**30
-"""Maximum size of a file that a computing process writes, in bytes (``RLIMIT_FSIZE``). Chosen."""
+"""Maximum size of a file that a computing process can write, in bytes (``RLIMIT_FSIZE``), so that a
+faulty or malicious input cannot fill the disk. A smaller value fails folds with long motions.
+Chosen."""
 
 
 def _offer() -> None:

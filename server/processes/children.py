@@ -31,32 +31,41 @@ if TYPE_CHECKING:
     from server.limits.quota import Quota
 
 CHILD_POLL_S: Final = 0.05
-"""Time between two checks of a child's limits and of a cancellation, in s. Chosen."""
+"""Maximum time between two checks of a computing process for its memory limit and for a
+cancellation, in s. A larger value notices both later. Chosen."""
 CANCEL_GRACE_S: Final = 0.7
-"""Time that a child may take to end a cancelled task, in s; then it is killed. Chosen."""
+"""Time that a computing process may take to end a cancelled task, in s; then it is killed. With a
+smaller value more processes are killed and have to be started again. Chosen."""
 MAX_START_CPU_S: Final = 240.0
-"""Maximum processor time of a child's start, in s; it includes compilation of kernels. Beyond it
-the child is killed. Chosen."""
-MAX_START_S: Final = 3600.0
-"""Maximum wall time of a child's start, in s: at a low priority on a busy machine it takes long.
+"""Maximum processor time of the start of a computing process, in s, with the compilation of
+numerical kernels; beyond it the process is killed. A smaller value fails on slow machines.
 Chosen."""
+MAX_START_S: Final = 3600.0
+"""Maximum wall time of the start of a computing process, in s; beyond it the process is killed.
+With a smaller value processes of low priority, which get little time on a busy machine, could never
+start. Chosen."""
 CHILD_EXIT_S: Final = 1.0
-"""Time that a child may take to exit once it has closed its output, in s. Chosen."""
+"""Time that a computing process may take to exit after it has closed its output, in s; then it is
+killed. A larger value reports a crash later. Chosen."""
 MAX_CALLS_PER_CHILD: Final = 200
-"""Number of tasks after which a child is replaced, since its limit of processor time is for its
-whole life. A smaller value starts processes more often. Chosen."""
+"""Number of tasks after which a computing process is replaced by a new one, since its limit of
+processor time applies to its whole life. A smaller value starts processes more often; with a larger
+one the limit may end a harmless task. Chosen."""
 MAX_EVENT_BYTES: Final = 2**20
-"""Maximum size of one event of a child, in bytes. Chosen."""
+"""Maximum size of one message (a line of JSON) from a computing process, in bytes; a longer one is
+invalid. A larger value lets a faulty process take more memory. Chosen."""
 MAX_BUFFERED_EVENTS: Final = 32
-"""Maximum number of a child's events that are read ahead; with more it waits. Chosen."""
+"""Maximum number of unprocessed messages from a computing process that are held in memory; with
+more the process has to wait. Chosen."""
 LOST: Final = "lost"
-"""Error code of a child that ended because the fork server did. Its task is not to blame and may be
-repeated."""
+"""Error code if a computing process ended because its parent, the fork server, ended. The task is
+not the cause and may be repeated."""
 CRASHED: Final = "crashed"
-"""Error code of a child that ended by itself, by a signal or by an invalid event."""
+"""Error code if a computing process exited by itself, was ended by a signal, or sent an invalid
+message."""
 MAX_LOST_ATTEMPTS: Final = 3
-"""Number of fork servers that may end in succession during one short task before the task fails. A
-larger value lets the client wait longer. Chosen."""
+"""Number of attempts at a short task, such as a preview, if the fork server, which starts computing
+processes, ends during each. A larger value lets the client wait longer for an error. Chosen."""
 EVENTS: Final = {
     "ready": set[str](),
     "progress": {
@@ -67,7 +76,8 @@ EVENTS: Final = {
     "bad-input": {"code", "detail", "where"},
     "problem": {"code", "detail"},
 }
-"""Names of a child's events, with the fields of each."""
+"""Names of the messages that a computing process sends, with the fields that each must have; other
+messages are invalid."""
 
 
 class ChildError(Exception):

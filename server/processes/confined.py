@@ -26,24 +26,29 @@ SYSTEM_PATHS: Final = (
     *("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/filesystems"),
     *("/proc/sys/vm/overcommit_memory", "/sys/devices/system"),
 )
-"""Paths that programs and libraries of the machine read."""
+"""Paths that programs and libraries of the machine read; a confined computing process keeps read
+access to them."""
 OPENGL_PATHS: Final = (
     *("/etc/glvnd", "/etc/egl", "/etc/drirc", "/etc/vulkan", "/etc/OpenCL", "/etc/nvidia"),
     *("/proc/driver/nvidia", "/proc/modules", "/proc/devices", "/sys"),
 )
-"""Paths that OpenGL reads in addition."""
+"""Paths that OpenGL drivers read; a confined computing process that draws keeps read access to
+them."""
 PYTHON_PATHS: Final = ("bin", "lib", "lib64", "lib32", "share", "pyvenv.cfg")
 GPU_DEVICES: Final = ("/dev/dri", "/dev/kfd", "/dev/dxg")
 PATH_VARIABLES: Final = (
     *("NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "IMAGEIO_FFMPEG_EXE"),
     *("__EGL_VENDOR_LIBRARY_DIRS", "__EGL_VENDOR_LIBRARY_FILENAMES", "LIBGL_DRIVERS_PATH"),
 )
-"""Environment variables that name files to read, separated by colons."""
+"""Environment variables with colon-separated paths that libraries read; a confined computing
+process keeps read access to these paths."""
 PACKAGE_DIRS: Final = ("site-packages", "dist-packages")
-"""Names of directories that hold installed packages only."""
+"""Names of directories that hold nothing but installed Python packages; a confined computing
+process may read them even if the service's data lie below them."""
 THREAD_EXIT_S: Final = 5.0
-"""Maximum time to wait for other threads to end before a process is confined, in s: confinement
-applies to the calling thread only. Chosen."""
+"""Maximum time to wait for other threads to end before a computing process is confined, in s.
+Confinement by the kernel applies to the calling thread only; with a smaller value slow threads make
+the start fail. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

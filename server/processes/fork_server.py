@@ -30,9 +30,9 @@ CHILD_ENVIRONMENT: Final = {
     "MUJOCO_GL": "off",
     "SPT_NOENV": "1",
 }
-"""Environment variables of every computing process. Threads of linear algebra cost memory and bring
-nothing at these sizes. Only movies are drawn; for others MuJoCo's OpenGL is not loaded.
-``SPT_NOENV`` keeps a process's title out of its environment."""
+"""Environment variables of every computing process: one thread for linear algebra (more cost memory
+and gain nothing at these matrix sizes), no OpenGL in MuJoCo, as only movies draw with it, and no
+process title in the environment's memory."""
 
 
 def environment_with(more: Mapping[str, str]) -> dict[str, str]:

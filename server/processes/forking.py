@@ -29,9 +29,12 @@ from server.processes.child import Task, serve, task_of
 from server.processes.confined import end_threads, load_kernels
 
 MAX_REQUEST_BYTES: Final = 65536
-"""Maximum size of a request to the fork server that is received at once, in bytes. Chosen."""
+"""Number of bytes that the fork server, which starts computing processes, reads at most at once
+from its control socket. A request must fit into it, so a smaller value could lose requests.
+Chosen."""
 MAX_PIPES: Final = 64
-"""Maximum number of file descriptors that come along with it. Chosen."""
+"""Maximum number of file descriptors that the fork server, which starts computing processes,
+receives at once: the pipes of new processes. With a smaller value some could be lost. Chosen."""
 
 
 class _Requests:

@@ -16,11 +16,14 @@ from typing import Final
 
 CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446
 RULE_PATH_BENEATH: Final = 1
-"""Type of a rule for a path and all below it (linux/landlock.h)."""
+"""Type of a Landlock rule that permits access to a path and everything below it
+(linux/landlock.h)."""
 VERSION_FLAG: Final = 1
-"""Flag by which the kernel returns the version of its interface (linux/landlock.h)."""
+"""Flag with which landlock_create_ruleset(2) returns the version of the kernel's Landlock interface
+(linux/landlock.h)."""
 PR_SET_NO_NEW_PRIVS: Final = 38
-"""Option of prctl(2) that forbids gaining privileges, which Landlock requires (linux/prctl.h)."""
+"""Option of prctl(2) that forbids a thread to gain privileges, for example by a set-user-ID
+program; Landlock requires it (linux/prctl.h)."""
 O_PATH: Final = getattr(os, "O_PATH", 0)
 
 EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1 << 0, 1 << 1, 1 << 2, 1 << 3
@@ -28,19 +31,23 @@ MAKE_CHAR, MAKE_SOCK, MAKE_FIFO, MAKE_BLOCK, MAKE_SYM = 1 << 6, 1 << 9, 1 << 10,
 TRUNCATE, IOCTL_DEV = 1 << 14, 1 << 15
 READ_RIGHTS: Final = EXECUTE | READ_FILE | READ_DIR
 REFUSED_RIGHTS: Final = MAKE_CHAR | MAKE_SOCK | MAKE_FIFO | MAKE_BLOCK | MAKE_SYM
-"""Rights to create devices, sockets, pipes and links, which mislead readers; never granted."""
+"""Landlock rights to create devices, sockets, pipes and symbolic links. They are never granted, as
+such files could mislead processes that read them later."""
 FILE_RIGHTS: Final = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
-"""Rights that a rule for a file may have; the others are for directories."""
+"""Landlock rights that a rule for a single file may grant; the kernel refuses all others in such a
+rule."""
 ALL_FILE_RIGHTS: Final = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1, 5: (1 << 16) - 1}
-"""All rights on files that the kernel knows, by the version of its interface that added them."""
+"""Bit mask of all access rights to files that Landlock restricts, by the version of its interface
+that introduced the mask (linux/landlock.h)."""
 TCP_RIGHTS: Final = 0b11
-"""Rights to bind and to connect, known from version 4 on."""
+"""Bit mask of the Landlock rights to bind and to connect TCP sockets, which version 4 of its
+interface introduced (linux/landlock.h)."""
 SCOPES: Final = 0b11
-"""Bits that isolate a process from abstract sockets and signals of others, known from version 6
-on."""
+"""Bit mask with which Landlock isolates a process from other processes' abstract Unix sockets and
+from sending them signals, since version 6 of its interface (linux/landlock.h)."""
 MIN_LANDLOCK_VERSION: Final = 2
-"""First version of Landlock's interface in which files may be renamed from one directory into
-another; older kernels are not confined by it."""
+"""Smallest version of the kernel's Landlock interface that confines a process. Version 1 forbids to
+move a file into another directory, which the planner needs."""
 
 
 class _Ruleset(ctypes.Structure):

@@ -53,22 +53,25 @@ class ChildLimits:
 
 
 INTERACTIVE_NICENESS: Final = 5
-"""Maximum niceness (POSIX) of a computing process that a page waits for; a smaller value takes more
-of the processor from other processes. Chosen."""
+"""Maximum niceness (POSIX) of a computing process for whose result a page waits. A smaller value
+answers sooner on a busy machine, and takes more processor time from other processes. Chosen."""
 READERS: Final = 2
-"""Number of processes that read uploads, and of those that prepare previews; a visitor has one of
-each at a time. More take more memory. Chosen."""
+"""Number of processes that read uploads, and number of those that compute previews; one visitor
+uses at most one of each at a time. A larger value takes more memory; a smaller one lets visitors
+wait longer. Chosen."""
 INTERACTIVE_CHILDREN: Final = 2 * READERS + 2
-"""Number of computing processes of the web process: readers, preparers, one for retiming, one for
-pictures."""
+"""Number of computing processes of the web process: those that read uploads, those that compute
+previews, one that retimes plans, and one that draws pictures."""
 PR_SET_DUMPABLE: Final = 4
-"""Option of prctl(2) that decides whether others may read a process's memory (linux/prctl.h)."""
+"""Option of prctl(2) that decides if other processes of the same user may read a process's memory
+(linux/prctl.h)."""
 CHILD_VARIABLES: Final = re.compile(
     r"PATH|HOME|USER|LOGNAME|LANG|LANGUAGE|LC_[A-Z]+|TZ|TMPDIR|TEMP|TMP|VIRTUAL_ENV|DISPLAY"
     r"|(PYTHON|LD|DYLD|XDG|CONDA|NUMBA|MUJOCO|IMAGEIO|FFMPEG|COVERAGE"
     r"|PYOPENGL|MESA|LIBGL|GALLIUM|GBM|EGL|__EGL|__GLX|CUDA|NVIDIA)_?[A-Z0-9_]*"
 )
-"""Pattern of the environment variables that a computing process gets."""
+"""Matches the names of environment variables that a computing process inherits; all others are
+withheld, as they may contain passwords and keys."""
 
 
 def environment_of_child(environment: Mapping[str, str]) -> dict[str, str]:

@@ -25,12 +25,13 @@ if TYPE_CHECKING:
     from planner.pathfinding.options import PathOptions
 
 MAX_STORED_CELLS: Final = 4000
-"""Maximum number of cells that are stored for a page's drawing (``MAX_DRAWN_MODULES`` of
-``server.pages.fold``). Chosen."""
+"""Maximum number of cells of an upload that are stored for the first drawing on a fold's page;
+larger shapes have no such drawing. Equals ``MAX_DRAWN_MODULES`` of ``server.pages.fold``.
+Chosen."""
 OFFERS_TIME_FACTOR: Final = 2.0
-"""Time for finding variants of a shape that can fold on a table, as a multiple of the time limit of
-one path search. With the last variant, which is not interrupted, it stays below the wall time of a
-preview. Chosen."""
+"""Time limit of the search for variants of a shape that can fold on a table, as a multiple of the
+time limit of one path search. A larger value finds more variants and could exceed the time limit of
+a preview. Chosen."""
 PATH_OPTIONS: Final = (
     "module",
     "modules",

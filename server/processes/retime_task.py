@@ -19,9 +19,9 @@ from planner.robot.trajectory import Trajectory
 from server.processes.scratch import MOTORS_FILE, PLAN
 
 MAX_CLEARANCE_CPU_S: Final = 5.0
-"""Maximum processor time for the clearance of an export's rows, in s. Beyond it the clearance
-counts as not proved: a chain of 160 modules takes less than one second, one of 1000 about fifteen.
-Chosen."""
+"""Maximum processor time for proving the clearance between modules along an exported trajectory, in
+s; beyond it the clearance counts as unproved. A larger value proves that of longer chains: 160
+modules take less than 1 s, 1000 modules about 15 s. Chosen."""
 
 
 def warm_up() -> None:

@@ -12,15 +12,17 @@ from pathlib import Path
 from typing import Final
 
 PLAN: Final = "plan.npz"
-"""File of the plan that is retimed in a scratch directory."""
+"""Name of the copied plan in the scratch directory of a task that retimes it for a robot."""
 MOTORS_FILE: Final = "motors"
-"""File with its table of motors."""
+"""Name of the file with the table of motor torques in the scratch directory of a task that computes
+them."""
 CHAIN: Final = "chain.json"
-"""File of the chain whose picture is drawn in a scratch directory."""
+"""Name of the copied chain in the scratch directory of a task that draws its picture."""
 MOMENT_FILE: Final = "moment.json"
-"""File with the picture's caption, view and frame."""
+"""Name of the file with caption, camera and frame of the motion in the scratch directory of a task
+that draws a chain's picture."""
 PICTURE: Final = "picture.png"
-"""File of that picture."""
+"""Name of the drawn picture in the scratch directory of a task that draws a chain's picture."""
 
 
 class Scratch:

@@ -18,8 +18,9 @@ from typing import Final
 from server.processes.landlock import no_new_rights
 
 ARCHITECTURES: Final = {"x86_64": (0xC000003E, 317, 0), "aarch64": (0xC00000B7, 277, 1)}
-"""By architecture: its audit number, the number of seccomp(2), and its column in
-``REFUSED_CALLS``."""
+"""Figures of each processor architecture for the seccomp filter: audit number (linux/audit.h),
+number of the system call seccomp(2), and index of the architecture's numbers in the tables of
+system calls."""
 REFUSED_CALLS: Final[dict[str, tuple[int, int | None]]] = {
     "socket": (41, 198),
     "connect": (42, 203),
@@ -76,20 +77,25 @@ REFUSED_CALLS: Final[dict[str, tuple[int, int | None]]] = {
     "request_key": (249, 218),
     "keyctl": (250, 219),
 }
-"""Refused system calls: their numbers on each architecture; None if it has no such call."""
+"""System calls that the seccomp filter refuses a computing process, with their numbers on x86_64
+and on aarch64; None if an architecture has no such call."""
 PRLIMIT_CALLS: Final = (302, 261)
-"""Numbers of prlimit(2): a process may read and lower its own limits, not those of others."""
+"""Numbers of the system call prlimit(2) on x86_64 and on aarch64. The seccomp filter permits a
+process to read and lower its own limits only."""
 SOCKETPAIR_CALLS: Final = (53, 199)
-"""Numbers of socketpair(2): event loops use a pair of streams; other kinds are refused."""
+"""Numbers of the system call socketpair(2) on x86_64 and on aarch64. The seccomp filter permits
+pairs of stream sockets only, which Python's event loops need."""
 FIRST_X32_CALL: Final = 0x40000000
-"""First number of the x32 calls, which repeat those of x86_64; all are refused."""
+"""Smallest number of the system calls of the x32 ABI, which duplicate those of x86_64. The seccomp
+filter refuses them all, as they would bypass it."""
 
 LOAD, AND, EQUAL, AT_LEAST, RETURN = 0x20, 0x54, 0x15, 0x35, 0x06
 NUMBER_AT, MARK_AT, FIRST_ARGUMENT_AT, SECOND_ARGUMENT_AT = 0, 4, 16, 24
 RETURN_ALLOW: Final = 0x7FFF0000
-"""Return value of the filter that permits a call (linux/seccomp.h)."""
+"""Return value with which a seccomp filter permits a system call (linux/seccomp.h)."""
 RETURN_REFUSE: Final = 0x00050000 | errno.EACCES
-"""Return value of the filter that makes a call fail with ``EACCES`` (linux/seccomp.h)."""
+"""Return value with which a seccomp filter makes a system call fail with the error ``EACCES``
+(linux/seccomp.h)."""
 SET_FILTER, ALL_THREADS = 1, 1
 
 

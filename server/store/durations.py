@@ -13,17 +13,21 @@ from server.store.folds import Store, cost_of
 from server.store.tables import FoldRow
 
 MAX_COMPARED_FOLDS: Final = 100
-"""Maximum number of latest folds of one kind whose durations are read for an estimate. Chosen."""
-SIMILAR_SIZE_RATIO: Final = 1.5
-"""Ratio of the numbers of modules at which the weight of another fold falls to 0.61 (one standard
-deviation of a Gaussian in the logarithm). A larger value counts folds of other sizes more.
+"""Maximum number of latest folds with the same options whose durations are read to estimate that of
+another fold. A larger value is steadier, slower, and follows changes of the machine later.
 Chosen."""
+SIMILAR_SIZE_RATIO: Final = 1.5
+"""Ratio of numbers of modules at which an earlier fold weighs 0.61 in the estimated duration of
+another one (one standard deviation of a Gaussian in the logarithm). With a larger value folds of
+other sizes count more. Chosen."""
 MAX_SIZE_RATIO: Final = 4.0
-"""Largest ratio of the numbers of modules at which another fold counts at all. Chosen."""
+"""Largest ratio of numbers of modules at which an earlier fold counts in the estimated duration of
+another one. With a larger value more estimates are possible, and they are less accurate. Chosen."""
 
 MIN_SIMILAR_FOLDS: Final = 3
-"""Minimum number of similar folds for an estimate. With a smaller value one slow fold decides it;
-with a larger one new kinds of folds stay without an estimate longer. Chosen."""
+"""Minimum number of earlier folds of similar size from which a duration is estimated. With a
+smaller value one slow fold decides the estimate; with a larger one new kinds of folds have no
+estimate for longer. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,10 +20,11 @@ from server.store.folds import Store, cost_of
 from server.store.tables import FoldRow
 
 DURATIONS_CACHE_S: Final = 5.0
-"""Time for which measured durations are cached, in s. A larger value includes the newest folds
-later. Chosen."""
+"""Time for which durations of earlier folds are cached, in s. A larger value includes the newest
+folds in estimates later; a smaller one reads the database more often. Chosen."""
 MAX_CACHED_KINDS: Final = 1024
-"""Maximum number of kinds of folds whose durations are cached. Chosen."""
+"""Maximum number of kinds of folds (combinations of options) whose durations are cached. A smaller
+value reads the database more often. Chosen."""
 DEFAULT_STAGE_FRACTIONS: Final = {
     "read": 0.05,
     "explode": 0.15,
@@ -31,8 +32,9 @@ DEFAULT_STAGE_FRACTIONS: Final = {
     "certify": 0.15,
     "export": 0.05,
 }
-"""Fractions of a fold's time by stage if none were measured. A stage with too small a fraction
-counts as late too early. Tori of 160 cubes took 0.5 to 2.5 s, 5 to 10 s and 1 to 2 s."""
+"""Fractions of a fold's expected duration by stage, for estimates while no similar fold was
+measured. With too small a fraction a stage counts as late too early. Measured: tori of 160 cubes
+took 0.5 to 2.5 s (explode), 5 to 10 s (play back) and 1 to 2 s (certify)."""
 
 Expected = Callable[[FoldRow], float]
 """Returns the seconds that a fold is expected to take."""

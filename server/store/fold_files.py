@@ -28,21 +28,24 @@ from server.store.object_store import FETCHED_INDEX, Storage, open_storage
 from server.store.tables import FoldRow
 
 COPY_CACHE_S: Final = 0.4
-"""Maximum age of the local copy of a growing fold, in s, before the object store is asked again. A
-larger value shows frames later. Chosen."""
+"""Maximum age of the local copy of a running fold's files before they are compared with the object
+store again, in s. A larger value shows frames later; a smaller one sends more requests. Chosen."""
 CACHE_SWEEP_S: Final = 60.0
-"""Minimum time between two sweeps of the local copies, in s. Chosen."""
+"""Minimum time between two deletions of the least recently used local copies of folds' files, in s.
+With a larger value the copies exceed their limit of disk space further. Chosen."""
 MIN_COPY_AGE_S: Final = 600.0
-"""Time since its last use for which a local copy is not removed, in s, as somebody may be reading
-it. Chosen."""
+"""Time since its last use within which a local copy of a fold's files is not deleted, in s, as a
+request may be reading it. A larger value may exceed the limit of disk space for longer. Chosen."""
 EPOCH_FILE: Final = ".epoch"
 REMOVED_PREFIX: Final = ".going-"
-"""Prefix of directories that are being removed."""
+"""Prefix that a local copy's directory gets before its files are deleted, so that no reader finds
+it."""
 MOVIES: Final = "movies"
 EXPORTS_DIR: Final = "exports"
-"""Directory, beside a fold's own files, for files that are computed from them on request."""
+"""Subdirectory of a fold's directory for files that are computed on request, such as exports."""
 DERIVED_DIRS: Final = (EXPORTS_DIR, MOVIES)
-"""Directories that count separately from the fold's own files."""
+"""Subdirectories of a fold's directory with files that can be computed again. Their size counts
+separately from the fold's own files."""
 
 
 class NoSuchFoldError(NoSuch):

@@ -49,20 +49,22 @@ __all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_toke
 
 UNFINISHED_STATUSES = ("queued", "running")
 ACCESS_RESOLUTION_S: Final = 900.0
-"""Resolution of the time of the last access to a fold, in s. A smaller value writes more often.
+"""Minimum change, in s, at which the time of the last access to a fold is updated in the database.
+A smaller value writes more often; with a larger one unused folds are ordered less accurately.
 Chosen."""
 TURN_COUNTER: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
 SLICE_END_S: Final = 1.0
-"""Time in which a fold whose slice has ended makes room, in s: a look at the queue and the end of a
-step. Estimates of waiting times use it. Chosen."""
+"""Time that a fold is assumed to take to pause for another one after its time slice, in s: a check
+of the queue and the end of a step. A larger value makes estimated waiting times longer. Chosen."""
 CANCELLATION_MEMORY_S: Final = 3600.0
-"""Time for which a visitor who has cancelled a gallery fold loses the first place for the next one,
-in s. Chosen."""
+"""Time for which a visitor who has cancelled a gallery fold loses its precedence for the next one,
+in s; then gallery folds go before all others again. A smaller value lets cancellations delay others
+more. Chosen."""
 DAY_S: Final = 86400.0
-"""Seconds in a day."""
+"""Number of seconds in a day."""
 PACE_SAMPLES: Final = 40
-"""Number of latest folds from which this machine's speed is estimated. A larger value is steadier
-and follows changes later. Chosen."""
+"""Number of latest folds whose actual and expected durations give this machine's speed, for
+estimates of waiting times. A larger value is steadier and follows changes later. Chosen."""
 
 
 def new_id() -> str:

@@ -15,17 +15,19 @@ from planner.chain.module import CUBE, module_named
 from planner.errors import InputError
 
 MAX_SUGGESTED_NAMES: Final = 4
-"""Maximum number of similar names that the error about an unknown example suggests. Chosen."""
+"""Maximum number of similar names that the error about an unknown gallery example suggests. A
+larger value makes the message longer. Chosen."""
 MAX_LISTED_EXAMPLES: Final = 6
-"""Maximum number of suitable examples that an error lists; the rest is counted. Chosen."""
+"""Maximum number of suitable gallery examples that the error about a wrong kind of module or number
+of modules lists; further ones are only counted. A larger value makes the message longer. Chosen."""
 MIN_NAME_SIMILARITY: Final = 0.5
-"""Minimum similarity of a suggested name, from 0 to 1 (``difflib``). Larger values suggest fewer
-names. Chosen."""
+"""Minimum similarity, from 0 to 1 (``difflib``), of an example's name that the error about an
+unknown gallery example suggests. A larger value suggests fewer names. Chosen."""
 TABLE_RESULTS: Final = "table_results.json"
-"""File with the results of folding the examples on a table, written by ``examples/run_gallery.py
---world table``."""
+"""Name of the file that lists the gallery examples which fold on a table, with the joint torque of
+each; ``examples/run_gallery.py --world table`` writes it."""
 DEFAULT_TAGS: Final = ("paper",)
-"""Tags of shapes without tags of their own: those of the paper."""
+"""Tags of gallery shapes whose file names none; these are the shapes of the published paper."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

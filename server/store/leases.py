@@ -24,15 +24,17 @@ from server.store.tables import CounterRow, WorkerRow
 from server.store.worker_identity import WorkerIdentities
 
 COMPILED_COUNT: Final = 1000
-"""Value of a worker's counter once all kernels are compiled; smaller ones are thousandths."""
+"""Scale of the counter that holds the compiled fraction of a worker's numerical kernels in the
+database, as an integer in thousandths: the value once all are compiled."""
 MIN_COMPILED_FRACTION: Final = 0.05
-"""Compiled fraction from which on the remaining time is estimated from the pace so far. Smaller
-values estimate earlier and less reliably. Chosen."""
+"""Compiled fraction of a worker's numerical kernels from which on the remaining time is
+extrapolated. A smaller value displays an estimate earlier, and a less reliable one. Chosen."""
 COMPILING_CACHE_S: Final = 0.4
-"""Time for which the state of compiling workers is cached, in s. Chosen."""
+"""Time for which the compiled fraction of the workers' numerical kernels is cached, in s. A larger
+value shows progress later; a smaller one reads the database more often. Chosen."""
 SERVICE_START_S: Final = 60.0
-"""Time after the start of the service for which its workers count as starting rather than absent,
-in s. Chosen."""
+"""Time after the start of the service for which missing workers count as starting rather than as
+failed, in s. A smaller value reports false failures on slow machines. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,15 +25,18 @@ if TYPE_CHECKING:  # the extra `storage`
     from obstore.store import ObjectStore
 
 TIMELINE_HEAD: Final = "timeline.zarr/zarr.json"
-"""File with a timeline's length: stored last, and fetched last."""
+"""Metadata file with the number of frames of a stored motion. It is uploaded after the frames, and
+fetched copies get it last, so that a reader finds every frame that it counts."""
 LOCAL_DIRS: Final = frozenset({"exports"})
-"""Directories that are not stored, as each machine computes its own."""
+"""Subdirectories of a fold's directory that are not copied to the object store, as each machine
+computes their files again."""
 FETCHED_INDEX: Final = ".fetched.json"
 TRANSFERS_AT_ONCE: Final = 8
-"""Number of files that are transferred to or from the object store at the same time. Chosen."""
+"""Number of files that are transferred to or from the object store at the same time. A larger value
+is faster for many small files and opens more connections. Chosen."""
 MAX_FETCH_ATTEMPTS: Final = 5
-"""Maximum number of attempts to fetch a consistent state of a timeline that changes meanwhile.
-Chosen."""
+"""Maximum number of attempts to fetch a fold's files from the object store while its motion is
+being replaced; then the request fails. A larger value fails less often, and later. Chosen."""
 log = logging.getLogger("foldback.storage")
 Answer = TypeVar("Answer")
 

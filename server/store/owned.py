@@ -19,7 +19,8 @@ from server.store.folds import Store, hash_of, rows_of
 from server.store.tables import FoldRow, MovieRow, PreviewRow
 
 MAX_LISTED_PREVIEWS: Final = 50
-"""Maximum number of previews in an owner's list; older ones are left out. Chosen."""
+"""Maximum number of previews in the list of an owner's previews; older ones are left out. A larger
+value makes the list slower. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ from planner.pipeline.preference import COMPUTING
 from server.store.tables import FoldRow
 
 RUNNING_STATUSES: Final = ("queued", "running")
-"""Statuses of folds that have not ended."""
+"""Statuses of folds that wait or are being computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

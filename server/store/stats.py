@@ -16,18 +16,21 @@ from server.store.leases import Leases
 from server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_of
 
 FIGURES_CACHE_S: Final = 2.0
-"""Time for which an operator's figures are cached, in s. A larger value reads the database less
-often. Chosen."""
+"""Time for which the figures for operators (numbers of folds, durations) are cached, in s. A larger
+value reads the database less often, and reports changes later. Chosen."""
 SIZE_CACHE_S: Final = 60.0
-"""Time for which the total size of all files is cached, in s, as it takes reading all rows.
-Chosen."""
+"""Time for which the total size of all folds' files is cached, in s, as its computation reads all
+rows of the table of folds. A larger value reports changes later. Chosen."""
 RECENT_WINDOW_S: Final = 3600.0
-"""Age up to which an ended fold counts as recent, in s. Chosen."""
+"""Time since its end for which a fold counts in the durations that operators see, in s. A larger
+value is steadier and follows changes later. Chosen."""
 MAX_FOLD_AGE_S: Final = 86400.0
-"""Largest time from the request of a fold to its end, in s, that the search for recently ended
-folds assumes; folds that took longer are missed. Chosen."""
+"""Largest assumed time from the request of a fold to its end, in s. The search for recently ended
+folds ignores older rows; a larger value reads more rows, a smaller one misses more folds that took
+long. Chosen."""
 MAX_ENDED_FOLDS: Final = 500
-"""Maximum number of recently ended folds whose durations are read. Chosen."""
+"""Maximum number of recently ended folds whose durations are read for the figures for operators. A
+larger value is more accurate and slower. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -166,7 +166,7 @@ class MovieRow(Base):
 
 
 UNFINISHED_MOVIE_STATUSES = ("queued", "running")
-"""Statuses of movies that have not ended."""
+"""Statuses of movies that wait or are being made."""
 
 
 def movie_file(job: str) -> str:
@@ -213,11 +213,13 @@ class SecretRow(Base):
 
 
 READ_ONLY_QUERY: Final = "mode=ro&uri=true"
-"""URL parameters of a SQLite database that is only read."""
+"""URL parameters with which SQLite opens a database for reading only."""
 MISSING_LOG_ERRORS: Final = ("unable to open", "readonly database")
-"""Texts in SQLite's error if a read-only directory lacks the files of a write-ahead log."""
+"""Texts in SQLite's error messages if a database in a read-only directory lacks the files of its
+write-ahead log; the database is then opened as immutable."""
 MIGRATION_LOCK = 0x666F6C65
-"""Key of PostgreSQL's advisory lock under which tables are migrated."""
+"""Key of the advisory lock of PostgreSQL that a process holds while it migrates the tables, so that
+two processes never do so at the same time. Any number that no other lock uses."""
 
 
 def engine_of(settings: Settings) -> sa.Engine:

@@ -20,9 +20,11 @@ from planner.files import write_whole
 from server.settings import Settings
 
 MAX_WORKERS_PER_MACHINE: Final = 256
-"""Maximum number of workers on one machine; another one fails to start. Chosen."""
+"""Maximum number of workers on one machine: each takes the first free number, and one that finds
+none fails to start. A larger value permits more workers. Chosen."""
 WHOLE_FILE_LOCK: Final = struct.pack("hhqqi0q", F_WRLCK, os.SEEK_SET, 0, 0, 0)
-"""The kernel's ``struct flock`` for a whole file: type, whence, start, length, pid."""
+"""The kernel's ``struct flock`` for a write lock on a whole file (fcntl(2)), in binary form: type,
+whence, start, length, pid."""
 
 
 class WorkerIdentities:

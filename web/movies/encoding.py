@@ -20,25 +20,26 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 X264_CRF: Final = 19
-"""Constant rate factor of x264, from 0 (lossless) to 51. A larger value makes smaller files; at
-this one no loss can be seen. Chosen."""
+"""Constant rate factor of the video encoder x264, from 0 (lossless) to 51. A larger value makes
+smaller files of lower quality; at this value no loss is visible. Chosen."""
 X264_PRESET: Final = "veryfast"
-"""Speed preset of x264: twice as fast as the next slower one, and files no larger for pictures as
-plain as these. Measured."""
+"""Speed preset of the video encoder x264: twice as fast as the next slower one, and the files of
+such plain pictures are no larger. Measured."""
 FFMPEG_SETTING: Final = "IMAGEIO_FFMPEG_EXE"
-"""Environment variable with the path of an ffmpeg that is preferred to the one on PATH."""
+"""Name of the environment variable with the path of an ffmpeg program that takes precedence over
+the one on PATH."""
 MAX_PALETTE_COLOURS: Final = 255
-"""Maximum number of colours of a GIF. The format permits 256; one is left to Pillow for unchanged
-pixels."""
+"""Number of colours of a GIF's palette. The format permits 256; Pillow needs one of them to mark
+unchanged pixels."""
 PALETTE_STRIDE: Final = 4
-"""Every so many rows, columns and pictures are sampled to choose the palette of a GIF. A larger
-value is faster and may miss colours. Chosen."""
+"""Step between sampled pixels, in rows, columns and frames, from which the palette of a GIF is
+chosen. A larger value is faster and may miss colours of small areas. Chosen."""
 DITHER_AMPLITUDE: Final = 8.0
-"""Amplitude of the ordered dither that is added before the colours of a GIF are rounded, in levels
-of 256. A larger value hides borders between colours better, and makes the pattern more visible.
-Chosen."""
+"""Amplitude of the ordered dither that is added before the colours of a GIF are rounded to its
+palette, in levels of 256. A larger value hides borders between colours better and makes the
+dither's pattern more visible. Chosen."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
-"""Thresholds of the ordered dither: the 4×4 Bayer matrix."""
+"""Thresholds of the ordered dither for GIFs, in sixteenths: the 4×4 Bayer matrix."""
 
 
 class EncodingError(Exception):

@@ -23,8 +23,8 @@ from web.timeline.view import Snapshot, TimelineView
 Array = NDArray[np.float64]
 
 STILL_S: Final = ((0.4, 0.05), (1.2, 0.15))
-"""Still time at the beginning and at the end of a movie: (seconds, and at most this fraction of the
-movie). Larger values leave less time for the motion. Chosen."""
+"""Time without motion at the beginning and at the end of a movie: (duration in s, largest fraction
+of the movie's duration). Larger values leave less time for the motion. Chosen."""
 
 
 def make_movie(

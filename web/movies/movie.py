@@ -18,25 +18,29 @@ DEFAULT_OPTIONS: Final[dict[str, dict[str, float]]] = {
     "mp4": {"width": 1280, "height": 720, "fps": 30, "seconds": 10.0},
     "gif": {"width": 640, "height": 360, "fps": 15, "seconds": 6.0},
 }
-"""Width and height in pixels, frames per second and duration in s of each format, if nothing else
-is asked for. Chosen."""
+"""Default width and height in pixels, frames per second and duration in s of a movie, by file
+format. Chosen."""
 MIN_SIDE_PX: Final = 64
-"""Minimum width and height of a movie, in pixels. Chosen."""
+"""Minimum width and height of a movie, in pixels; a smaller movie is refused. Chosen."""
 MAX_SIDES_PX: Final[dict[str, tuple[int, int]]] = {"mp4": (1920, 1080), "gif": (960, 720)}
-"""Maximum of the longer and the shorter side of a movie by format, in pixels; a movie may be
-upright as well. Larger values take more time and memory to draw. Chosen."""
+"""Maximum length of a movie's longer and shorter side by file format, in pixels, upright or not.
+Larger values take more time and memory to draw. Chosen."""
 MAX_FPS: Final[dict[str, int]] = {"mp4": 60, "gif": 25}
-"""Maximum number of frames per second by format. Larger values take longer to draw and make larger
-files. Chosen."""
+"""Maximum number of a movie's frames per second by file format. Larger values take longer to draw
+and make larger files. Chosen."""
 MIN_MOVIE_S: Final = 0.1
-"""Minimum duration of a movie, in s. Chosen."""
+"""Minimum duration of a movie, in s; a shorter movie is refused. A smaller value permits movies of
+fewer frames. Chosen."""
 MAX_MOVIE_S: Final[dict[str, float]] = {"mp4": 60.0, "gif": 20.0}
-"""Maximum duration of a movie by format, in s. A larger value takes a worker longer. Chosen."""
+"""Maximum duration of a movie by file format, in s. A larger value occupies a worker for longer and
+makes larger files. Chosen."""
 ELEVATION_RANGE_DEG: Final = (-10.0, 85.0)
-"""Smallest and largest elevation of a movie's camera above the horizon, in degrees. Chosen."""
+"""Smallest and largest permitted elevation of a movie's camera above the horizontal plane, in
+degrees. Below 0 the camera looks from below the ground; at 90 the upward direction of the picture
+is undefined. Chosen."""
 MAX_TURN_DEG: Final = 720.0
-"""Maximum angle by which the camera goes around the chain in the course of a movie, in degrees.
-Chosen."""
+"""Maximum angle by which a movie's camera may orbit around the chain, in degrees in either
+direction. A larger value permits faster orbits. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 SAMPLES_PER_PIXEL: Final = 4
-"""Samples of each pixel (OpenGL multisampling). Without them edges flicker as modules turn; OpenGL
-in software has at most 4."""
+"""Number of samples per pixel of a movie (OpenGL multisampling). With fewer samples edges flicker
+as modules turn; software OpenGL offers at most 4."""
 
 
 class NoGLError(Exception):

@@ -13,25 +13,29 @@ from planner.chain.chain import Chain
 Array = NDArray[np.float64]
 
 FIELD_OF_VIEW_RAD: Final = np.deg2rad(32.0)
-"""Field of view of all cameras, from bottom to top, in rad. A larger value shows more and
+"""Vertical field of view of all cameras, in rad. A larger value brings the camera closer and
 exaggerates perspective. Chosen."""
 AZIMUTH_RAD: Final = np.deg2rad(-62.0)
-"""Default direction of the camera around the vertical, in rad from the x axis. Chosen."""
+"""Default azimuth of the camera as seen from the chain, in rad from the x axis around the vertical
+z axis. Chosen."""
 ELEVATION_RAD: Final = np.deg2rad(24.0)
-"""Default elevation of the camera above the horizon, in rad. Chosen."""
+"""Default elevation of the camera above the horizontal plane, in rad. Chosen."""
 ORBIT_SPEED_RAD_S: Final = np.deg2rad(5.0)
-"""Angular speed of the camera around the chain while a page plays by itself, in rad/s. Chosen."""
+"""Angular speed with which the camera orbits around the chain while a web page plays a motion by
+itself, in rad/s. Chosen."""
 MAX_FRAMED_POINTS: Final = 600
-"""Maximum number of module centres from which a camera's distance is computed; of longer chains a
-sample is taken. A larger value frames more exactly and takes longer. Chosen."""
+"""Approximate number of module centres from which the camera's distance is computed; of longer
+chains every n-th one and the extreme ones are taken. A larger value takes longer and is more
+accurate. Chosen."""
 DEFAULT_ASPECT: Final = 1.6
-"""Width of a picture divided by its height, if it is not known. Chosen."""
+"""Aspect ratio (width / height) for which a camera is placed if the picture's size is unknown. With
+a larger value chains may be cut off at the sides of narrow pictures. Chosen."""
 GROUND_GAP_PITCH: Final = 0.35
-"""Height of the lowest module above the ground in movies and pictures of floating chains, in
-pitches. Chosen."""
+"""Gap between the lowest module and the drawn ground in movies and pictures of chains without a
+table, in pitches. A larger value makes the chain seem to float higher. Chosen."""
 MIN_STRAIGHT_MODULES: Final = 40
-"""Minimum number of straight modules that stay in view beside the folded part of a long chain. A
-larger value shows the folded part smaller. Chosen."""
+"""Minimum number of straight modules that the camera keeps in view next to the folded part of a
+long chain. A larger value shows the folded part smaller. Chosen."""
 
 
 _DIRECTIONS_13: Final = np.array(

@@ -19,22 +19,26 @@ from web.pictures.camera import GROUND_GAP_PITCH, View, distance_needed, framing
 Array = NDArray[np.float64]
 
 POSITION_SMOOTHING_S: Final = 0.5
-"""Standard deviation of the Gaussian filter that smooths a camera's target and distance, in seconds
-of the movie. A larger value makes it calmer, and follow later. Chosen."""
+"""Standard deviation of the Gaussian filter for the target and distance of a movie's camera, in s
+of the movie. A larger value moves the camera more calmly, and it follows the chain later.
+Chosen."""
 DIRECTION_SMOOTHING_S: Final = 1.2
-"""Standard deviation of the Gaussian filter that smooths a camera's direction, in seconds of the
-movie. Chosen."""
+"""Standard deviation of the Gaussian filter for the viewing direction of a movie's camera, in s of
+the movie. A larger value turns the camera more calmly, and it follows the chain later. Chosen."""
 MAX_SMOOTHING_FRACTION: Final = 0.05
-"""Maximum of ``POSITION_SMOOTHING_S`` as a fraction of the movie, and half of that of the
-direction, so that the camera of a short movie still zooms in. Chosen."""
+"""Maximum standard deviation of the filter for the target and distance of a movie's camera, as a
+fraction of the movie; for the viewing direction it is twice that. With a larger value the camera of
+a short movie hardly zooms. Chosen."""
 FILTER_TRUNCATION_SIGMA: Final = 3.0
-"""Standard deviations at which these filters are cut off (scipy's ``truncate``). Chosen."""
+"""Number of standard deviations at which the Gaussian filters of a movie's camera path are cut off
+(``truncate`` of scipy). A larger value is smoother and looks further ahead. Chosen."""
 MOVIE_FILL: Final = (0.88, 0.82)
 """Fractions of a movie's width and height that the chain fills. Smaller values leave a wider
 margin. Chosen."""
 DISTANCE_RESERVE: Final = 1.12
-"""Distance of the camera as a multiple of that at which the chain just fits into the picture. A
-larger value shows it smaller. Chosen."""
+"""Minimum distance of a movie's camera, as a multiple of the distance at which the chain just fits
+into the picture. A larger value shows the chain smaller; a smaller one may cut it off at the edge.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,13 +13,17 @@ DETAIL_RGB: Final = (92, 96, 104)
 TEXT_RGB: Final = (28, 31, 36)
 BAND_RGB: Final = (252, 251, 249)
 BAND_HEIGHT_PX: Final = 108
-"""Height of the caption at the bottom of a social picture, in pixels. Chosen."""
+"""Height of the caption band at the bottom of a fold's preview picture for social networks, in
+pixels. A larger value hides more of the chain. Chosen."""
 FAILED_BAND_PX: Final = 84
-"""Height of the red band at the top of the picture of a failed fold, in pixels. Chosen."""
-MARGIN_LEFT_PX: Final = 40
-"""Distance of a caption's text from the left edge, in pixels. Chosen."""
+"""Height of the red band at the top of the preview picture of a failed fold, in pixels. A larger
+value hides more of the chain. Chosen."""
+SIDE_MARGIN_PX: Final = 40
+"""Distance of a caption's text from the left and from the right edge of a preview picture, in
+pixels. A larger value leaves less room for the fold's name. Chosen."""
 NAME_PX: Final = 44
-"""Font size of the fold's name, in pixels; a long name is drawn smaller. Chosen."""
+"""Largest font size of the fold's name in a picture's caption, in pixels; a long name is drawn
+smaller. Chosen."""
 VERDICT_PX: Final = 30
 
 
@@ -46,14 +50,14 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
     pen.rectangle((0, top, width, height), fill=BAND_RGB)
     colour = {"good": VERIFIED_RGB, "bad": FAILED_RGB}.get(caption.tone, DETAIL_RGB)
     verdict = ImageFont.load_default(VERDICT_PX)
-    right = width - MARGIN_LEFT_PX - pen.textlength(caption.verdict, verdict)
+    right = width - SIDE_MARGIN_PX - pen.textlength(caption.verdict, verdict)
     middle = top + BAND_HEIGHT_PX / 2
     pen.text((right, middle), caption.verdict, colour, verdict, anchor="lm")
     _mark(pen, right - 44, middle, 14.0, caption.tone, colour)
     name = ImageFont.load_default(NAME_PX)
     pen.text(
-        (MARGIN_LEFT_PX, middle),
-        _fitting(pen, caption.name, name, right - 80 - MARGIN_LEFT_PX),
+        (SIDE_MARGIN_PX, middle),
+        _fitting(pen, caption.name, name, right - 80 - SIDE_MARGIN_PX),
         TEXT_RGB,
         name,
         "lm",
@@ -62,9 +66,9 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
         return
     pen.rectangle((0, 0, width, FAILED_BAND_PX), fill=FAILED_RGB)
     pen.rectangle((0, 0, width - 1, height - 1), outline=FAILED_RGB, width=10)
-    _mark(pen, MARGIN_LEFT_PX + 16, FAILED_BAND_PX / 2, 20.0, "bad", BAND_RGB)
+    _mark(pen, SIDE_MARGIN_PX + 16, FAILED_BAND_PX / 2, 20.0, "bad", BAND_RGB)
     pen.text(
-        (MARGIN_LEFT_PX + 60, FAILED_BAND_PX / 2), "This fold failed", BAND_RGB, name, anchor="lm"
+        (SIDE_MARGIN_PX + 60, FAILED_BAND_PX / 2), "This fold failed", BAND_RGB, name, anchor="lm"
     )
 
 

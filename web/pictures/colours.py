@@ -15,14 +15,15 @@ Array = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
 NO_ERROR_RGB: Final[Rgb] = (206, 208, 212)
-"""Colour of a module without joint error, sRGB. Chosen."""
+"""Colour of a module whose joint angle has no error, sRGB. Chosen."""
 UNKNOWN_ERROR_RGB: Final[Rgb] = (168, 172, 179)
 """Colour of a module whose joint error was not recorded, sRGB. Chosen."""
 LARGEST_ERROR_RGB: Final[Rgb] = (208, 10, 18)
-"""Colour of a module whose joint error is at the end of the scale, sRGB. Chosen."""
+"""Colour of a module whose joint error is at the upper end of the colour scale or above, sRGB.
+Chosen."""
 SELECTED_RGB: Final[Rgb] = (10, 84, 240)
 STALLED_RGB: Final[Rgb] = (255, 140, 0)
-"""Colour of the modules at which a failed fold stalled, sRGB. Chosen."""
+"""Colour that marks the modules at which a failed fold got stuck, sRGB. Chosen."""
 FIRST_MODULE_RGB: Final[Rgb] = (255, 255, 255)
 LAST_MODULE_RGB: Final[Rgb] = (38, 42, 50)
 
@@ -30,14 +31,15 @@ CIVIDIS: Final = (
     *("00224e", "123570", "3b496c", "575d6d", "707173"),
     *("8a8678", "a59c74", "c3b369", "e1cc55", "fee838"),
 )
-"""Ten equidistant colours of the colour map cividis (Nuñez et al. 2018), as sRGB hex digits; it
-reads the same with colour blindness."""
+"""Ten equidistant colours of the colour map cividis (Nuñez et al. 2018), as hexadecimal sRGB; it
+looks the same with red-green colour blindness. It colours modules by their position along the
+chain."""
 
 MIN_ERROR_SCALE_RAD: Final = 1e-5
-"""Smallest joint error at the end of the colour scale, in rad. It keeps rounding errors of a
-perfect playback from being drawn red. Chosen."""
+"""Smallest upper end of the colour scale of joint errors, in rad. With a smaller value the rounding
+errors of a perfect simulation would be drawn in red. Chosen."""
 RAMP_COLOURS: Final = 256
-"""Number of colours of the ramp that colours joint errors. Chosen."""
+"""Number of colours of the scale that shows joint errors. More are finer steps. Chosen."""
 
 
 def linear_from_srgb(srgb: Array) -> Array:

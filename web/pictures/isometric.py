@@ -15,14 +15,16 @@ Cell = tuple[int, int, int]
 Point = tuple[float, float]
 
 PITCH_UNITS: Final = 24.0
-"""Length of one pitch in an isometric drawing, in user units of its SVG. Chosen."""
+"""Length of one pitch (distance between neighbouring module centres) in an isometric drawing, in
+user units of its SVG. Chosen."""
 DRAWN_MODULE_SIZE: Final = 0.93
-"""Edge of a drawn cube as a fraction of the pitch; smaller values widen the gaps between modules.
-Chosen."""
+"""Edge length of a cube in an isometric drawing, in pitches; smaller values widen the gaps between
+modules. Chosen."""
 EDGE_STROKE_PITCH: Final = 0.1
-"""Width of the stroke that rounds the corners of a face, in pitches. Chosen."""
+"""Width of the stroke around each face in an isometric drawing, in pitches. A larger value rounds
+the corners of faces more. Chosen."""
 DRAWING_MARGIN_PITCH: Final = 0.6
-"""Free margin around an isometric drawing, in pitches. Chosen."""
+"""Width of the empty margin around an isometric drawing, in pitches. Chosen."""
 SINE, COSINE = 0.5, math.sqrt(0.75)
 
 # Lit from above and from the left. Pages may restyle the classes; alone the file has these tones,

@@ -30,11 +30,11 @@ LIGHT_DIRECTION: Final = np.array([0.1, 0.25, 0.96]) / math.sqrt(0.1**2 + 0.25**
 DARKEST, BRIGHTEST = (112, 124, 140), (240, 242, 245)
 SEAM_COLOUR: Final = "#646d79"
 FACE_SCALE: Final = 0.94
-"""Size of the bright part of a face relative to the whole; the rest is drawn as its seam.
-Chosen."""
+"""Size of the bright area of a module's face in an isometric drawing, relative to the face; the
+rest appears as a dark seam. A smaller value widens the seams. Chosen."""
 TONE_STEPS: Final = 12
-"""Number of brightness steps of faces in a drawing. More shade more smoothly and make the SVG
-larger. Chosen."""
+"""Number of steps of the brightness of faces in an isometric drawing. A larger value shades more
+smoothly and makes the SVG file larger. Chosen."""
 
 
 def chain_svg(chain: Chain, *, size: int = 320, title: str | None = None) -> str:

@@ -18,21 +18,23 @@ Array = NDArray[np.float64]
 
 UPWARD: Final = np.array([0.0, 0.0, 1.0])
 KEY_LIGHT: Final = (-0.5, 0.6, 1.0)
-"""Direction to the light that casts shadows, in the camera's frame: right, towards the camera, up.
-Chosen."""
+"""Direction towards the main light, which casts shadows, in the camera's frame: right, towards the
+camera, up. Chosen."""
 FILL_LIGHT: Final = (0.9, 0.6, 0.1)
-"""Direction to a faint light without shadows, in the same frame. Chosen."""
+"""Direction towards the faint second light, which casts no shadows, in the camera's frame: right,
+towards the camera, up. Chosen."""
 KEY_LIGHT_RGB: Final = np.array([1.0, 0.985, 0.955])
-"""Colour of the key light as factors of linear red, green and blue: slightly warm. Chosen."""
+"""Colour of the main light as factors on linear red, green and blue: slightly warm. Chosen."""
 SHADOW_LOSS: Final = 0.35
-"""Fraction of its colour that a face loses in the key light's shadow, 0 to 1. A larger value makes
-shadows darker. Chosen."""
+"""Fraction of its brightness that a face loses in the shadow of the main light, 0 to 1. A larger
+value makes shadows darker. Chosen."""
 SHADOW_SHIFT_PER_HEIGHT: Final = 0.25
-"""Horizontal shift of a shadow on the ground, in pitches per pitch of height. The key light's angle
-alone would give more. Chosen."""
+"""Factor on the horizontal direction of the main light, which gives the shift of a module's ground
+shadow in pitches per pitch of height. It is smaller than the light's angle demands, so that shadows
+stay near the modules. Chosen."""
 OCCLUDER_RADIUS_FACTOR: Final = 1.12
-"""Radius of the ball that represents a module in shadows, as a multiple of its inscribed ball's. A
-larger value darkens neighbours more. Chosen."""
+"""Radius of the ball that stands for a module in the computation of shadows, as a multiple of the
+radius of the module's inscribed ball. A larger value darkens neighbouring modules more. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +81,8 @@ TABLE_THEMES: Final = {
     "light": replace(THEMES["light"], ground=(222, 214, 200), shade=(139, 127, 108)),
     "dark": replace(THEMES["dark"], ground=(76, 83, 93), shade=(26, 30, 35)),
 }
-"""Themes of movies and pictures on a table; colours as in ``js/viewer/table.js``."""
+"""Colours and lights of movies and pictures of chains on a table, by theme; the colours are those
+of ``js/viewer/table.js``."""
 
 
 def key_light(view: View) -> Array:

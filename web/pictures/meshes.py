@@ -12,18 +12,21 @@ from planner.chain.module import Module
 
 Array = NDArray[np.float64]
 DISPLAYED_MODULE_SIZE: Final = 0.93
-"""Edge of a displayed module as a fraction of the pitch; smaller values widen the gaps between
-modules. Chosen."""
+"""Size of a displayed module relative to its true size, so that gaps separate neighbouring modules.
+A smaller value widens the gaps. Chosen."""
 MODULE_BEVEL: Final = 0.075
-"""Width of the bevel along a module's edges, in pitches. Chosen."""
+"""Width of the bevel along the edges of a displayed module, in pitches. A larger value makes
+modules look rounder. Chosen."""
 STUD_RADIUS: Final = 0.21
-"""Radius of the disc that marks the chain's free end, in pitches. Chosen."""
+"""Radius of the disc that marks the free end of a displayed chain, in pitches. Chosen."""
 STUD_HEIGHT: Final = 0.09
-"""Height of that disc, in pitches. Chosen."""
+"""Height of the disc that marks the free end of a displayed chain, in pitches. Chosen."""
 STUD_SIDES: Final = 20
-"""Sides of the prism that is drawn as this disc. More are rounder and slower to draw. Chosen."""
+"""Number of sides of the polygon that approximates the disc at the free end of a displayed chain.
+More are rounder and slower to draw. Chosen."""
 FLAT_TOLERANCE: Final = 1e-6
-"""Distance from a plane, in pitches, up to which a corner lies in it; it covers rounding.
+"""Distance from a plane up to which a corner of a module's mesh lies in this plane, in pitches. A
+smaller value splits faces because of rounding errors; a larger one merges different faces.
 Chosen."""
 
 

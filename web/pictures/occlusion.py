@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 MAX_OCCLUDER_DISTANCE: Final = 5.0
-"""Distance in pitches beyond which modules cast no shadow on a face. A larger value is more exact
-and slower. Chosen."""
+"""Distance beyond which a module casts no shadow on a face, in pitches. A larger value is more
+accurate and slower. Chosen."""
 PENUMBRA_GROWTH: Final = 0.35
-"""Growth of a shadow's soft edge per distance from the module that casts it, in pitches per pitch.
-Larger values soften shadows. Chosen."""
+"""Increase of the width of a shadow's soft edge with the distance from the module that casts it, in
+pitches per pitch. A larger value softens shadows. Chosen."""
 
 
 def face_light(

@@ -17,23 +17,24 @@ DECIMAL: Final = r"-?\d{1,3}(?:\.\d{1,4})?"
 SHORT_FORM_PATTERN: Final = (
     rf"^\d{{1,9}},(?:{DECIMAL})?,(?:{DECIMAL})?,{DECIMAL}(?:,{DECIMAL},{DECIMAL})?$"
 )
-"""Pattern of a view's short form in an address: frame from 1, azimuth and elevation in degrees or
-empty, distance as a multiple of the default one and, if the camera does not follow the chain, its
+"""Matches a camera view in an address: frame from 1, azimuth and elevation in degrees (or empty),
+distance as a multiple of the default one and, if the camera does not follow the chain, its
 horizontal and vertical offset."""
 MAX_SHORT_FORM_LENGTH: Final = 64
-"""Maximum length of the short form, in characters; a longer one is ignored. Chosen."""
+"""Maximum length of a camera view in an address, in characters; a longer one is ignored. Chosen."""
 MAX_ELEVATION_RAD: Final = 1.56
-"""Largest elevation of the camera, in rad; at π/2 the picture has no upward direction. As in
-js/player/camera_rig.js."""
+"""Largest elevation of the camera, in rad; at π/2 it would look straight down, where the upward
+direction of the picture is undefined. ``js/player/camera_rig.js`` has the same. Chosen."""
 MAX_ZOOM: Final = 40.0
-"""Largest distance of the camera, as a multiple of the default one. As in js/player/camera_rig.js.
-Chosen."""
+"""Largest distance of the camera from the chain, as a multiple of the default one. A larger value
+permits views in which the chain is only a dot. ``js/player/camera_rig.js`` has the same. Chosen."""
 MIN_ZOOM: Final = 0.02
-"""Smallest distance of the camera, as a multiple of the default one. As in js/player/camera_rig.js.
+"""Smallest distance of the camera from the chain, as a multiple of the default one. A smaller value
+permits closer views, and views from inside of modules. ``js/player/camera_rig.js`` has the same.
 Chosen."""
 MIN_FOLLOW_ZOOM: Final = 1.08
-"""Smallest distance of a camera that follows, as a multiple of that at which the chain touches the
-picture's edge. Chosen."""
+"""Smallest distance of a camera that follows the chain, as a multiple of the distance at which the
+chain touches the picture's edge. A larger value shows the chain smaller. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

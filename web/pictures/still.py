@@ -24,21 +24,22 @@ Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
 STILL_PX: Final = (640, 400)
-"""Default width and height of a still picture, in pixels. Chosen."""
+"""Default width and height of a still picture of a chain, in pixels. Chosen."""
 SUPERSAMPLING: Final = 2
-"""Pictures are drawn so many times as wide and as high, then averaged. A larger value smooths edges
-more and is slower. Chosen."""
+"""Factor by which pictures are drawn wider and higher than requested before they are averaged down.
+A larger value smooths edges more and is slower. Chosen."""
 STILL_FILL: Final = (0.88, 0.86)
-"""Fractions of a still picture's width and height that the chain fills. Chosen."""
+"""Fractions of a still picture's width and height that the chain fills. Smaller values leave a
+wider margin. Chosen."""
 TRIED_TURNS_RAD: Final = tuple(float(turn) for turn in np.deg2rad(np.arange(0, 360, 30)))
 TRIED_ELEVATIONS_RAD: Final = (ELEVATION_RAD, float(np.deg2rad(55.0)))
 MIN_OPENNESS: Final = 0.6
-"""Apparent width of the chain from the default direction, as a fraction of the widest of all tried
-directions, from which on the default direction is taken. A larger value changes the direction more
-often. Chosen."""
+"""Smallest apparent extent of a chain in the default view, as a fraction of the largest in all
+tried views; below it a still picture uses the view with the largest one. A larger value leaves the
+default view more often. Chosen."""
 EXPOSURE: Final = 1.1
-"""Factor on the brightness of faces, which brings them to that of movies, where faces shine a
-little. Chosen."""
+"""Factor on the brightness of faces in still pictures, which makes them as bright as in movies,
+where faces have a specular highlight. A larger value makes pictures brighter. Chosen."""
 
 
 def still(

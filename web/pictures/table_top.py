@@ -13,24 +13,29 @@ from web.pictures.meshes import Mesh
 
 Array = NDArray[np.float64]
 TABLE_RGB: Final = (206, 190, 166)
-"""Colour of the table top in the light theme, sRGB; ``js/viewer/table.js`` has that of the dark
-one. Chosen."""
+"""Colour of the displayed table top in the light theme, sRGB; ``js/viewer/table.js`` has that of
+the dark theme. Chosen."""
 TABLE_MARGIN_PITCH: Final = 2.5
-"""Width of the table beside the chain on each side, in pitches. Chosen."""
+"""Width of the displayed table beyond the space that the chain's motion covers, on each side, in
+pitches. A larger value shows the chain smaller relative to the table. Chosen."""
 MIN_TABLE_SIDE_PITCH: Final = 10.0
-"""Minimum length of a side of the table, in pitches. Chosen."""
+"""Minimum width and length of the displayed table, in pitches. A larger value shows a larger table
+under short chains. Chosen."""
 CORNER_RADIUS_FRACTION: Final = 0.12
-"""Radius of the table's corners as a fraction of its shorter side. Chosen."""
+"""Radius of the displayed table's rounded corners, as a fraction of its shorter side. Chosen."""
 TABLE_BEVEL: Final = 0.12
-"""Width of the bevel of the table's edge as a fraction of twice its thickness. Chosen."""
+"""Width of the bevel along the displayed table's upper edge, as a fraction of twice the table's
+thickness; it is at most half a pitch. A larger value rounds the edge more. Chosen."""
 THICKNESS_FRACTION: Final = 0.025
-"""Thickness of the table as a fraction of its longer side. Chosen."""
+"""Thickness of the displayed table, as a fraction of its longer side. Chosen."""
 MIN_THICKNESS_PITCH: Final = 0.45
-"""Minimum thickness of the table, in pitches. Chosen."""
+"""Minimum thickness of the displayed table, in pitches. Chosen."""
 CORNER_STEPS: Final = 12
-"""Points on the arc of each of the table's corners. More are rounder. Chosen."""
+"""Number of points of the arc at each of the displayed table's corners. More are rounder.
+Chosen."""
 DISC_SIDES: Final = 48
-"""Sides of the polygon that is drawn as a disc under a pressed module. More are rounder. Chosen."""
+"""Number of sides of the polygon that approximates the disc under a module that presses on the
+table. More are rounder. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,11 +14,13 @@ Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
 
 MAX_FULLY_DRAWN_MODULES: Final = 4000
-"""Maximum number of modules of a chain that is drawn as a whole; of longer chains hidden modules
-are left out. Chosen."""
+"""Maximum number of modules of a chain that are drawn in pictures and movies. Of longer chains
+hidden modules, then those farthest from the camera's target, are left out. A larger value takes
+longer and more memory. Chosen."""
 FACE_CONTACT_DISTANCE_PITCH: Final = 1.02
-"""Largest distance between the centres of two cubes that count as sharing a face, in pitches: 1
-with a tolerance for rounding. Chosen."""
+"""Largest distance between the centres of two cubes that share a face, in pitches: 1 and a
+tolerance for rounding. A cube with such neighbours on all sides is hidden and need not be drawn.
+Chosen."""
 
 
 def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:

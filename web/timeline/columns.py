@@ -23,13 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 ALIGNMENT_BYTES: Final = 8
-"""Each column of a message starts at a multiple of so many bytes, so that a browser can view it as
-an array."""
+"""Multiple of bytes at which each array in a binary message to the browser starts, so that
+JavaScript can use it as a typed array without copying."""
 COLUMN_DEFLATE_LEVEL: Final = 6
-"""Compression level of a column, from 1 (fast) to 9 (small). Chosen."""
+"""Compression level of arrays in a binary message to the browser, from 1 to 9 (zlib). A larger
+value makes smaller messages and takes more processor time. Chosen."""
 MAX_STEP_COUNT: Final = 2**30
-"""Number of steps up to which a value is stored as an integer; differences of two such values still
-fit into 32 bits."""
+"""Largest absolute value, in quantisation steps, up to which numbers are sent to the browser as
+integers; larger ones are sent as floating-point numbers. The difference of two such values fits
+into 32 bits."""
 COLUMN_DTYPES: Final = frozenset({"<f8", "<f4", "|u1", "<u2", "<u4", "<i4"})
 
 

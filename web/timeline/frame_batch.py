@@ -30,18 +30,21 @@ from web.timeline.window_columns import (
 )
 
 MAX_BATCH_BYTES: Final = 2**20
-"""Maximum size of a batch of frames before compression, in bytes; the rest follows in the next one.
-A larger value needs fewer requests, and each one takes longer. Chosen."""
+"""Maximum size of a batch of a motion's frames that a browser gets in one answer, in bytes before
+compression. A larger value needs fewer requests, and each one takes longer. Chosen."""
 UNLIMITED_BYTES: Final = 2**40
-"""Limit of a batch that may be as large as a whole timeline, in bytes."""
+"""Limit for the size of a batch of frames that is to hold a whole motion, in bytes: larger than any
+motion. Chosen."""
 WINDOW_HEADER_BYTES: Final = 80
-"""Bytes of a windowed frame in addition to its angles and errors."""
+"""Number of bytes of one frame of a long chain, which stores only the section that moves, in
+addition to that section's angles and errors. It serves to estimate the size of batches."""
 WINDOWS_PER_READ: Final = 512
-"""Windowed frames that are read at once; their sizes are known only then. A larger value reads more
-than fits into a batch. Chosen."""
+"""Number of frames of a long chain that are read at once until a batch is full; each frame stores
+only the section that moves, so their sizes are unknown before. A larger value reads more frames in
+vain. Chosen."""
 SIZE_SAMPLES: Final = 64
-"""Number of frames, spread over a timeline, from which its size in bytes is estimated. More are
-more exact and slower. Chosen."""
+"""Number of frames, spread over a motion, from which its size in bytes is estimated. A larger value
+is more accurate and slower. Chosen."""
 _BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 
 

@@ -34,13 +34,14 @@ from web.timeline.cache import Cache
 from web.timeline.columns import encode
 
 MAX_STRETCH_NUMBERS: Final = 2**18
-"""Maximum count of numbers in one stretch of a plot's data. A larger value needs fewer requests,
-and each one takes longer. Chosen."""
+"""Maximum count of numbers in one answer with the data of a fold's plots. A larger value needs
+fewer requests, and each one takes longer. Chosen."""
 MAX_STRETCH_FRAMES: Final = 128
-"""Maximum number of frames in one stretch of a plot's data. Chosen."""
+"""Maximum number of frames in one answer with the data of a fold's plots. A larger value needs
+fewer requests, and each one takes longer. Chosen."""
 ERROR_SAMPLES: Final = 48
-"""Number of frames, spread over the fold, from which the largest position error on the scale of a
-plot is computed. More are more exact and slower. Chosen."""
+"""Approximate number of frames, spread over a fold's motion, from which the largest position error
+is computed for the scale of its plot. A larger value is more accurate and slower. Chosen."""
 Array = NDArray[np.float64]
 _REFERENCES: Final[Cache[Motion]] = Cache(128 * 2**20, lambda kept: _bytes(kept))
 _FORCES: Final[Cache[TableForces]] = Cache(

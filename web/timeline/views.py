@@ -12,11 +12,11 @@ from planner.errors import DamagedError, TimelineError
 from web.timeline.view import TimelineView
 
 MAX_CACHED_VIEWS: Final = 512
-"""Maximum number of timelines that are open in memory; the least recently used is dropped.
-Chosen."""
+"""Maximum number of motions that stay open in memory; the least recently used one is closed. A
+smaller value reads summaries again more often. Chosen."""
 MAX_VIEW_CACHE_BYTES: Final = 192 * 2**20
-"""Maximum size of the open timelines in memory, in bytes. Opening one anew reads its whole summary,
-so a smaller value makes pages slower. Chosen."""
+"""Maximum memory of all opened motions, in bytes. To open one again its summary of all frames has
+to be read, so a smaller value makes pages slower. Chosen."""
 
 
 class TimelineViews:

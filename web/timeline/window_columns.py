@@ -23,15 +23,16 @@ from planner.motion.motion import Motion
 
 Ints = NDArray[np.int64]
 SENT_ANGLE_STEP_RAD: Final = 2.0**-20
-"""Quantisation of the joint angles that browsers receive, in rad. A larger step makes batches
-smaller and the motion less exact. Chosen."""
+"""Quantisation step of the joint angles that browsers receive, in rad. A larger value makes
+messages smaller and the displayed motion less accurate. Chosen."""
 PLANE_COLUMNS: Final = frozenset(
     {"time_s", "phase", "first", "counts", "steps", "base_position", "base_wxyz", "recorded"}
 )
-"""Columns that are packed as byte planes: a column that is constant or changes evenly compresses to
-almost nothing."""
+"""Names of the arrays of a long chain's motion whose bytes are grouped by significance before
+compression, without loss: constant or evenly changing values then take almost no space."""
 SINGLE_BYTE_COLUMNS: Final = frozenset({"errors_rad"})
-"""Columns that are packed with a relative precision of 1 in 256."""
+"""Names of the arrays of a long chain's motion that are sent with the upper half of each
+single-precision number only, a relative precision of 1 in 256."""
 
 
 def window_columns(windows: Motion, folded_rad: NDArray[np.floating[Any]]) -> dict[str, Any]:

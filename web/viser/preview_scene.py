@@ -33,28 +33,36 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 SCENE_SIZE: Final = 4.0
-"""Longest side of the shape in a preview, in the scene's units, whatever its real size. Chosen."""
+"""Longest side of the shape in a 3D preview, in units of the viser scene, so that shapes of all
+sizes fit into it. Chosen."""
 PATH_WIDTH_PITCH: Final = 0.3
-"""Width of the rods that show the path, in pitches. Chosen."""
+"""Width of the rods that show the chain's path through the cells in a 3D preview, in pitches. A
+larger value hides more of the path behind. Chosen."""
 PATH_END_SIZE_PITCH: Final = 0.46
-"""Size of the thicker pieces that mark the path's two ends, in pitches. Chosen."""
+"""Size of the cubes that mark the two ends of the chain's path in a 3D preview, in pitches. A
+larger value hides more of the path behind. Chosen."""
 SOLID_RGB: Final[Rgb] = (92, 120, 164)
 GHOST_RGB: Final[Rgb] = (110, 120, 134)
 GHOST_OPACITY: Final = 0.13
-"""Opacity (0 to 1) of modules beneath the path. Chosen."""
+"""Opacity (0 to 1) of the modules in a 3D preview around the chain's path, which remains visible
+through them. A larger value hides more of the path. Chosen."""
 SOLID_OPACITY: Final = 0.34
-"""Opacity (0 to 1) of the uploaded solid beside its modules. A larger value hides more of them.
-Chosen."""
+"""Opacity (0 to 1) of the uploaded mesh in a 3D preview that also shows a chain's path. A larger
+value hides more of the modules. Chosen."""
 SOLID_OPACITY_NO_PATH: Final = 0.1
-"""Opacity (0 to 1) of the solid if there is no path: the cells show through it. Chosen."""
+"""Opacity (0 to 1) of the uploaded mesh in a 3D preview of cells without a path, which are opaque.
+A larger value hides more of the cells. Chosen."""
 ADDED_OPACITY: Final = 0.55
-"""Opacity (0 to 1) of cells that a repair has added. Chosen."""
+"""Opacity (0 to 1) of the cells in a 3D preview that a repair adds to the shape. A larger value
+hides more of the shape behind. Chosen."""
 PREVIEW_AZIMUTH_RAD: Final = np.deg2rad(-54.0)
-"""Initial direction of a preview's camera around the vertical, in rad. Chosen."""
+"""Initial azimuth of a 3D preview's camera, in rad from the x axis around the vertical z axis.
+Chosen."""
 PREVIEW_ELEVATION_RAD: Final = np.deg2rad(26.0)
-"""Initial elevation of a preview's camera above the horizon, in rad. Chosen."""
+"""Initial elevation of a 3D preview's camera above the horizontal plane, in rad. Chosen."""
 PREVIEW_FILL: Final = (0.84, 0.76)
-"""Fractions of a preview's width and height that the shape fills. Chosen."""
+"""Fractions of a 3D preview's width and height that the shape fills. Smaller values leave a wider
+margin. Chosen."""
 IDENTITY_WXYZ: Final = (1.0, 0.0, 0.0, 0.0)
 
 

@@ -17,13 +17,15 @@ if TYPE_CHECKING:
     from viser._messages import Message
 
 MAX_RECORDED_FRAMES: Final = 1200
-"""Maximum number of frames in a recording for the viser client; of longer folds frames are left
-out. Chosen."""
+"""Maximum number of frames in a file for the viser player; of longer motions frames are left out. A
+larger value plays more smoothly and makes larger files. Chosen."""
 MAX_RECORDED_NUMBERS: Final = 12_000_000
-"""Maximum count of numbers in a recording: frames × modules × 8 numbers of a pose, as it stores
-each pose in full. A larger value shows long chains more smoothly, in larger files. Chosen."""
+"""Maximum count of numbers in a file for the viser player: frames × modules × 8 numbers of a pose,
+as it stores every pose. A larger value plays long chains more smoothly and makes larger files.
+Chosen."""
 RECORDING_S: Final = 24.0
-"""Duration of a recording at normal speed, in s. Chosen."""
+"""Duration for which a file for the viser player plays at normal speed, in s. A larger value plays
+the motion more slowly. Chosen."""
 
 
 def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes:

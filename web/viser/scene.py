@@ -22,23 +22,26 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MAX_SCENE_LENGTH: Final = 14.0
-"""Maximum length of the straight chain, or of its part in view, in the scene's units. viser's
-shadows reach 20 units from the camera, so a larger value would cut them off."""
+"""Maximum length of the straight chain, or of its part in view, in units of the viser scene.
+viser's shadows reach 20 units from the camera, so a larger value would cut them off. Chosen."""
 SCENE_STRETCH_FACTOR: Final = 3
-"""Length that must fit into the scene, as a multiple of the straight part that the camera keeps in
-view; the rest is for the folded part beside it. Chosen."""
-MAX_SCENE_PITCH: Final = 0.25
-"""Maximum length of a pitch in the scene's units, so that short chains do not fill the screen.
+"""Length of a long chain that must fit into the viser scene, as a multiple of the straight part in
+view, so that the folded part beside it fits as well. A larger value shows modules smaller.
 Chosen."""
+MAX_SCENE_PITCH: Final = 0.25
+"""Maximum length of a pitch in units of the viser scene. With a larger value the modules of short
+chains would fill the screen. Chosen."""
 PATH_THICKNESS_PITCH: Final = 0.18
-"""Thickness of the line through the modules, in pitches. Chosen."""
+"""Thickness of the line through the modules' centres in the viser scene, in pitches. Chosen."""
 TABLE_DISC_OPACITY: Final = 0.85
-"""Opacity (0 to 1) of the discs that show the forces on a table. Chosen."""
+"""Opacity (0 to 1) of the discs in the viser scene that show the forces of modules on the table. A
+larger value hides more of the table top. Chosen."""
 GROUND_SINK_S: Final = 0.05
-"""Time constant with which the ground follows a chain downwards, in s. A larger value lets the
-chain dip below it. Chosen."""
+"""Time constant with which the displayed ground follows the lowest module downwards, in s of
+playing time. With a larger value the chain dips below the ground for longer. Chosen."""
 GROUND_RISE_S: Final = 0.5
-"""Time constant with which the ground follows a chain upwards, in s. Chosen."""
+"""Time constant with which the displayed ground follows the lowest module upwards, in s of playing
+time. With a smaller value the ground moves more restlessly. Chosen."""
 
 
 def path_colours(modules: int) -> NDArray[np.uint8]:

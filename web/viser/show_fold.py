@@ -18,8 +18,8 @@ from web.viser.shown import Shown
 
 DEFAULT_HOST: Final = "127.0.0.1"
 DEFAULT_PORT: Final = 8080
-"""TCP port that ``show`` serves its view on; the next free one if it is taken. Chosen: viser's
-own."""
+"""Default TCP port of the web server that shows a fold from Python; if it is occupied, the next
+free one is used. Chosen: viser's default."""
 LAST_STAGE: Final = "export"
 
 

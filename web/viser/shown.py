@@ -33,26 +33,29 @@ if TYPE_CHECKING:
     import viser
 
 DEFAULT_DURATION_S: Final = 20.0
-"""Approximate time in which a motion is played at speed 1, in s. Chosen."""
+"""Time for which a fold shown from Python plays at speed 1, in s, unless it has very few or very
+many frames. A larger value plays the motion more slowly. Chosen."""
 MIN_PLAYED_FPS: Final = 12.0
-"""Minimum number of the fold's frames that pass per second at speed 1; shorter motions end sooner.
-Chosen."""
+"""Minimum number of the motion's frames that are played per second at speed 1, so that motions of
+few frames do not stutter; they are therefore shorter. A larger value plays them faster. Chosen."""
 MAX_PLAYED_FPS: Final = 240.0
-"""Maximum number of the fold's frames that pass per second at speed 1; longer motions take longer.
-Chosen."""
+"""Maximum number of the motion's frames that are played per second at speed 1, so that long motions
+can be followed; they therefore take longer. A larger value plays them faster. Chosen."""
 DRAW_INTERVAL_S: Final = 1 / 30
-"""Time between two drawn pictures while a motion plays, in s. A smaller value is smoother and sends
-more to the browser. Chosen."""
+"""Time between two updates of the 3D view while a motion plays, in s. A smaller value is smoother
+and sends more data to the browser. Chosen."""
 FRAME_POLL_S: Final = 0.1
-"""Time between two looks for new frames while nothing plays, in s. Chosen."""
+"""Time between two checks for new frames of a running fold while nothing plays, in s. A larger
+value shows new frames later. Chosen."""
 SPEEDS: Final = {"0.25×": 0.25, "0.5×": 0.5, "1×": 1.0, "2×": 2.0, "4×": 4.0}
 COLOUR_BY_ERROR: Final = "Joint error"
 COLOUR_ALONG_CHAIN: Final = "Along the chain"
 MAX_PORT: Final = 65_535
-"""Largest number of a TCP port."""
+"""Largest TCP port number (RFC 9293)."""
 GROUND_SETTLING_S: Final = 10.0
-"""Time, in s, for which the ground is moved at once after a jump, long enough to reach its place
-under the chain. Chosen."""
+"""Time by which the motion of the displayed ground is advanced when the view jumps to another
+frame, in s; it exceeds the ground's time constants, so that the ground is in its final position at
+once. Chosen."""
 
 
 class Shown:

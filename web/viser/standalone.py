@@ -29,10 +29,11 @@ WORKER_SCRIPT: Final = "js/viewer/sketch_worker.js"
 THEME_SCRIPT: Final = "js/theme.js"
 STYLES: Final = ("css/base.css", "css/fold.css")
 UNESCAPED_CHARACTERS: Final = " !$&'()*+,-./:;=?@[]^_`{|}~"
-"""Characters that a data URL may hold unescaped, besides letters and digits."""
+"""Characters, besides letters and digits, that stay unescaped in the data URLs of a single HTML
+file with a fold. Fewer make the file larger."""
 MAX_STANDALONE_BYTES: Final = 48 * 2**20
-"""Maximum size of the frames in a single HTML file before compression, in bytes. Of a longer fold
-frames and the curves are left out. Chosen."""
+"""Maximum size of the frames in a single HTML file with a fold, in bytes before compression. Of
+larger motions frames are left out, and so are the plots. Chosen."""
 
 Render = Callable[..., str]
 

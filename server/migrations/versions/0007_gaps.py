@@ -9,7 +9,8 @@ revision = "0007"
 down_revision = "0006"
 
 GAPS = "verified with gaps: "
-"""Beginning of the verdict that earlier versions gave to folds with gaps."""
+"""Prefix of the verdict that earlier versions gave to folds whose clearance between modules could
+not be bounded everywhere; the migration marks such folds as failed."""
 
 
 def upgrade() -> None:
