@@ -36,7 +36,8 @@ from planner.pipeline.workspace import Workspace
 from planner.progress import Cancelled, Progress, Report, never, silent
 
 STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
-"""Stages that process the last attempt of the stage ``explode``."""
+"""Stages of a fold that process the attempt that the stage ``explode`` made last; their progress
+reports say which attempt of how many it is."""
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
 

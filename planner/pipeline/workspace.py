@@ -42,11 +42,11 @@ from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
 from planner.robot import RECORDED_PLAN
 
 MAX_PLANS_BYTES: Final = 64 * 2**20
-"""Maximum size of the stored plans of a fold that were not chosen, in bytes; plans beyond it are
-removed and cannot be played. Chosen."""
+"""Maximum size, in bytes, of all stored plans of one fold that were not chosen; plans beyond it are
+removed, and the web page cannot play them. Larger values take more disk space. Chosen."""
 _UNWANTED: Final = "unwanted-"
-"""Prefix of a directory that is being removed, so that a partly removed one does not pass for an
-attempt."""
+"""Prefix that a directory gets before it is removed, so that a partly removed one is not mistaken
+for an attempt after a crash."""
 
 
 @dataclass(frozen=True, slots=True)

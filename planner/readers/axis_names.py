@@ -12,11 +12,13 @@ from planner.readers.text import is_number
 
 AXES: Final = ("x", "y", "z")
 OTHER_AXES: Final = ("ijk", "abc", "uvw")
-"""Alternative names of the axes x, y and z, accepted if a table's header does not name these."""
+"""Alternative column names for the coordinates x, y and z, one letter each; accepted if a table's
+header names none of x, y and z."""
 OCCUPANCY: Final = frozenset(
     ("value", "filled", "occupied", "occupancy", "solid", "voxel", "active")
 )
-"""Names of columns in which 0 marks an empty cell."""
+"""Names of table columns that state if a cell is filled; a 0 in such a column is refused, as only
+filled cells are expected."""
 WORD: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 MINUS_SIGNS: Final = ("-", "\u2212")
 

@@ -15,7 +15,8 @@ from planner.shapes.shape import Shape
 
 DELIMITERS: Final = (";", "\t", ",")
 EXCEL_SEPARATOR: Final = "sep="
-"""Beginning of a first line in which a spreadsheet states its separator."""
+"""Beginning of a CSV file's first line in which Excel states the separator; that line is
+skipped."""
 
 
 def is_csv(text: str) -> bool:

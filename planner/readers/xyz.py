@@ -17,8 +17,8 @@ from planner.readers.text import COMMENT_MARK, cells_array, coordinate, is_numbe
 from planner.shapes.shape import Shape
 
 MAX_COUNT_DIGITS: Final = 9
-"""Maximum number of digits of the count of points on the first line; a longer number is no count.
-Chosen."""
+"""Maximum number of digits of the number of points on the first line of an XYZ file. A longer
+number is cut one digit later, and never equals the number of points. Chosen."""
 
 
 def is_xyz(text: str) -> bool:
