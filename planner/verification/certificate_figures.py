@@ -23,12 +23,16 @@ from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 
 SAME_CLEARANCE_PITCH: Final = 1e-7
-"""Maximum difference of the clearances of two equally close configurations, pitches: rounding."""
+"""Maximum difference, in pitches, between a certificate's smallest clearance and the clearance at
+the place that the certificate names: rounding. It accepts another place that is equally close."""
 BOUND_RTOL: Final = 1e-3
-"""Maximum relative excess of a reported clearance bound over the computed one. Chosen."""
-IN_BETWEENS_RTOL: Final = 1e-2
-"""Maximum relative difference of numbers of intervals: where ties break otherwise, some are halved.
+"""Maximum amount by which a certificate's clearance bound may exceed the one that verification
+computes again, relative to the latter. Larger values accept bounds that are less surely true.
 Chosen."""
+IN_BETWEENS_RTOL: Final = 1e-2
+"""Maximum relative difference between a certificate's number of checked intervals between frames
+and the number computed again: rounding may halve some intervals more. Larger values accept altered
+figures. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,4 +179,5 @@ _LOOSE: Final = (
     "min_clearance_playback_at",
     "min_clearance_record_at",
 )
-"""Figures that depend on rounding: the choice among equal places, and the halving of intervals."""
+"""Figures of a certificate that verification compares with tolerances rather than exactly: rounding
+decides which of equally close places is reported, and which intervals are halved."""
