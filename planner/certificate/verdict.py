@@ -12,7 +12,8 @@ from planner.certificate.figures import CertificateFigures, FoldSummary, Playbac
 SIMULATED: Final = "verified (simulated)"
 KINEMATICS_ONLY: Final = "verified (kinematics only)"
 NOT_TOLD: Final = "verified (whether it was simulated is not known)"
-"""Verdict of an earlier version's certificate that does not state if the playback was simulated."""
+"""Verdict that replaces ``verified`` in certificates of earlier versions, which do not state if the
+playback was simulated."""
 
 
 def told_honestly(
@@ -64,7 +65,8 @@ def summary_told_honestly(summary: FoldSummary) -> FoldSummary:
 
 
 _OF_DYNAMIC_PLAYBACK: Final = ("rms_position_error", "max_angle_error_rad")
-"""Figures of a playback's summary that a kinematic one does not have."""
+"""Figures in a summary of a playback that only a dynamic simulation has; they become None for a
+kinematic playback."""
 _OF_SIMULATION: Final = (
     "min_clearance_playback",
     "min_clearance_playback_at",
@@ -72,7 +74,8 @@ _OF_SIMULATION: Final = (
     "max_position_error",
     "max_angle_error_rad",
 )
-"""Figures of a certificate that a plan without a simulated playback does not have."""
+"""Figures of a certificate that only a simulated playback has; they become None for plans that were
+not simulated."""
 _LATER: Final = (
     "exempt_pairs",
     "min_clearance_record_at",
@@ -83,4 +86,5 @@ _LATER: Final = (
     "torque_source",
     "torque_frames",
 )
-"""Figures that certificates of earlier versions lack; they become None."""
+"""Figures of a certificate that earlier versions did not compute; they become None when a
+certificate of an earlier version is read."""
