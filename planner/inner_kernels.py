@@ -18,7 +18,8 @@ from numba.core.targetconfig import TargetConfig
 from numba.core.typed_passes import BaseNativeLowering
 
 ENVIRONMENT: Final = "_ZN08NumbaEnv"
-"""Prefix of the global variables that numba writes to after each compilation."""
+"""Beginning of the names of those global variables in a kernel's machine code that numba writes to
+after each compilation, so that they must exist."""
 
 
 class InnerLibrary(JITCodeLibrary):

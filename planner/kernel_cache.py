@@ -19,7 +19,8 @@ from numba.core.caching import IndexDataCacheFile, _SourceFileBackedLocatorMixin
 
 KERNELS: Final = Path(__file__).parent / "kernels"
 IMPORT: Final = re.compile(rb"(?m)^from planner\.kernels\.(\w+) import ")
-"""Import of another file of kernels, as every file of them writes it."""
+"""Matches the line by which a file of kernels imports another one, so that a change of the imported
+file invalidates the importing file's cached machine code."""
 
 
 def compare_all_sources() -> None:

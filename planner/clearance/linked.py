@@ -20,9 +20,10 @@ from planner.motion.motion import Motion, as_motion
 
 Array = NDArray[np.float64]
 LINKED: Final = "consecutive modules (i, i+1)"
-"""Value of ``ExemptPairs.rule`` for cubes."""
+"""Text for certificates of chains of cubes: the rule by which consecutive modules, which overlap at
+their common joint, are exempt from the collision check."""
 NONE: Final = "none"
-"""Value of ``ExemptPairs.rule`` if all pairs are checked."""
+"""Text for certificates that no pair of modules is exempt from the collision check."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

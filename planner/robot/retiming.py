@@ -21,11 +21,11 @@ from planner.robot.trajectory import CutPath, Trajectory
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MAX_STILL_TURN_RAD: Final = 1e-6
-"""Largest turn of the fastest hinge between two frames, in rad, at which they are merged into one.
-Chosen."""
+"""Maximum turn of the fastest hinge, in rad, between frames that are merged into one when a plan
+gets a new timing, as nothing moves. Larger values change the motion. Chosen."""
 BOUND_RANGE: Final = (1e-6, 1e6)
-"""Minimum and maximum bound of speed and acceleration that is accepted, rad/s and rad/s².
-Chosen."""
+"""Minimum and maximum limit of speed (rad/s) and of acceleration (rad/s²) that is accepted for a
+new timing of a plan; others are refused as implausible. Chosen."""
 
 
 def retime(plan: Plan, max_speed_rad_s: float, max_acceleration_rad_s2: float) -> Trajectory:

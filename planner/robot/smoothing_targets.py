@@ -12,10 +12,11 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 FADE_FRAMES: Final = 3
-"""Half width of the filters that fade a change in, frames; it takes about four times as many.
-Larger values change speeds more smoothly. Chosen."""
+"""Half width, in frames, of the filters by which a change of a smoothed motion fades in and out,
+about four times as many frames in all. Larger values change speeds more smoothly. Chosen."""
 MIN_SHARE: Final = 1e-9
-"""Weights below this count as 0: rounding of running sums."""
+"""Weight of a smoothed target, from 0 to 1, below which it counts as 0, because it is rounding of
+the running sums of a filter."""
 
 
 def parts(frames: int, pieces: int, rng: np.random.Generator) -> Ints:

@@ -17,17 +17,18 @@ REST_FILE: Final = "rest.npz"
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 CELLS_PER_PIECE: Final = 2
-"""Number of grid cells of the time parameterisation on each corner's half and on each straight
-piece. Larger values made motions faster by less than one per cent. Measured."""
+"""Number of grid cells, for the fastest timing along a path, on each straight piece and on each
+half of a blended corner. Larger values made motions faster by less than one per cent, and take
+longer. Measured."""
 MIN_PATH_CELLS: Final = 200
-"""Approximate minimum number of grid cells of a path's time parameterisation. Larger values are
-more exact and slower. Chosen."""
+"""Approximate minimum number of grid cells for the fastest timing along a whole path, so that paths
+of few frames get a fine grid as well. Larger values are more exact and slower. Chosen."""
 MIN_PIECE_SHARE: Final = 1e-6
-"""Minimum length of a straight piece as a fraction of its step; shorter ones are left out.
-Chosen."""
+"""Minimum length of a straight piece between two blended corners of a path, as a fraction of the
+step between frames; a shorter one is rounding and is left out. Chosen."""
 CORNERS_AT_ONCE: Final = 256
-"""Number of corners of a path that are blended at once (memory): all of a long chain's would take a
-gibibyte. Chosen."""
+"""Number of corners of a path that are blended in one NumPy call. Larger values take more memory
+(all of a long chain's would take a gibibyte); the result is the same. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -255,6 +256,6 @@ class CutPath:
 
 
 _OWN: Final = ("time_s", "knot_times_s", "knot_rates", "frame_numbers")
-"""Names of the arrays of a trajectory."""
+"""Names of the arrays that a trajectory stores in a file, apart from those of its path."""
 _OF_PATH: Final = ("frames", "places", "lengths", "knots", "frame", "left", "right", "reach")
-"""Names of the arrays of its path."""
+"""Names of the arrays of its path that a trajectory stores in a file."""
