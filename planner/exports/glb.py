@@ -31,8 +31,8 @@ POSE_BYTES_SINGLE: Final = 28
 """Size of one module's pose in a GLB animation, in bytes: position and quaternion, seven numbers of
 single precision."""
 MAX_POSES_AT_ONCE: Final = 200_000
-"""Maximum number of module poses that are computed at once. Larger values take more memory; the
-file stays the same. Chosen."""
+"""Maximum number of module poses (frames × modules) that are computed at once to write a GLB
+animation. Larger values take more memory; the file stays the same. Chosen."""
 GL_FLOAT: Final = 5126
 """Code for numbers of single precision in a glTF file (``accessor.componentType`` in the glTF 2.0
 specification)."""

@@ -29,7 +29,8 @@ ROWS_PER_PART: Final = 256
 """Number of rows of an exported trajectory that are formatted at once. Larger values take more
 memory; the output is the same. Chosen."""
 MAX_RATE_HZ: Final = 1e5
-"""Maximum sampling rate of an exported trajectory, in Hz; higher ones are refused. Chosen."""
+"""Maximum sampling rate of an exported trajectory, in Hz; higher ones are refused as implausible.
+Chosen."""
 MAX_ROWS: Final = 5_000_000
 """Maximum number of rows of an exported trajectory with a given sampling rate; more are refused.
 Larger values take more memory. Chosen: 80 minutes at 1 kHz."""

@@ -18,8 +18,9 @@ TABLE_MODULES: Final = 96
 """Number of modules of the fold on a table whose duration was measured (``TABLE_S``); beyond it the
 expected duration grows more slowly."""
 TABLE_S: Final = 330.0
-"""Duration of a fold of ``TABLE_MODULES`` modules on a table. Measured: 6 minutes, and 8 for 88
-with a second attempt (docs/decisions/0026-tables.md)."""
+"""Duration, in s of processor time, of a fold of 96 modules on a table, from which other durations
+are estimated; a larger value announces longer ones. Measured: 6 minutes, and 8 for 88 modules with
+a second attempt (decision 0026)."""
 TABLE_POWERS: Final = (3.5, 2.0)
 """Exponents of the number of modules in the expected duration of a fold on a table. The first holds
 up to ``TABLE_MODULES``; fitted to 2 s for 24 modules and 29 to 62 s for 64. The second holds

@@ -30,12 +30,13 @@ MAX_COMPILED_FRACTION: Final = 0.99
 """Largest progress, from 0 to 1, that is reported while kernels are compiled; 1 is reported only at
 the end. A smaller value makes the progress stop earlier if the estimate was low. Chosen."""
 MAX_LOCK_WAIT_S: Final = 300.0
-"""Time, in s, after which a process compiles although another one holds the lock. A smaller value
-makes two processes compile the same kernels; with a larger one a process that hangs blocks others
-longer. Chosen: compilation takes less on the slowest machine tried."""
+"""Time, in s, after which a process compiles kernels (numba functions) although another process
+holds the lock for it. A smaller value makes two processes compile the same kernels; with a larger
+one a process that hangs blocks others longer. Chosen: compilation takes less on the slowest machine
+tried."""
 LOCK_POLL_S: Final = 0.2
-"""Time between two attempts to acquire the lock, in s. A larger value starts later after another
-process has compiled. Chosen."""
+"""Time, in s, between two attempts to acquire the lock for compiling kernels (numba functions).
+With a larger value a process waits longer after another one has compiled. Chosen."""
 
 
 def fraction_of(compiled_bytes: int) -> float:

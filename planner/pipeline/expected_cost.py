@@ -57,8 +57,9 @@ DIRECT_SETTLING_STEPS: Final = 500
 """Number of simulation steps between the end of the servos' ramp and the chain's rest, where the
 cost of the parameter preset ``direct`` is estimated. A larger value expects more cost. Chosen."""
 ROBOT_COST_S: Final = (3.5e-3, 9e-6)
-"""Processor time of one robot's playback and certificate, in s: per module, and per square of the
-number of modules. Measured: 0.7 s for 160 modules, 12 s for 1000."""
+"""Processor time to simulate and certify the playback of one robot with random errors, in s: per
+module, and per square of the number of modules. Larger values expect folds to cost more. Measured:
+0.7 s for 160 modules, 12 s for 1000."""
 DEFAULT_PARAMETERS: Final = Parameters()
 """Parameters for which the durations of folds were measured; the estimate of a fold's cost adds the
 difference between its own parameters and these."""
@@ -66,9 +67,9 @@ MIN_GROWTH_PER_STEP: Final = 1e-12
 """Minimum growth rate of the exploding chain's motion per simulation step, dimensionless, by which
 the estimate of steps is divided. It only prevents a division by 0 for settings without forces."""
 LOWER_BOUND_FRACTION: Final = 0.25
-"""Fraction of an estimate that a fold takes at the very least. A fold is refused if this lower
-bound exceeds its time limit: a larger value refuses folds that might have ended, a smaller one
-starts folds that cannot end. Chosen: measured costs are within a factor of two of the estimates."""
+"""Fraction of its expected cost that a fold takes at the very least. A fold is refused if this
+lower bound exceeds its time limit: a larger value refuses folds that might have ended, a smaller
+one starts folds that cannot end. Chosen: measured costs are within a factor of two."""
 REFOLD_COST_FACTOR: Final = 2.0
 """Cost of a refold (from one shape to another) relative to a fold of the same chain: a refold
 unfolds the first shape as well. A larger value expects refolds to cost more. Chosen."""

@@ -21,8 +21,8 @@ from planner.pipeline.request import MAX_SEED, Request
 from planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
 MAX_SEEDS: Final = 3
-"""Maximum number of random seeds that one fold tries. A larger value folds more shapes, and takes
-longer to fail. Chosen."""
+"""Maximum number of seeds of the random forces with which one fold tries to explode its chain. A
+larger value folds more shapes, and takes longer to fail. Chosen."""
 Change = Literal["path", "strategy", "end", "forces", "seed"]
 FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "knot": ("path", "strategy"),

@@ -24,7 +24,8 @@ MAX_VALUE_CHARACTERS: Final = 60
 """Maximum length, in characters, of a value that a message about a difference between two files
 quotes; the rest is cut off. Larger values make longer messages. Chosen."""
 MISSING: Final = object()
-"""Stands for a value that one of two compared files lacks; printed as “nothing”."""
+"""Placeholder for a value that only one of two compared files has; messages about the difference
+print it as “nothing”."""
 
 
 def versus_plan(name: str, field: str) -> str:
