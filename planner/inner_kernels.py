@@ -17,7 +17,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.targetconfig import TargetConfig
 from numba.core.typed_passes import BaseNativeLowering
 
-ENVIRONMENT: Final = "_ZN08NumbaEnv"
+ENVIRONMENT_PREFIX: Final = "_ZN08NumbaEnv"
 """Beginning of the names of those global variables in a kernel's machine code that numba writes to
 after each compilation, so that they must exist."""
 
@@ -41,7 +41,7 @@ class InnerLibrary(JITCodeLibrary):
                     *(
                         f"@{name} = common global ptr null"
                         for name in variables
-                        if name.startswith(ENVIRONMENT)
+                        if name.startswith(ENVIRONMENT_PREFIX)
                     ),
                 ]
             )

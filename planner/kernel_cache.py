@@ -18,7 +18,7 @@ from typing import Any, Final
 from numba.core.caching import IndexDataCacheFile, _SourceFileBackedLocatorMixin
 
 KERNELS: Final = Path(__file__).parent / "kernels"
-IMPORT: Final = re.compile(rb"(?m)^from planner\.kernels\.(\w+) import ")
+KERNEL_IMPORT: Final = re.compile(rb"(?m)^from planner\.kernels\.(\w+) import ")
 """Matches the line by which a file of kernels imports another one, so that a change of the imported
 file invalidates the importing file's cached machine code."""
 
@@ -53,7 +53,7 @@ def sources(path: Path) -> tuple[Path, ...]:
         one = waiting.pop()
         if one not in found:
             found[one] = None
-            names = IMPORT.findall(one.read_bytes())
+            names = KERNEL_IMPORT.findall(one.read_bytes())
             waiting += [path.parent / f"{name.decode()}.py" for name in names]
     return tuple(sorted(found))
 

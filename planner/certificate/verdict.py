@@ -44,11 +44,11 @@ def told_honestly(
         verdict = f"failed: {verdict.removeprefix('verified with gaps: ')}"
     elif verdict == "verified":
         verdict = {True: SIMULATED, False: KINEMATICS_ONLY, None: NOT_TOLD}[simulated]
-    unknown = dict.fromkeys(name for name in _LATER if name not in values)
+    unknown = dict.fromkeys(name for name in _FIGURES_ADDED_LATER if name not in values)
     # What was proved then was of the plan alone.
-    unproved = dict.fromkeys(_OF_SIMULATION if simulated is False else ("clearance_bound",))
+    unproved = dict.fromkeys(_SIMULATION_FIGURES if simulated is False else ("clearance_bound",))
     if simulated is None:
-        unproved |= dict.fromkeys(_OF_SIMULATION)
+        unproved |= dict.fromkeys(_SIMULATION_FIGURES)
     told = {**values, **unknown, **unproved, "verdict": verdict, "simulated": simulated}
     return cast(CertificateFigures, told)
 
@@ -57,17 +57,17 @@ def summary_told_honestly(summary: FoldSummary) -> FoldSummary:
     """Return a plan's summary without figures that were reported without a simulation."""
     told, playback = summary.copy(), summary.get("playback")
     if playback is not None and playback.get("kind") == "kinematic":
-        nothing = dict.fromkeys(_OF_DYNAMIC_PLAYBACK)
+        nothing = dict.fromkeys(_DYNAMIC_PLAYBACK_FIGURES)
         told["playback"] = playback = cast(PlaybackFigures, {**playback, **nothing})
     if certificate := summary.get("certificate"):
         told["certificate"] = told_honestly(certificate, playback)
     return told
 
 
-_OF_DYNAMIC_PLAYBACK: Final = ("rms_position_error", "max_angle_error_rad")
+_DYNAMIC_PLAYBACK_FIGURES: Final = ("rms_position_error", "max_angle_error_rad")
 """Figures in a summary of a playback that only a dynamic simulation has; they become None for a
 kinematic playback."""
-_OF_SIMULATION: Final = (
+_SIMULATION_FIGURES: Final = (
     "min_clearance_playback",
     "min_clearance_playback_at",
     "rms_position_error",
@@ -76,7 +76,7 @@ _OF_SIMULATION: Final = (
 )
 """Figures of a certificate that only a simulated playback has; they become None for plans that were
 not simulated."""
-_LATER: Final = (
+_FIGURES_ADDED_LATER: Final = (
     "exempt_pairs",
     "min_clearance_record_at",
     "frames",

@@ -20,7 +20,7 @@ from planner.shapes.shape import Shape
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-REVERSED_CELLS: Final = 40_000_000
+MAX_REVERSED_CELLS: Final = 40_000_000
 """Maximum number of cells that one attempt at a path may reverse by backbite moves (a random change
 of a path's end), about 0.25 s of processor time. Larger values find harder paths, more slowly.
 Chosen."""
@@ -138,7 +138,7 @@ class _Search:
         self.cells, self.ends, self.start, self.rng = cells, ends, start, rng
         self.near = neighbours(cells)
         self.least = MOVES_PER_CELL * len(cells)
-        self.moves = max(self.least, REVERSED_CELLS // len(cells))
+        self.moves = max(self.least, MAX_REVERSED_CELLS // len(cells))
 
     def run(
         self, deadline: float

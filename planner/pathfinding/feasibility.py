@@ -40,7 +40,7 @@ drop. Larger values repair more shapes, and change them more. Chosen."""
 MAX_COMPARED_CELLS: Final = 60
 """Maximum number of candidate cells that are compared for each cell that a repair adds or drops.
 Larger values find smaller repairs, more slowly. Chosen."""
-CHECK_S: Final = 0.5
+REPAIR_CHECK_LIMIT_S: Final = 0.5
 """Wall-clock limit, in s, of the search for a path through a repaired shape; without one in that
 time the repair is not offered. Larger values offer more repairs, more slowly. Chosen."""
 
@@ -203,7 +203,10 @@ def _has_path(cells: Cells, seed: int) -> bool:
     shape = Shape.from_cells(_array(cells))
     if is_box(shape) or halved(shape) is not None:
         return True
-    return exact_path(shape, time_limit_s=CHECK_S, seed=seed, eased=False).status == "found"
+    return (
+        exact_path(shape, time_limit_s=REPAIR_CHECK_LIMIT_S, seed=seed, eased=False).status
+        == "found"
+    )
 
 
 def _repair(before: Cells, after: Cells) -> Repair:

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 MAX_SHORTENINGS: Final = 60
 """Maximum number of rounds in which a knotted polygon is shortened before it is drawn as a diagram.
 Larger values draw fewer crossings, more slowly. Chosen."""
-PULLS: Final = (0.9, 0.5, 0.7)
+PULL_FRACTIONS: Final = (0.9, 0.5, 0.7)
 """Fraction of the way to the midpoint of its neighbours by which a vertex moves when a polygon is
 shortened for a knot diagram, used by rounds in turn. Larger values shorten faster; different ones
 avoid deadlocks. Chosen."""
@@ -66,7 +66,7 @@ def diagram_of(centres: ArrayLike) -> Diagram | None:
     best = min((smaller(polygon, rng)[1] for polygon in polygons), key=len)
     sight, places, signs = best_view(best, rng)
     for k in range(MAX_SHORTENINGS if len(best) <= MAX_SHORTENED_VERTICES else 0):
-        shorter = simplified(tightened(best, PULLS[k % len(PULLS)]))
+        shorter = simplified(tightened(best, PULL_FRACTIONS[k % len(PULL_FRACTIONS)]))
         view = best_view(shorter, rng)
         if len(view[2]) <= len(signs):
             sight, places, signs = view

@@ -34,7 +34,7 @@ TIMELINE: Final = "timeline.zarr"
 RECORD: Final = "record.npz"
 PLAYBACK: Final = "playback.npz"
 CERTIFICATE: Final = "certificate.json"
-CLEARANCES: Final = "clearances.npy"
+CLEARANCES_FILE: Final = "clearances.npy"
 """File name of the clearance (smallest distance between modules) at each frame of the plan of a
 chain that was exploded by peeling (releasing modules from one end, group by group); kept until
 ``figures.zarr`` is written."""
@@ -52,15 +52,15 @@ computes in advance."""
 PLAYABLE: Final = (CHAIN, TIMELINE, CERTIFICATE)
 """Files that are kept of a verified plan that was not chosen, so that the web page can still play
 it."""
-RESULTS: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES, FORCES)
+RESULT_FILES: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES_FILE, FORCES)
 """Files that one attempt of a fold writes; an attempt that smooths the plan of another one also
 writes ``RECORDED_PLAN``."""
-EXPORTED: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
+EXPORTED_FILES: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
 """Files that the last stage of a fold, the export, writes from the chosen attempt."""
 DESCRIBED: Final = (
     *(INPUT, REQUEST, START_CHAIN, START_PLAN, RECORDED_PLAN, CANDIDATES, CHAIN, ATTEMPTS),
     *(RECORD, PLAYBACK, CERTIFICATE, FORCES, TIMELINE),
-    *EXPORTED,
+    *EXPORTED_FILES,
 )
 """Files of a fold that determine or describe its plan. The fold's manifest lists their SHA-256
 digests in this order, so that later changes are noticed."""
@@ -87,7 +87,7 @@ def folder(directory: FilePath) -> FilePath:
 
 
 def result(directory: FilePath, name: str) -> FilePath:
-    """Return the path of a file of ``RESULTS``, also while the fold is computed.
+    """Return the path of a file of ``RESULT_FILES``, also while the fold is computed.
 
     The file need not be there.
     """

@@ -54,7 +54,7 @@ VISIBILITY: Final = "KHR_node_visibility"
 READ_GLTF_EXTENSIONS: Final = (INSTANCING, VISIBILITY, "KHR_mesh_quantization")
 """glTF extensions that change the geometry and are supported by the reader; files that require
 other ones are refused."""
-FORMLESS: Final = (
+IGNORED_EXTENSION_PREFIXES: Final = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"),
     *("EXT_lights_", "KHR_xmp", "KHR_animation_pointer", "KHR_audio", "EXT_structural_metadata"),
     *("EXT_mesh_features", "EXT_instance_features", "KHR_techniques_webgl"),
@@ -417,7 +417,7 @@ def _check_extensions(document: Document, notes: dict[str, None]) -> None:
     """Refuse required geometry extensions that are not read; note optional ones."""
     required = document.get("extensionsRequired", [])
     for name in dict.fromkeys([*required, *document.get("extensionsUsed", [])]):
-        if name in READ_GLTF_EXTENSIONS or str(name).startswith(FORMLESS):
+        if name in READ_GLTF_EXTENSIONS or str(name).startswith(IGNORED_EXTENSION_PREFIXES):
             continue
         if name in PACKED and name in required:
             raise InputError(

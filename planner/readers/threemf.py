@@ -49,7 +49,7 @@ TARGET: Final = re.compile(rb"\bTarget\s*=\s*[\"']/?([^\"'<>]*)")
 MAX_RELATIONSHIPS_BYTES: Final = 1 << 16
 """Maximum number of bytes that are read of the list of relationships in a 3MF archive, which names
 the main model; one relationship takes about 200. Chosen."""
-MATERIAL: Final = ("model", "surface")
+MATERIAL_TYPES: Final = ("model", "surface")
 """Types of objects in a 3MF model that are solid material; objects of other types (supports) are
 left out."""
 CURA_ROLES: Final = frozenset(
@@ -63,7 +63,7 @@ LEFT_OUT: Final = "cutters, modifiers and supports were ignored, because they ar
 SLICER_CONFIGS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
 """Files in a 3MF archive in which PrusaSlicer and slicers derived from it state the role of each
 part (material, modifier or support)."""
-READ_EXTENSIONS: Final = ("/production/", "/material/", "/trianglesets/")
+ACCEPTED_EXTENSION_PARTS: Final = ("/production/", "/material/", "/trianglesets/")
 """Parts of the URIs of 3MF extensions that the reader supports, or that do not affect the geometry;
 models that require other extensions are refused."""
 OTHER_FORMS: Final = {
@@ -283,7 +283,7 @@ class _Models:
         names = {k.partition(":")[2]: v for k, v in fields.items() if k.startswith("xmlns:")}
         for prefix in fields.get("requiredextensions", "").split():
             name = names.get(prefix, prefix)
-            if not any(word in name.lower() for word in READ_EXTENSIONS):
+            if not any(word in name.lower() for word in ACCEPTED_EXTENSION_PARTS):
                 name = name.rpartition("/3dmanufacturing/")[2]
                 raise InputError(
                     "unsupported",
@@ -370,7 +370,7 @@ class _Models:
         while waiting:
             key, transform = waiting.pop()
             model = self._objects[key]
-            if model.kind not in MATERIAL:
+            if model.kind not in MATERIAL_TYPES:
                 self._notes[LEFT_OUT] = None
                 continue
             waiting += [(part, _after(own, transform)) for part, own in model.parts]
@@ -419,7 +419,7 @@ class _Models:
                 reached.add(key)
                 waiting += [part for part, _ in self._objects[key].parts]
         others = (model for key, model in self._objects.items() if key not in reached)
-        if any(model.corners and model.kind in MATERIAL for model in others):
+        if any(model.corners and model.kind in MATERIAL_TYPES for model in others):
             self._notes[UNBUILT] = None
 
     def _material(self, model: _Object) -> Ints:

@@ -82,8 +82,8 @@ class Trajectory:
     @property
     def nbytes(self) -> int:
         """Size of its arrays and those of the path, bytes."""
-        own = (getattr(self, name) for name in _OWN)
-        return sum(a.nbytes for a in own) + sum(getattr(self.path, n).nbytes for n in _OF_PATH)
+        own = (getattr(self, name) for name in _TRAJECTORY_ARRAYS)
+        return sum(a.nbytes for a in own) + sum(getattr(self.path, n).nbytes for n in _PATH_ARRAYS)
 
     def save(self, directory: FilePath) -> None:
         """Write the trajectory to an existing directory."""
@@ -95,8 +95,8 @@ class Trajectory:
                 [self.max_speed_rad_s, self.max_acceleration_rad_s2, self.deviation_rad]
             ),
             cells=self.path.cells,
-            **{name: getattr(self, name) for name in _OWN},
-            **{name: getattr(self.path, name) for name in _OF_PATH if name != "frames"},
+            **{name: getattr(self, name) for name in _TRAJECTORY_ARRAYS},
+            **{name: getattr(self.path, name) for name in _PATH_ARRAYS if name != "frames"},
         )
 
     @classmethod
@@ -105,14 +105,14 @@ class Trajectory:
         frames = np.load(directory / FRAMES_FILE, mmap_mode="r", allow_pickle=False)
         with np.load(directory / REST_FILE, allow_pickle=False) as rest:
             speed, acceleration, deviation = rest["numbers"].tolist()
-            of_path = {name: rest[name] for name in _OF_PATH if name != "frames"}
+            of_path = {name: rest[name] for name in _PATH_ARRAYS if name != "frames"}
             return cls(
                 joint_names=tuple(rest["joint_names"].tolist()),
                 max_speed_rad_s=speed,
                 max_acceleration_rad_s2=acceleration,
                 deviation_rad=deviation,
                 path=CutPath(frames=np.asarray(frames), cells=int(rest["cells"]), **of_path),
-                **{name: rest[name] for name in _OWN},
+                **{name: rest[name] for name in _TRAJECTORY_ARRAYS},
             )
 
     def at(self, time_s: Array) -> tuple[Array, Array, Array]:
@@ -255,7 +255,7 @@ class CutPath:
         return float(largest / 4.0)
 
 
-_OWN: Final = ("time_s", "knot_times_s", "knot_rates", "frame_numbers")
+_TRAJECTORY_ARRAYS: Final = ("time_s", "knot_times_s", "knot_rates", "frame_numbers")
 """Names of the arrays that a trajectory stores in a file, apart from those of its path."""
-_OF_PATH: Final = ("frames", "places", "lengths", "knots", "frame", "left", "right", "reach")
+_PATH_ARRAYS: Final = ("frames", "places", "lengths", "knots", "frame", "left", "right", "reach")
 """Names of the arrays of its path that a trajectory stores in a file."""

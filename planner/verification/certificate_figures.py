@@ -55,11 +55,15 @@ class ToldFigures:
     def differences(self, again: Certificate, notes: list[str]) -> Differences:
         """Yield the differences from a certificate computed again, except wall time."""
         mine, theirs = _told(self.plan.certificate), _told(again)
-        aside = {"seconds", *_LOOSE}
-        loose = [*_LOOSE]
+        aside = {"seconds", *_ROUNDING_DEPENDENT_FIGURES}
+        loose = [*_ROUNDING_DEPENDENT_FIGURES]
         if self.record is None and self.plan.explosion is not None:
             aside |= {"min_clearance_record", "max_angle_record_rad"}
-            loose = [n for n in _LOOSE if n not in ("in_betweens", "min_clearance_record_at")]
+            loose = [
+                n
+                for n in _ROUNDING_DEPENDENT_FIGURES
+                if n not in ("in_betweens", "min_clearance_record_at")
+            ]
             notes.append("There is no record.npz, so figures of the record were not compared.")
         if (mine.get("robots") or [])[1:] and self.playback and self.playback.others_rad is None:
             aside |= {"exempt_pairs", "max_angle_rad"}
@@ -171,7 +175,7 @@ def _same_robots(mine: tuple[RobotFigures, ...], theirs: tuple[RobotFigures, ...
     )
 
 
-_LOOSE: Final = (
+_ROUNDING_DEPENDENT_FIGURES: Final = (
     "robots",
     "in_betweens",
     "clearance_bound",
