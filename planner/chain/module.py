@@ -14,9 +14,9 @@ from planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
 LONG_CHAIN: Final = 600
-"""Number of modules from which on a chain gets a path whose cells can be removed one by one, and is
-exploded by peeling (releasing the chain from its end, group by group). Smaller values use the
-slower general method less often. Decision 0013."""
+"""Number of modules from which on a chain counts as long: it gets a path whose cells can be removed
+one after the other, so that peeling (releasing the chain from its end, group by group) explodes it.
+Smaller values restrict the paths of more shapes. Decision 0013."""
 UNSMOOTHED_FROM_MODULES: Final = 1500
 """Number of modules above which a recorded motion is played back frame by frame, as a spline
 through it would take gigabytes. Simulated joint limits then act ``STOP_COMPLIANCE_RAD`` earlier, as

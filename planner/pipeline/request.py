@@ -36,8 +36,8 @@ MAX_SEED: Final = 2**32 - 1
 """Maximum random seed of a request: the largest unsigned integer of 32 bits. Chosen."""
 SMOOTH_SPACING_RAD: Final = 0.06
 """Distance of the control points of the curve that plays back a smoothed motion, in rad of joint
-motion. A smaller value reproduces the corners between its frames; a larger one cuts them more.
-Chosen."""
+motion. Smaller values reproduce the corners between the motion's frames; larger ones cut corners
+more. Chosen."""
 PATH_SEED_MODULUS: Final = 2**31
 """Number of different seeds of a path search; a request's seed is reduced modulo it, so that it
 fits into a signed integer of 32 bits."""

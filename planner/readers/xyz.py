@@ -17,8 +17,9 @@ from planner.readers.text import COMMENT_MARK, cells_array, coordinate, is_numbe
 from planner.shapes.shape import Shape
 
 MAX_COUNT_DIGITS: Final = 9
-"""Maximum number of digits of the number of points on the first line of an XYZ file. A longer
-number is cut one digit later, and never equals the number of points. Chosen."""
+"""Maximum number of digits of the first line of an XYZ file that states the number of points. A
+longer number is cut to one digit more, so that parsing stays fast and the number matches no file.
+Chosen."""
 
 
 def is_xyz(text: str) -> bool:

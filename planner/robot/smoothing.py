@@ -67,8 +67,8 @@ MIN_PART_FRAMES: Final = 4
 no further. Smaller values smooth finer details, more slowly. Chosen."""
 HALVING_ROUNDS: Final = 1
 """Number of rounds, at the beginning of moving a motion towards a smoothed target, in which hinges
-of colliding modules go half as far; in later rounds they do not move. Larger values follow the
-target further, more slowly. Chosen."""
+between colliding modules go half as far; in later rounds they keep their angles. Larger values
+follow the target further, more slowly. Chosen."""
 WHOLE_FRAME_FROM_ROUND: Final = 6
 """Round of moving a motion towards a smoothed target from which on a collision keeps all hinges of
 a frame in place, not only those of the colliding modules. Larger values follow the target further,

@@ -256,6 +256,8 @@ class CutPath:
 
 
 _TRAJECTORY_ARRAYS: Final = ("time_s", "knot_times_s", "knot_rates", "frame_numbers")
-"""Names of the arrays that a trajectory stores in a file, apart from those of its path."""
+"""Fields of a trajectory whose arrays are saved in its file; the arrays of the trajectory's path
+are saved in addition."""
 _PATH_ARRAYS: Final = ("frames", "places", "lengths", "knots", "frame", "left", "right", "reach")
-"""Names of the arrays of its path that a trajectory stores in a file."""
+"""Fields of a trajectory's path (the joint angles without times) whose arrays are saved in the
+trajectory's file."""

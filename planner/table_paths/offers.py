@@ -36,8 +36,8 @@ MAX_BLOCK_COUNTS: Final = 9
 """Maximum number of different numbers of 2×2×2 blocks that are tried to find a variant that can
 fold on a table. Larger values find more variants, more slowly. Chosen."""
 OFFER_DEFAULTS: Final[dict[str, Any]] = {"method": "auto", "repair": False}
-"""Options of a request that every offered variant with another number of modules sets, so that what
-was asked before does not disturb it."""
+"""Options of a request that every offered variant with another number of modules resets: the path
+method is chosen automatically, and the shape is not repaired."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
