@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 
 ROOT_FILE: Final = "zarr.json"
 DIGEST: Final = "sha256"
-"""Name of the zarr attribute with the SHA-256 digest of all other attributes."""
+"""Name of the attribute of a zarr group that holds the SHA-256 digest of all its other attributes,
+so that damaged ones are noticed."""
 CHECKSUMS: Final = "chunks"
-"""Name of the zarr attribute with the checksums of each array's chunk files; only complete groups
-have it."""
+"""Name of the attribute of a zarr group that holds the checksums of each array's chunk files, so
+that damaged ones are noticed; only completely written groups have it."""
 Checksums = dict[str, list[int | None]]
 """By name of an array: CRC-32 of each chunk file, None for a chunk that was never written."""
 

@@ -84,5 +84,5 @@ UNREADABLE: Final = (
     BadZipFile,
     zlib.error,
 )
-"""Exceptions that reading a damaged file may raise: zip, NumPy, zarr, blosc and JSON each raise
-their own."""
+"""Exceptions that mean, when a stored file is read, that the file is damaged: zip, NumPy, zarr,
+blosc and JSON each raise their own."""

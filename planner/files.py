@@ -21,15 +21,18 @@ if TYPE_CHECKING:
 
 _LOADING: Final = Lock()
 READ_ONLY_ERRORS: Final = frozenset({errno.EROFS, errno.EACCES, errno.EPERM})
-"""Error numbers (errno) of a write to a read-only disk or to a directory without permission."""
+"""Error numbers (errno) that mean, when a file is written, that the disk is read-only or permission
+is missing."""
 
 
 TEMPORARY_SUFFIX: Final = ".partial"
-"""Suffix of files and directories that are being written, as zarr names its own."""
+"""Suffix of the name of a file or directory while it is written; it is renamed when complete. The
+zarr library uses the same suffix."""
 
 
 EARLIER_TEMPORARY: Final = (".figures.zarr.*", ".*.npz.*", ".*.json.*")
-"""Patterns of the names of temporary files of earlier versions; they are removed as well."""
+"""Name patterns of the temporary files of earlier versions; such files that a killed process left
+behind are removed as well."""
 
 
 def temporary_path(path: FilePath) -> FilePath:

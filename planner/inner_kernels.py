@@ -17,8 +17,9 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.targetconfig import TargetConfig
 from numba.core.typed_passes import BaseNativeLowering
 
-ENVIRONMENT: Final = "_ZN08NumbaEnv"
-"""Prefix of the global variables that numba writes to after each compilation."""
+ENVIRONMENT_PREFIX: Final = "_ZN08NumbaEnv"
+"""Beginning of the names of those global variables in a kernel's machine code that numba writes to
+after each compilation, so that they must exist."""
 
 
 class InnerLibrary(JITCodeLibrary):
@@ -40,7 +41,7 @@ class InnerLibrary(JITCodeLibrary):
                     *(
                         f"@{name} = common global ptr null"
                         for name in variables
-                        if name.startswith(ENVIRONMENT)
+                        if name.startswith(ENVIRONMENT_PREFIX)
                     ),
                 ]
             )

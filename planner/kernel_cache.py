@@ -18,8 +18,9 @@ from typing import Any, Final
 from numba.core.caching import IndexDataCacheFile, _SourceFileBackedLocatorMixin
 
 KERNELS: Final = Path(__file__).parent / "kernels"
-IMPORT: Final = re.compile(rb"(?m)^from planner\.kernels\.(\w+) import ")
-"""Import of another file of kernels, as every file of them writes it."""
+KERNEL_IMPORT: Final = re.compile(rb"(?m)^from planner\.kernels\.(\w+) import ")
+"""Matches the line by which a file of kernels imports another one, so that a change of the imported
+file invalidates the importing file's cached machine code."""
 
 
 def compare_all_sources() -> None:
@@ -52,7 +53,7 @@ def sources(path: Path) -> tuple[Path, ...]:
         one = waiting.pop()
         if one not in found:
             found[one] = None
-            names = IMPORT.findall(one.read_bytes())
+            names = KERNEL_IMPORT.findall(one.read_bytes())
             waiting += [path.parent / f"{name.decode()}.py" for name in names]
     return tuple(sorted(found))
 

@@ -6,25 +6,27 @@ import unicodedata
 from typing import Final
 
 MAX_NAME_LENGTH: Final = 80
-"""Maximum length of a displayed name, in characters; the rest is cut off. Chosen."""
+"""Maximum length, in characters, of the displayed name of a shape or fold; the rest is cut off.
+Larger values need more space on pages. Chosen."""
 MAX_INPUT_FACTOR: Final = 20
-"""Characters of a name that are read, as a multiple of the length of the cleaned name. It bounds
-the work for hostile names; a smaller value could cut off names with many invisible characters.
-Chosen."""
+"""Maximum number of characters of a name that are read, as a multiple of the length to which it is
+cut. Larger values take more time for hostile names; smaller ones cut names with many invisible
+characters. Chosen."""
 MAX_COMBINING_MARKS: Final = 4
-"""Maximum number of combining marks that are kept on one character. Scripts need three at most;
-higher stacks cover other lines. Chosen."""
+"""Maximum number of combining marks on one character of a name; further ones are dropped. Scripts
+need three at most; larger values let stacks of marks cover other lines. Chosen."""
 _BLANKS: Final = frozenset("\u2800\u3164\uffa0\u115f\u1160\u17b4\u17b5\U0001d159\U00016fe4")
-"""Letters, marks and symbols without a visible form (Braille blank, fillers of Hangul, Khmer and
-Khitan, the null notehead); their Unicode categories do not show that."""
+"""Characters without a visible form that are removed from names, although their Unicode categories
+are those of letters, marks and symbols (Braille blank, fillers of Hangul, Khmer and Khitan, the
+null notehead)."""
 _IGNORABLE_MARKS: Final = (
     (0x034F, 0x034F),
     (0x180B, 0x180F),
     (0xFE00, 0xFE0F),
     (0xE0100, 0xE01EF),
 )
-"""Ranges of code points (first, last) of marks without a visible form: joiners and variation
-selectors."""
+"""Ranges of code points (first, last) of marks without a visible form that are removed from names:
+joiners and variation selectors."""
 
 
 def clean_name(name: str, *, max_length: int = MAX_NAME_LENGTH) -> str:

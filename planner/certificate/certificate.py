@@ -35,14 +35,14 @@ from planner.progress import Cancelled, Progress, Report, never, silent
 
 Array = NDArray[np.float64]
 MAX_VERIFIED_ERROR_PITCH: Final = 0.01
-"""Maximum RMS position error at the end of a simulated playback that is verified, pitches. Larger
-values verify worse shapes. Chosen."""
+"""Maximum RMS position error of the modules, in pitches, at the end of a simulated playback that is
+certified as verified. Larger values verify less exact shapes. Chosen."""
 MAX_START_ERROR_PITCH: Final = 1e-6
-"""Maximum distance of modules from their cells at the beginning of a refold, pitches: rounding.
-Chosen."""
+"""Maximum distance, in pitches, of modules from the cells of the first shape at the beginning of a
+playback from one shape to another: rounding. A larger distance fails the certificate. Chosen."""
 MOVING_SPEED_SHARE: Final = 0.1
-"""Minimum speed of a moving hinge as a fraction of the fastest one's. Larger values count fewer.
-Chosen."""
+"""Minimum speed of a hinge that counts as moving, as a fraction of the fastest hinge's speed at
+that time; certificates report the number of moving hinges. Larger values count fewer. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,12 +38,15 @@ from planner.parameters.parameters import Parameters
 
 Array = NDArray[np.float64]
 SPLINE_MARGIN_FRAMES: Final = 32
-"""Number of frames beyond each end of a chunk that its spline is fitted to as well. A frame's
-influence falls to a quarter from one to the next, so 32 make chunks independent of their ends."""
+"""Number of frames beyond each end of a chunk that the chunk's spline is fitted to as well. A
+frame's influence falls to a quarter from one frame to the next, so that 32 make rates and
+accelerations independent of the division into chunks."""
 MAX_MEASURE_THREADS: Final = 4
-"""Maximum number of threads that measure frames (memory). Chosen."""
+"""Maximum number of threads that compute figures of a plan's frames. Larger values are faster on
+more cores and take more memory. Chosen."""
 MIN_MOVING_RATE_RAD_S: Final = 1e-9
-"""Speed of the fastest hinge, rad/s, up to which none counts as moving. Chosen."""
+"""Speed of the fastest hinge, in rad/s, up to which no hinge of a frame counts as moving, because
+such speeds are rounding. Chosen."""
 EXPLOSION: Final = PHASES.index("explosion")
 
 

@@ -25,11 +25,14 @@ Floats = NDArray[np.float32]
 Integers = NDArray[np.int32]
 FIGURES_FORMAT: Final = "foldback-figures/1"
 CLEARANCE_REACH_PITCH: Final = 1.0
-"""Cap of the stored clearances, pitches. Larger values need more pairs of modules. Chosen."""
+"""Maximum clearance of a module that is stored for plots, in pitches; larger ones are cut to it.
+Larger values compute more pairs of modules, more slowly. Chosen."""
 FRAMES_A_CHUNK: Final = 128
-"""Number of frames in a chunk of the figures of modules and hinges. Chosen."""
+"""Number of frames in one zarr chunk of figures with a value for each module or hinge. Larger
+values make fewer files, of which a viewer loads more at once. Chosen."""
 FRAMES_A_CURVE: Final = 8192
-"""Number of frames in a chunk of the curves, which have one number a frame. Chosen."""
+"""Number of frames in one zarr chunk of figures with one value for each frame. Larger values make
+fewer and larger files. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -33,16 +33,19 @@ from planner.statics.stable_poses import resting_poses
 
 Array = NDArray[np.float64]
 MAX_TABLE_ENTRY_PITCH: Final = 0.02
-"""Maximum depth of modules in the table, pitches: as far as they may stand above it. Larger values
-accept worse plans. Chosen."""
+"""Maximum depth of modules below the table's surface, in pitches, in a plan that is verified for a
+table. Larger values accept worse plans. Chosen: as far as modules may stand above the table."""
 ON_TABLE_TOLERANCE_PITCH: Final = 0.1
-"""Maximum distance of the lowest corner of every frame from the floor, pitches, for which a motion
-counts as being on the table. Larger values take more motions as they are. Chosen."""
+"""Maximum distance, in pitches, of every frame's lowest corner from the table, for which a motion
+counts as made on the table; other motions are laid down on it frame by frame. Larger values take
+more motions as they are. Chosen."""
 BALANCE_CHUNK_FRAMES: Final = 32
-"""Number of frames that one task of a thread balances, each starting from the solution of the one
-before. Chosen."""
+"""Number of consecutive frames whose equilibrium on the table one thread computes, each starting
+from the solution of the frame before. Larger values are faster per frame and use fewer threads.
+Chosen."""
 MAX_FRICTION: Final = 2.0
-"""Maximum coefficient of friction μ that is accepted. Chosen."""
+"""Maximum accepted coefficient of friction μ between modules and table; larger ones are refused as
+implausible. Chosen."""
 
 
 def table_certificate(

@@ -12,7 +12,8 @@ from planner.certificate.figures import CertificateFigures, FoldSummary, Playbac
 SIMULATED: Final = "verified (simulated)"
 KINEMATICS_ONLY: Final = "verified (kinematics only)"
 NOT_TOLD: Final = "verified (whether it was simulated is not known)"
-"""Verdict of an earlier version's certificate that does not state if the playback was simulated."""
+"""Verdict that replaces ``verified`` in certificates of earlier versions, which do not state if the
+playback was simulated."""
 
 
 def told_honestly(
@@ -43,11 +44,11 @@ def told_honestly(
         verdict = f"failed: {verdict.removeprefix('verified with gaps: ')}"
     elif verdict == "verified":
         verdict = {True: SIMULATED, False: KINEMATICS_ONLY, None: NOT_TOLD}[simulated]
-    unknown = dict.fromkeys(name for name in _LATER if name not in values)
+    unknown = dict.fromkeys(name for name in _FIGURES_ADDED_LATER if name not in values)
     # What was proved then was of the plan alone.
-    unproved = dict.fromkeys(_OF_SIMULATION if simulated is False else ("clearance_bound",))
+    unproved = dict.fromkeys(_SIMULATION_FIGURES if simulated is False else ("clearance_bound",))
     if simulated is None:
-        unproved |= dict.fromkeys(_OF_SIMULATION)
+        unproved |= dict.fromkeys(_SIMULATION_FIGURES)
     told = {**values, **unknown, **unproved, "verdict": verdict, "simulated": simulated}
     return cast(CertificateFigures, told)
 
@@ -56,24 +57,26 @@ def summary_told_honestly(summary: FoldSummary) -> FoldSummary:
     """Return a plan's summary without figures that were reported without a simulation."""
     told, playback = summary.copy(), summary.get("playback")
     if playback is not None and playback.get("kind") == "kinematic":
-        nothing = dict.fromkeys(_OF_DYNAMIC_PLAYBACK)
+        nothing = dict.fromkeys(_DYNAMIC_PLAYBACK_FIGURES)
         told["playback"] = playback = cast(PlaybackFigures, {**playback, **nothing})
     if certificate := summary.get("certificate"):
         told["certificate"] = told_honestly(certificate, playback)
     return told
 
 
-_OF_DYNAMIC_PLAYBACK: Final = ("rms_position_error", "max_angle_error_rad")
-"""Figures of a playback's summary that a kinematic one does not have."""
-_OF_SIMULATION: Final = (
+_DYNAMIC_PLAYBACK_FIGURES: Final = ("rms_position_error", "max_angle_error_rad")
+"""Figures in a summary of a playback that only a dynamic simulation has; they become None for a
+kinematic playback."""
+_SIMULATION_FIGURES: Final = (
     "min_clearance_playback",
     "min_clearance_playback_at",
     "rms_position_error",
     "max_position_error",
     "max_angle_error_rad",
 )
-"""Figures of a certificate that a plan without a simulated playback does not have."""
-_LATER: Final = (
+"""Figures of a certificate that only a simulated playback has; they become None for plans that were
+not simulated."""
+_FIGURES_ADDED_LATER: Final = (
     "exempt_pairs",
     "min_clearance_record_at",
     "frames",
@@ -83,4 +86,5 @@ _LATER: Final = (
     "torque_source",
     "torque_frames",
 )
-"""Figures that certificates of earlier versions lack; they become None."""
+"""Figures of a certificate that earlier versions did not compute; they become None when a
+certificate of an earlier version is read."""

@@ -22,8 +22,8 @@ from planner.errors import InputError
 
 Array = NDArray[np.float64]
 OVERLAP_TOLERANCE = 0.98
-"""Module size, as a fraction of the pitch, at which a folded chain must not overlap. Larger values
-refuse more chains. Chosen."""
+"""Module size, as a fraction of the pitch, at which the modules of a folded chain must not overlap;
+a chain in which they do is refused. Larger values refuse more chains. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

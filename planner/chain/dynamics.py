@@ -15,10 +15,11 @@ from planner.kernels.module import Lumps
 
 Array = NDArray[np.float64]
 MIN_ANGLES_PER_THREAD: Final = 20_000
-"""Minimum number of joint angles (hinges × frames) for which another thread is started; with fewer
-its start costs more than it saves. Chosen."""
+"""Minimum number of joint angles (hinges × frames) per thread that computes torques. Smaller values
+start threads that cost more than they save. Chosen."""
 MIN_SPLINE_TIMES: Final = 4
-"""Minimum number of times of a cubic spline."""
+"""Minimum number of different times of a motion whose rates and accelerations are computed by a
+cubic spline; they are NaN for shorter motions."""
 
 
 def floating_torques(

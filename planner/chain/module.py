@@ -14,15 +14,17 @@ from planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
 LONG_CHAIN: Final = 600
-"""Number of modules above which a chain is exploded by peeling, along a path that is made for it:
-docs/decisions/0013-peeling.md."""
+"""Number of modules from which on a chain counts as long: it gets a path whose cells can be removed
+one after the other, so that peeling (releasing the chain from its end, group by group) explodes it.
+Smaller values restrict the paths of more shapes. Decision 0013."""
 UNSMOOTHED_FROM_MODULES: Final = 1500
-"""Number of modules above which a record is played back frame by frame: a spline through it would
-take gigabytes. Simulated stops then begin ``STOP_COMPLIANCE_RAD`` inside the range, as no curve
-cuts the angles that pass them. Chosen."""
+"""Number of modules above which a recorded motion is played back frame by frame, as a spline
+through it would take gigabytes. Simulated joint limits then act ``STOP_COMPLIANCE_RAD`` earlier, as
+no spline cuts the angles that exceed them. Chosen."""
 RELIEF_SAMPLES: Final = 64
-"""Number of points along each side of a module at which the volume of its relief (the material that
-linked modules may not have) is sampled. Larger values are more exact and slower. Chosen."""
+"""Number of points along each side of a module at which its relief is sampled (material that must
+be removed so that linked modules can turn), to compute its volume. Larger values are more exact and
+slower. Chosen."""
 
 
 def _frozen(values: object) -> Array:
@@ -218,7 +220,8 @@ CUBE: Final = Module(
     fills_cell=True,
     geom="box",
 )
-"""Cubes, each link of length 1, a universal joint (hinges z, then y) at each cube's centre."""
+"""Cubic module: a universal joint (hinge about z, then about y) at each cube's centre, and links of
+one pitch to the next cube."""
 
 _SIDE: Final = np.sqrt(0.5)
 _SLANT: Final = np.sqrt(1.0 / 3.0)
@@ -249,11 +252,9 @@ TETRAHEDRON: Final = Module(
     fills_cell=False,
     geom="mesh",
 )
-"""Right-angle tetrahedra (tetragonal disphenoids), hinged to each other along their long edges.
-
-The middles of a module's hinges are one pitch apart, its long edges two pitches, the others √3. At
-±90° two neighbours lie face to face, so a hinge turns hardly farther.
-"""
+"""Tetrahedral module (right-angle tetrahedron, or tetragonal disphenoid), hinged to its neighbours
+along its two long edges of two pitches; the other edges have √3 pitches. The middles of its hinges
+are one pitch apart. Neighbours lie face to face at ±90°, so a hinge turns hardly farther."""
 
 MODULES: Final[dict[str, Module]] = {module.name: module for module in (CUBE, TETRAHEDRON)}
 

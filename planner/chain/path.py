@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import InputError
 
 MAX_COORDINATE: Final = 1_000_000
-"""Maximum magnitude of the coordinates of cells. Chosen."""
+"""Maximum magnitude of a cell's coordinate in an input, in cells; a larger one is refused. It keeps
+all arithmetic with cells exact. Chosen."""
 MIN_CELLS: Final = 3
-"""Minimum number of cells of a path: a shorter chain has no joint."""
+"""Minimum number of cells of a path for a chain: a shorter chain has no joint, and is refused."""
 DEFAULT_PITCH_M: Final = 0.01
-"""Metres between neighbouring modules where a file does not say: one centimetre, as published."""
+"""Distance between neighbouring modules, in m, for files that state none: one centimetre, as in the
+published method."""
 MIN_PITCH_M: Final = 1e-6
 MAX_PITCH_M: Final = 1000.0
 

@@ -13,7 +13,7 @@ from planner.chain.rotations import matrix_from_wxyz
 
 Array = NDArray[np.float64]
 GRAVITY_M_S2: Final = 9.81
-"""Standard gravity, rounded."""
+"""Standard acceleration of gravity, rounded, in m/s²."""
 
 
 def static_torque(chain: Chain, angles_rad: Array) -> float:

@@ -22,7 +22,8 @@ from planner.errors import InputError
 
 Nodes = NDArray[np.int64]
 MIN_NODES = 3
-"""Minimum number of nodes of a trail: a shorter chain has no hinge."""
+"""Minimum number of nodes (hinges' middles and both ends) of a trail, the path of a chain of
+tetrahedra: a shorter chain has no hinge, and is refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

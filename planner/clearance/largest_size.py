@@ -14,13 +14,15 @@ from planner.motion.motion import Motion
 
 Array = NDArray[np.float64]
 FULL_SIZE: Final = 1.0
-"""Module size in pitches at which neighbours touch: the largest one that is tried."""
+"""Module size, in pitches, at which neighbours touch: the upper limit of the search for the largest
+module size without collisions."""
 SIZE_STEP: Final = 0.002
-"""Difference in pitches of two module sizes that are tried. Smaller ones find larger modules and
-need more sweeps. Chosen."""
+"""Step, in pitches, of the search for the largest module size without collisions. Smaller values
+find larger sizes and need more collision checks of the motion. Chosen."""
 MAX_SIZE_STEPS: Final = 12
-"""Maximum number of sizes that are tried; beyond it the answer is the size known to be clear.
-Chosen."""
+"""Maximum number of module sizes that are tried to find the largest one without collisions; beyond
+it the search returns the size that is known to be clear. Larger values find larger sizes, more
+slowly. Chosen."""
 
 
 def largest_size(chain: Chain, motions: Sequence[Motion | Array], *, clear_at: float) -> float:

@@ -19,10 +19,11 @@ from planner.kernels.linked import Link, deepest_overlap
 from planner.motion.motion import Motion, as_motion
 
 Array = NDArray[np.float64]
-LINKED: Final = "consecutive modules (i, i+1)"
-"""Value of ``ExemptPairs.rule`` for cubes."""
-NONE: Final = "none"
-"""Value of ``ExemptPairs.rule`` if all pairs are checked."""
+RULE_LINKED: Final = "consecutive modules (i, i+1)"
+"""Text for certificates of chains of cubes: the rule by which consecutive modules, which overlap at
+their common joint, are exempt from the collision check."""
+RULE_NONE: Final = "none"
+"""Text for certificates that no pair of modules is exempt from the collision check."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +110,7 @@ def exempt_pairs(chain: Chain, motions: Sequence[Motion | Array], *, size: float
             depth = found.depth
             where = Place(frame=found.frame, modules=(holds, holds + 1))
     return ExemptPairs(
-        rule=LINKED if pairs else NONE,
+        rule=RULE_LINKED if pairs else RULE_NONE,
         apart=module.apart,
         count=pairs,
         worst_overlap=depth if motions else None,

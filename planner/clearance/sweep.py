@@ -36,19 +36,22 @@ from planner.progress import Cancelled, never
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 FRAMES_PER_TASK: Final = 64
-"""Number of frames that one task of a thread sweeps. Fewer cost more calls, more leave threads idle
-at the end of a motion. Chosen."""
+"""Number of frames between which one task of a thread checks for collisions. Smaller values cost
+more calls; larger ones leave threads idle at the end of a motion. Chosen."""
 MAX_THREADS: Final = 4
-"""Maximum number of threads of one sweep. More take processors from other folds. Chosen."""
+"""Maximum number of threads that check one motion for collisions. Larger values check faster and
+take processors from other folds. Chosen."""
 CLEARANCE_CAP: Final = 0.2
-"""Clearance in pitches from which on clearances are not told apart. A larger value makes more pairs
-near, and sweeps slower. Chosen."""
+"""Distance of modules, in pitches, from which on their exact clearance is not computed. Larger
+values compute more pairs of modules, so that collision checks are slower. Chosen."""
 EXTENDED_CLEARANCE_CAP: Final = 3.0
-"""Cap in pitches for a motion without a pair below ``CLEARANCE_CAP``, as a short chain may have it.
-Chosen."""
+"""Distance of modules, in pitches, from which on their exact clearance is not computed, for motions
+(mostly of short chains) whose modules all stay farther apart than ``CLEARANCE_CAP``. Larger values
+are slower. Chosen."""
 BOUND_RATIO: Final = 0.9
-"""Fraction (0…1) of the least clearance seen that a lower bound should reach. Larger values tighten
-the bound and need more bisections: table of decision 0012."""
+"""Fraction, from 0 to 1, of the smallest clearance seen in a motion that its proved lower bound
+should reach. Larger values tighten the bound and need more bisections between frames: table in
+decision 0012."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

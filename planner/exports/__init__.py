@@ -114,7 +114,7 @@ EXPORTS: Final = (
         shared=True,
     ),
 )
-"""All formats, in the order in which they are offered."""
+"""All file formats in which a plan can be exported, in the order in which they are offered."""
 
 
 def exports_of(*, moving: bool) -> tuple[Export, ...]:

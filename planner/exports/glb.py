@@ -21,21 +21,24 @@ from planner.plan.plan import Plan
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 MIN_KEYFRAME_TOLERANCE: Final = 3e-3
-"""Largest distance, in pitches, and largest difference of unit quaternions between a frame of the
-plan and the animation interpolated from keyframes. Smaller values need more keyframes; the
-tolerance is doubled until they fit into ``MAX_KEYFRAME_BYTES``. Chosen."""
+"""Maximum difference between the plan and the animation interpolated from keyframes, in pitches and
+in components of unit quaternions. Smaller values need more keyframes; the tolerance is doubled
+until they fit into ``MAX_KEYFRAME_BYTES``. Chosen."""
 MAX_KEYFRAME_BYTES: Final = 32 * 2**20
 """Maximum size of all keyframes of a GLB file, in bytes. A smaller value makes the animation follow
 the plan less closely. Chosen."""
 POSE_BYTES_SINGLE: Final = 28
-"""Bytes of one pose in a GLB file: position and quaternion, seven numbers of single precision."""
+"""Size of one module's pose in a GLB animation, in bytes: position and quaternion, seven numbers of
+single precision."""
 MAX_POSES_AT_ONCE: Final = 200_000
-"""Maximum number of module poses that are computed at once. Larger values take more memory; the
-file stays the same. Chosen."""
+"""Maximum number of module poses (frames × modules) that are computed at once to write a GLB
+animation. Larger values take more memory; the file stays the same. Chosen."""
 GL_FLOAT: Final = 5126
-"""Code of a component of single precision (glTF 2.0, ``accessor.componentType``)."""
+"""Code for numbers of single precision in a glTF file (``accessor.componentType`` in the glTF 2.0
+specification)."""
 GL_ARRAY_BUFFER: Final = 34962
-"""Code of a buffer view with vertex attributes (glTF 2.0, ``bufferView.target``)."""
+"""Code for binary data with vertex attributes in a glTF file (``bufferView.target`` in the glTF 2.0
+specification)."""
 Z_UP_TO_Y_UP_XYZW: Final = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
 """Rotation from the planner's frame (z up) to glTF's (y up): −90° about x, as a quaternion (x, y,
 z, w)."""

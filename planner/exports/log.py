@@ -30,7 +30,7 @@ from planner.plan.plan import Plan
 
 Array = NDArray[np.float64]
 SECOND_NS: Final = 1_000_000_000
-"""Nanoseconds in a second."""
+"""Number of nanoseconds in a second; ROS 2 logs state times in nanoseconds."""
 WRITER_LIBRARY: Final = "foldback"
 WORLD_FRAME: Final = "world"
 SEPARATOR: Final = "\n" + "=" * 80 + "\n"
@@ -66,8 +66,8 @@ MESSAGE_DEFINITIONS: Final = {
     ),
     "std_msgs/msg/String": "string data",
 }
-"""ROS 2 message definitions (common_interfaces) by message type, each followed by the definitions
-of the types in it."""
+"""Definitions of the ROS 2 message types in an exported log, from ROS 2's common_interfaces; each
+is followed by the definitions of the types that it contains, as the MCAP format requires."""
 TOPIC_TYPES: Final = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
@@ -88,8 +88,8 @@ QOS_TEMPLATE: Final = """\
   liveliness_lease_duration: {{sec: 9223372036, nsec: 854775807}}
   avoid_ros_namespace_conventions: false
 """
-"""Offered quality of service of a topic, in the YAML that rosbag2 stores in a channel's metadata:
-keep last, reliable, automatic liveliness, no time limits."""
+"""Quality of service of a topic in an exported log, in the YAML that ROS 2's rosbag2 reads when it
+replays the log: keep last, reliable, automatic liveliness, no time limits."""
 
 
 class _Log:

@@ -22,8 +22,8 @@ MAX_TREE_MODULES: Final = 800
 into pieces joined by welds (``planner.exports.mjcf_pieces``), as deep nesting exceeds MuJoCo's
 parser. Chosen."""
 KEY_PERCENTS: Final = (0, 25, 50, 75, 100)
-"""Times of the model's keyframes ``at_0`` to ``at_100``, in percent of the fold's duration.
-Chosen."""
+"""Moments of the plan, in percent of its duration, that an MJCF model offers as keyframes named
+``at_0`` to ``at_100``. Chosen."""
 _NUMBERED_BODY: Final = re.compile(r'(<body name|\bbody[12])="((?:module|ghost)_\d+)"')
 
 

@@ -20,8 +20,8 @@ from planner.simulation.model import hinge_names
 
 Array = NDArray[np.float64]
 MODULES_PER_TREE = 64
-"""Modules in each kinematic tree of a split chain. Larger values need fewer welds and nest bodies
-more deeply. Chosen."""
+"""Number of modules in each kinematic tree of an MJCF model of a long chain; trees are joined by
+weld constraints. Larger values need fewer welds and nest bodies more deeply. Chosen."""
 
 
 def starts_of(chain: Chain) -> list[int]:

@@ -24,8 +24,8 @@ from planner.simulation.model import hinge_names
 
 Array = NDArray[np.float64]
 MESH_FILE: Final = "module.obj"
-"""File name of a tetrahedron's mesh, in metres. OBJ, as Drake reads no STL for collisions; all
-other simulators read OBJ, too."""
+"""File name of a tetrahedral module's mesh beside a URDF model, in metres. It is an OBJ file,
+because Drake reads no STL for collisions and all other simulators read OBJ, too."""
 DRAKE_NAMESPACE: Final = "https://drake.mit.edu"
 HINGE_LINK_MASS_FRACTION: Final = 0.01
 """Mass of the link between two hinges of one joint, as a fraction of a module's mass. Simulators
@@ -33,7 +33,8 @@ reject links without mass; a larger value moves more mass from the modules to th
 Chosen."""
 
 NO_ROTATION_RPY: Final = np.zeros(3)
-"""Roll, pitch and yaw, in rad, of a frame that is parallel to its parent's."""
+"""Roll, pitch and yaw, in rad, for the origin of a URDF element whose frame is parallel to its
+parent's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

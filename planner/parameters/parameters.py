@@ -16,14 +16,16 @@ from planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParam
 
 World = Literal["floating", "table"]
 PRESETS: Final = ("default", "paper", "direct")
-"""Names of parameter sets: foldback's own, the published method, and direct servoing."""
+"""Names of sets of parameters: foldback's own method (``default``), the published method
+(``paper``), and servos that turn straight to the shape's angles (``direct``)."""
 BASELINE: Final = "one-by-one"
 STRATEGIES: Final = ("simultaneous", "blocks", "peel", BASELINE)
 AUTO: Final = "auto"
 STRATEGY_OPTIONS: Final = (AUTO, *STRATEGIES)
 FLOATING: Final = "floating"
 WORLDS: Final = (FLOATING, "table")
-"""Names of worlds: without gravity, or on a table under gravity."""
+"""Names of environments in which a chain folds: floating without gravity, or on a table under
+gravity."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

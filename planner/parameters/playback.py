@@ -9,7 +9,8 @@ from typing import Final
 from planner.parameters.setting import Setting, setting, shared
 
 ENCODER_STEP_RAD: Final = 2.0 * math.pi / 2**18
-"""Resolution of a joint encoder with 18 bits per turn, rad."""
+"""Resolution of a simulated joint encoder with 18 bits per turn, in rad. A larger value makes the
+servos' control less exact."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -190,4 +190,5 @@ class PaperExplosionParameters:
 PUBLISHED_PLAYBACK: Final = PlaybackParameters(
     controller="paper", step_s=0.01, friction=0.1, damping=0.1, gain=60.0, dynamic_up_to=600
 )
-"""Playback of the presets ``paper`` and ``direct``: the paper's values where it gives them."""
+"""Playback parameters of the presets ``paper`` and ``direct``: the values of the published method
+where the paper states them."""

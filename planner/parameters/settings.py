@@ -22,23 +22,27 @@ from planner.parameters.published import PaperExplosionParameters
 from planner.parameters.setting import Group, Setting, Value, setting_of
 
 MAX_TEXT_CHARS: Final = 500
-"""Maximum length of a text of settings. Chosen: all settings at once fit."""
+"""Maximum length, in characters, of a request's text of settings (``name=value`` pairs); a longer
+one is refused. Chosen: all settings at once fit."""
 NO_LIMIT: Final = "none"
 NUMBER: Final = re.compile(
     r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?|[+-]?\.[0-9]+([eE][+-]?[0-9]+)?"
 )
 MAX_TURN_PER_STEP: Final = 1.0
 """Maximum fraction of its remaining error by which a servo of the published method may turn in one
-time step; settings that exceed it are refused. Above 1 it overshoots its target."""
+simulation step (gain × time step); settings with more are refused. Above 1 a servo overshoots its
+target."""
 PARTS: Final = {
     "explosion": PaperExplosionParameters,
     "playback": PlaybackParameters,
     "robot": RobotParameters,
     "table": TableParameters,
 }
-"""Parameter classes with settings, by the part of ``Parameters`` that they are."""
+"""Classes of parameters that settings can change, by the part of ``Parameters`` that each
+describes."""
 IDEAL: Final = "robots=0"
-"""Settings of an ideal robot; only the resolution of its encoders is left as an error."""
+"""Text of settings that simulates one ideal robot instead of several with random errors; only the
+resolution of its encoders remains as an error."""
 
 
 def _described_fields() -> Iterator[tuple[str, str, Setting | str]]:
@@ -54,8 +58,8 @@ _BY_NAME: Final = {
     found.name: found for _, _, found in _described_fields() if isinstance(found, Setting)
 }
 _FIELDS: Final[dict[str, dict[str, str]]] = {name: {} for name in _BY_NAME}
-"""Name of the parameter that a setting sets, by the setting's name and by the class of ``PARTS``
-that has it."""
+"""Name of the field that a setting changes, by the setting's name and then by the part of
+``Parameters`` (a key of ``PARTS``) that has the field."""
 for _part, _field, _found in _described_fields():
     _FIELDS[_found if isinstance(_found, str) else _found.name][_part] = _field
 

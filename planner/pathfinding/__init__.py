@@ -11,6 +11,7 @@ from typing import Final, TypeAlias
 Cell: TypeAlias = tuple[int, int, int]
 
 PATH_METHODS: Final = ("auto", "blocks", "exact", "snake")
-"""Methods that a request may name."""
+"""Methods of searching a path through a shape that a request may name."""
 PATH_ENDS: Final = ("any", "surface")
-"""Allowed ends of a path: any cell, or cells with a free face."""
+"""Where a request may want the two ends of a path through a shape: in any cells, or only in cells
+with a free face."""

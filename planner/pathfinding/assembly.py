@@ -24,20 +24,21 @@ from planner.shapes.layers import layered_path
 Ints = NDArray[np.int64]
 
 MAX_SEARCHES: Final = 6
-"""Maximum number of searches for one path through coarse blocks, along different axes. Larger
-values find more paths, more slowly. Chosen."""
+"""Maximum number of searches for one path through blocks of cells, in layers along z, y and x in
+turn. Larger values find more paths, more slowly. Chosen."""
 PATHS_PER_SIDE: Final = 3
-"""Number of random paths for each side of block. Larger values find better ones, more slowly.
-Chosen."""
+"""Number of random paths that are made for each length of the blocks' sides, in cells, into which a
+shape can be divided. Larger values find better paths, more slowly. Chosen."""
 VISITS_PER_BLOCK: Final = 10
-"""Maximum number of block visits of one search, per block. Larger values find harder paths, more
-slowly. Chosen."""
+"""Maximum number of steps of one search for a path through blocks of cells, as a multiple of the
+number of blocks. Larger values find harder paths, more slowly. Chosen."""
 MAX_EXTRA_VISITS: Final = 6000
-"""Maximum number of block visits of one search beyond one per block. Measured: longer searches
-found no more paths."""
+"""Maximum number of steps of one search for a path through blocks of cells, in addition to one for
+each block. Larger values search longer in vain. Measured: longer searches found no more paths."""
 LAYER_WEIGHT: Final = 3.0
-"""Weight of a block's height relative to a random number from 0 to 1 in the choice of the next
-block. Larger values keep a path to the lowest layers. Chosen."""
+"""Weight of a block's height, in blocks, relative to a random number from 0 to 1, in the choice of
+a path's next block. Larger values fill the lowest layers first, so that a path can be built
+upwards; smaller ones make more varied paths. Chosen."""
 
 
 def from_better_end(cells: Ints) -> Ints:

@@ -35,7 +35,8 @@ Tree: TypeAlias = Literal["bfs", "dfs", "random"]
 
 BLOCK_CORNERS: Final = tuple(product((0, 1), repeat=3))
 FACES: Final = tuple(product(range(3), (0, 1)))
-"""The faces of a block: the axis they are square to, and on which side; face k ^ 1 is opposite."""
+"""Faces of a 2×2×2 block as (axis, side): the axis (0 to 2) that the face is perpendicular to, and
+its lower (0) or upper (1) side. The faces with indices k and k ^ 1 are opposite."""
 
 Edge: TypeAlias = tuple[int, int]
 """Two corners of a block, the lower number first."""

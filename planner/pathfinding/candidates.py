@@ -30,18 +30,19 @@ Ends: TypeAlias = Literal["any", "surface"]
 
 ASSEMBLY: Final = "assembly"
 PATHS_PER_CANDIDATE: Final = 4
-"""Number of paths that are searched for each returned one. Larger values return better ones, more
-slowly. Chosen."""
+"""Number of paths through a shape that are made for each one that the search returns (the best
+ones). Larger values return better paths, more slowly. Chosen."""
 MAX_KNOT_CELLS: Final = 10_000
-"""Number of cells or tetrahedra up to which a path is tested for a knot. Chosen; bounds time."""
+"""Maximum number of cells or tetrahedra of a path that is tested for a knot, which would keep the
+chain from unfolding. Larger values test longer paths, more slowly. Chosen."""
 NO_ASSEMBLY: Final = (
     "No path was found whose cells can be removed one by one. The cells may be neither a box nor "
     "2×2×2 blocks, their layers may have several parts, or such a path may need other ends. Use "
     "blocks or exact."
 )
 MAX_CHOICE_MODULES: Final = 20_000
-"""Number of cells or tetrahedra up to which several paths are made; larger shapes get one. Chosen;
-bounds time."""
+"""Maximum number of cells or tetrahedra of a shape for which several paths are made, to choose the
+best; larger shapes get one. Larger values find better paths, more slowly. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

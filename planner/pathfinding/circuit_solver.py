@@ -18,14 +18,14 @@ Arc = tuple[int, int]
 Status = Literal["found", "infeasible", "undecided"]
 
 CONFLICTS_PER_EFFORT: Final = 80_000
-"""Conflicts of the SAT solver that count as an effort of 1, about a second of processor time.
-Measured."""
+"""Conflicts of the SAT solver that make up one unit of effort, the deterministic measure of time
+that limits a path search: about one second of processor time. Measured."""
 CONFLICTS_PER_ROUND: Final = 20
-"""Number of conflicts that each call of the SAT solver counts as in addition to its own, for the
-work around it. Chosen."""
+"""Conflicts that every call of the SAT solver adds to its own, where effort is counted, for the
+work around the call. Larger values end a path search earlier. Chosen."""
 MAX_CONFLICTS_PER_CALL: Final = 2000
-"""Number of conflicts after which a call of the SAT solver returns, so that time limits and Ctrl-C
-are checked. Larger values delay these. Chosen."""
+"""Maximum number of conflicts of one call of the SAT solver; between calls, time limits and Ctrl-C
+are checked. Larger values delay these checks. Chosen."""
 
 
 class CircuitSolver:

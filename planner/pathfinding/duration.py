@@ -8,18 +8,23 @@ from planner.chain.module import LONG_CHAIN
 from planner.parameters.parameters import FLOATING
 
 CHOICE_FACTOR: Final = 8.0
-"""Ratio of the durations of a fold that chooses among plans and of a single one. Measured."""
+"""Expected duration of a fold that computes several plans and chooses the best, relative to a fold
+that takes the first one. A larger value announces longer durations. Measured."""
 MAX_IMPROVING_S: Final = 300.0
-"""Maximum additional duration of a fold that chooses among plans. Chosen."""
+"""Maximum expected time, in s, by which a fold that chooses the best of several plans takes longer
+than a fold that takes the first one. A larger value announces longer durations. Chosen."""
 
 TABLE_MODULES: Final = 96
-"""Number of modules at which ``TABLE_S`` was measured and the growth changes."""
+"""Number of modules of the fold on a table whose duration was measured (``TABLE_S``); beyond it the
+expected duration grows more slowly."""
 TABLE_S: Final = 330.0
-"""Duration of a fold of ``TABLE_MODULES`` modules on a table. Measured: 6 minutes, and 8 for 88
-with a second attempt (docs/decisions/0026-tables.md)."""
+"""Duration, in s of processor time, of a fold of 96 modules on a table, from which other durations
+are estimated; a larger value announces longer ones. Measured: 6 minutes, and 8 for 88 modules with
+a second attempt (decision 0026)."""
 TABLE_POWERS: Final = (3.5, 2.0)
-"""Powers of the number of modules with which that time grows: up to ``TABLE_MODULES``, fitted to
-2 s of 24 modules and 29 to 62 s of 64, and beyond, where attempts end because they get stuck."""
+"""Exponents of the number of modules in the expected duration of a fold on a table. The first holds
+up to ``TABLE_MODULES``; fitted to 2 s for 24 modules and 29 to 62 s for 64. The second holds
+beyond, where attempts get stuck and end early."""
 
 
 def expected_seconds(

@@ -20,19 +20,23 @@ from planner.shapes.shape import Shape
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-REVERSED_CELLS: Final = 40_000_000
-"""Maximum number of cells that the backbite moves of one attempt may reverse, about 0.25 s of
-processor time. Larger values find harder paths, more slowly. Chosen."""
+MAX_REVERSED_CELLS: Final = 40_000_000
+"""Maximum number of cells that one attempt at a path may reverse by backbite moves (a random change
+of a path's end), about 0.25 s of processor time. Larger values find harder paths, more slowly.
+Chosen."""
 MOVES_PER_CELL: Final = 20
-"""Minimum number of backbite moves of one attempt per cell. Larger values find harder paths, more
-slowly. Chosen."""
+"""Minimum number of backbite moves (a random change of a path's end) of one attempt at a path, per
+cell of the shape. Larger values find harder paths, more slowly. Chosen."""
 EASING_MOVES: Final = 200_000
-"""Number of annealing moves that bring touching cells closer along a path. Chosen."""
+"""Number of simulated annealing moves that change a path so that neighbouring cells lie closer
+along it, which makes the chain easier to unfold. Larger values find easier paths, more slowly.
+Chosen."""
 MAX_EASED_CELLS: Final = 600
-"""Number of cells up to which a path is annealed; every move visits all of them. Chosen; bounds
-time."""
+"""Maximum number of cells of a path that simulated annealing makes easier to unfold; every move
+visits all cells. Larger values ease longer paths, more slowly. Chosen."""
 FAST_ATTEMPTS: Final = 6
-"""Number of fast attempts by backbite moves before each call of the exact solver. Chosen."""
+"""Number of random attempts at a path (backbite moves) before each call of the exact solver. Larger
+values find paths through easy shapes faster and prove impossible ones later. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -134,7 +138,7 @@ class _Search:
         self.cells, self.ends, self.start, self.rng = cells, ends, start, rng
         self.near = neighbours(cells)
         self.least = MOVES_PER_CELL * len(cells)
-        self.moves = max(self.least, REVERSED_CELLS // len(cells))
+        self.moves = max(self.least, MAX_REVERSED_CELLS // len(cells))
 
     def run(
         self, deadline: float

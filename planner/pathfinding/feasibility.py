@@ -26,19 +26,23 @@ Ints = NDArray[np.int64]
 Cells: TypeAlias = frozenset[Cell]
 
 FEASIBILITY_LIMIT_S: Final = 2.0
-"""Wall-clock limit of the search for a path, and of the search for repairs. Chosen."""
+"""Default wall-clock limit, in s, of the check if a shape has a path, and of the search for
+repairs. Larger values decide more shapes, and delay a preview. Chosen."""
 MAX_SEARCHED_CELLS: Final = 2_000
-"""Number of cells up to which a path is searched to decide. Chosen; bounds time."""
+"""Maximum number of cells of a shape for which a path is searched to decide if there is one; for
+larger shapes the check leaves it open. Larger values decide more shapes, more slowly. Chosen."""
 MAX_CHANGES: Final = 12
-"""Maximum number of cells that a repair adds or drops. Chosen."""
+"""Number of cells that a repair (a changed shape that has a path) may always add or drop; large
+shapes may have more changes. Larger values repair more shapes, and change them more. Chosen."""
 MAX_CHANGED_SHARE: Final = 0.1
-"""Maximum share of cells that a repair adds or drops, if that is more; disconnected parts do not
-count. Chosen."""
+"""Fraction of a large shape's cells that a repair (a changed shape that has a path) may add or
+drop. Larger values repair more shapes, and change them more. Chosen."""
 MAX_COMPARED_CELLS: Final = 60
-"""Number of cells that are compared for each change. Larger values find smaller repairs, more
-slowly. Chosen."""
-CHECK_S: Final = 0.5
-"""Wall-clock limit of the search that checks a repair. Chosen."""
+"""Maximum number of candidate cells that are compared for each cell that a repair adds or drops.
+Larger values find smaller repairs, more slowly. Chosen."""
+REPAIR_CHECK_LIMIT_S: Final = 0.5
+"""Wall-clock limit, in s, of the search for a path through a repaired shape; without one in that
+time the repair is not offered. Larger values offer more repairs, more slowly. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,7 +203,10 @@ def _has_path(cells: Cells, seed: int) -> bool:
     shape = Shape.from_cells(_array(cells))
     if is_box(shape) or halved(shape) is not None:
         return True
-    return exact_path(shape, time_limit_s=CHECK_S, seed=seed, eased=False).status == "found"
+    return (
+        exact_path(shape, time_limit_s=REPAIR_CHECK_LIMIT_S, seed=seed, eased=False).status
+        == "found"
+    )
 
 
 def _repair(before: Cells, after: Cells) -> Repair:

@@ -20,15 +20,18 @@ from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
 
 BLOCK_CELLS: Final = 8
-"""Number of cells of a doubled voxel, 2×2×2."""
+"""Number of cells, 2×2×2, by which a repair replaces each voxel of a shape, as such shapes always
+have a path."""
 MAX_DOUBLING_RATIO: Final = 1.25
-"""Largest ratio of resulting to requested modules at which a repair may double each voxel to 2×2×2
-cells, which always have a path. Chosen."""
+"""Maximum number of modules, relative to the requested one, of a repair that replaces each voxel by
+2×2×2 cells (such shapes always have a path). Larger values repair more shapes, and exceed the
+requested number further. Chosen."""
 DOUBLED: Final = "Each voxel became 2×2×2 modules."
 ALWAYS_A_PATH: Final = " There is always a path through them."
 START_SHARE: Final = 0.7
-"""Fraction of the time limit for paths that start in the requested cell; the rest is for paths that
-start elsewhere. Chosen."""
+"""Fraction of the time limit of a path search that is spent on paths from the requested start cell;
+the remainder is for paths that start elsewhere. Larger values meet the request more often, and find
+fewer paths in all. Chosen."""
 
 
 class Cubes:

@@ -46,6 +46,6 @@ class Filling(Protocol):
 
 
 FILLINGS: Final[dict[str, Filling]] = {CUBE.name: Cubes(), TETRAHEDRON.name: Tetrahedra()}
-"""Fillings by the name of the module."""
+"""Method of filling a shape with a path, for each kind of module by its name."""
 
 __all__ = ["FILLINGS", "Filled", "Filling"]

@@ -16,7 +16,8 @@ from planner.pathfinding.lattice import colours, neighbours, parts
 Ints = NDArray[np.int64]
 
 MAX_NAMED_CELLS: Final = 200
-"""Maximum number of cells that a problem names. Chosen."""
+"""Maximum number of cells that the report of a shape without a path lists as the cause of one
+problem. Larger values make larger reports. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,14 +16,15 @@ from planner.pathfinding.knots import Knot, best_view, closed_polygons, knot_of,
 
 Array = NDArray[np.float64]
 MAX_SHORTENINGS: Final = 60
-"""Number of rounds in which a polygon is shortened. Larger values bring the far corners nearer.
-Chosen."""
-PULLS: Final = (0.9, 0.5, 0.7)
-"""Fractions of the distance to the middle of its neighbours by which a vertex is pulled, in turn.
-Chosen."""
+"""Maximum number of rounds in which a knotted polygon is shortened before it is drawn as a diagram.
+Larger values draw fewer crossings, more slowly. Chosen."""
+PULL_FRACTIONS: Final = (0.9, 0.5, 0.7)
+"""Fraction of the way to the midpoint of its neighbours by which a vertex moves when a polygon is
+shortened for a knot diagram, used by rounds in turn. Larger values shorten faster; different ones
+avoid deadlocks. Chosen."""
 MAX_SHORTENED_VERTICES: Final = 400
-"""Number of vertices above which a polygon is not shortened: a round takes time by their square.
-Chosen."""
+"""Maximum number of vertices of a polygon that is shortened for a knot diagram: a round takes time
+by their square. Larger values draw large knots with fewer crossings, more slowly. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,7 +66,7 @@ def diagram_of(centres: ArrayLike) -> Diagram | None:
     best = min((smaller(polygon, rng)[1] for polygon in polygons), key=len)
     sight, places, signs = best_view(best, rng)
     for k in range(MAX_SHORTENINGS if len(best) <= MAX_SHORTENED_VERTICES else 0):
-        shorter = simplified(tightened(best, PULLS[k % len(PULLS)]))
+        shorter = simplified(tightened(best, PULL_FRACTIONS[k % len(PULL_FRACTIONS)]))
         view = best_view(shorter, rng)
         if len(view[2]) <= len(signs):
             sight, places, signs = view

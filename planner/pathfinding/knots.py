@@ -24,34 +24,43 @@ Array = NDArray[np.float64]
 Verdict = Literal["unknot", "knotted", "undecided"]
 
 KNOT_JITTER: Final = 0.01
-"""Amplitude of the random shifts of a polygon's vertices, in pitches, that avoid degenerate
-projections. Strands are 0.5 apart, so a larger one could change the knot. Chosen."""
+"""Maximum random shift of a chain's vertices along each axis, in pitches, so that no projection for
+the knot test is degenerate. Strands are 0.5 apart, so a much larger value could change the knot.
+Chosen."""
 CLOSURE_RADIUS_FACTOR: Final = 4.0
-"""Radius at which the two ends of an open chain are joined, as a multiple of the chain's.
-Chosen."""
+"""Distance from a chain's middle at which its two ends are joined for the knot test, as a multiple
+of the chain's radius. Above 1, the joining line passes outside of the chain; larger values add
+nothing. Chosen."""
 MIN_STRAND_DISTANCE_PITCH: Final = 0.75
-"""Minimum distance of a ray, by which an end is extended outwards, from all other points, in
-pitches. Larger values find fewer rays. Chosen."""
+"""Minimum distance, in pitches, from all other vertices of a straight line by which a chain's end
+is extended outwards for the knot test. Larger values find fewer such lines; smaller ones might
+cross the chain. Chosen."""
 MAX_CLOSED_GAP_PITCH: Final = 1.05
-"""Largest distance of a chain's ends, in pitches, at which they are joined directly: one pitch and
-rounding. Chosen."""
+"""Maximum distance of a chain's two ends, in pitches, at which the knot test joins them directly
+rather than around the chain: one pitch, and rounding. Chosen."""
 MIN_STICKS: Final = 6
-"""Minimum number of edges of a knotted polygon: the stick number of the trefoil."""
+"""Minimum number of edges of a closed polygon that can be knotted: six, the stick number of the
+trefoil knot. Shorter ones need no test."""
 MIN_CROSSINGS: Final = 3
-"""Minimum number of crossings of a knot: the trefoil's."""
+"""Minimum number of crossings of a diagram that can show a knot: three, as of the trefoil knot."""
 MAX_TIGHTENINGS: Final = 40
-"""Maximum number of times that a polygon is tightened while it is ``undecided``. Chosen."""
+"""Maximum number of rounds in which a polygon with too many crossings for a knot test
+(``undecided``) is shortened before the test is repeated. Larger values decide more chains, more
+slowly. Chosen."""
 PROJECTIONS: Final = 24
-"""Number of random projections of a polygon, of which the one with the fewest crossings is taken.
-More find fewer crossings, more slowly. Chosen."""
+"""Number of random projections of a polygon, of which the knot test uses the one with the fewest
+crossings. Larger values find fewer crossings, more slowly. Chosen."""
 MAX_PRESENTED_CROSSINGS: Final = 1200
-"""Number of crossings above which a knot is ``undecided``: elimination takes time by their cube.
-Chosen."""
+"""Maximum number of crossings of a diagram that the knot test evaluates; with more, the test is
+``undecided``. Elimination takes time by their cube, so larger values decide more chains, more
+slowly. Chosen."""
 MAX_EXACT_CROSSINGS: Final = 300
-"""Number of crossings above which two primes decide and no determinant is computed. Chosen."""
+"""Maximum number of crossings of a diagram whose determinant is computed exactly. With more, the
+knot test evaluates the Alexander polynomial modulo two primes only, and reports no determinant.
+Chosen."""
 SECOND_EVALUATION_POINT: Final = 2
-"""Second argument of the Alexander polynomial besides −1, where that of the torus knot of 3 and 5
-is trivial."""
+"""Argument besides −1 at which the knot test evaluates the Alexander polynomial: at −1 alone, some
+knots (the torus knot of 3 and 5) look like no knot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

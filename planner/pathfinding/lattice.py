@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 Ints = NDArray[np.int64]
 
 STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
-"""Displacements to the six neighbours of a cell; displacements k and k ^ 1 are opposite."""
+"""Displacements from a cell to its six neighbours, in cells; those with indices k and k ^ 1 are
+opposite."""
 
 
 def keys_of(cells: Ints, low: Ints, size: Ints) -> Ints:

@@ -11,13 +11,15 @@ from planner.parameters.parameters import WORLDS, World
 from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
 
 DEFAULT_MODULES: Final = 160
-"""Number of modules of a mesh if the request names none. Chosen."""
+"""Number of modules into which a mesh is divided if the request states none. Larger values follow
+the mesh more closely, and fold more slowly. Chosen."""
 MODULE_COUNTS: Final = (8, 20_000)
-"""Range of the number of modules that a request may name. Chosen."""
+"""Minimum and maximum number of modules that a request may ask for; other numbers are refused.
+Chosen."""
 MAX_TABLE_MODULES: Final = 96
-"""Maximum number of modules of the offers for a table. Larger counts mostly get stuck. Measured:
-tori of 88 and 96 fold there in six to eight minutes of processor time, one of 160 gets stuck;
-docs/decisions/0026-tables.md."""
+"""Maximum number of modules of the variants of a shape that are offered for folding on a table;
+larger ones mostly get stuck. Measured: tori of 88 and 96 fold in six to eight minutes of processor
+time, one of 160 gets stuck (decision 0026)."""
 
 
 def table_warning(modules: int, world: World) -> str:

@@ -12,15 +12,18 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 
 UNIT_CELLS: Final = 32
-"""Number of cells that are released together in peeling: the default of
-``PeelingParameters.unit``."""
+"""Number of cells in a group that peeling (releasing the chain from its end, group by group)
+releases together: the default of ``PeelingParameters.unit``. The analysis of how easily a path
+comes apart counts such groups."""
 DIRECTIONS_26: Final = tuple(way for way in product((-1, 0, 1), repeat=3) if any(way))
-"""The 26 directions to the faces, edges and corners of a cube."""
+"""Vectors from a cube's centre towards its 6 faces, 12 edges and 8 corners, along which the removal
+of cells is analysed."""
 AXIS_DIRECTIONS: Final = tuple(k for k, way in enumerate(DIRECTIONS_26) if sum(map(abs, way)) == 1)
-"""Indices of the six directions along the axes."""
+"""Indices in ``DIRECTIONS_26`` of the six directions along the axes."""
 MIN_FREE_DIRECTIONS: Final = 3
-"""Number of directions, of 26, in which a release group must be free to count as easily removed;
-with fewer it sits in a pit and jams. Chosen."""
+"""Minimum number of directions, out of 26, in which a group of cells must be free to leave the
+shape to count as easily removed; with fewer it lies in a pit and jams. Larger values rate paths
+more strictly. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -20,8 +20,8 @@ from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 TRAILS_PER_SHAPE: Final = 4
-"""Number of trails that are made for a shape. Larger values find better ones, more slowly.
-Chosen."""
+"""Number of trails (paths through tetrahedra) that are made for a shape, to choose the best. Larger
+values find better ones, more slowly. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

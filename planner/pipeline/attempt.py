@@ -18,8 +18,8 @@ from planner.playback.playback import Playback
 
 Reason = Kind | Literal["refused"]
 MAX_EXPLOSIONS: Final = 6
-"""Maximum number of explosions of one fold. A larger value folds more shapes, and takes longer to
-fail. Chosen."""
+"""Maximum number of times that one fold explodes its chain (simulates how the folded chain comes
+loose and straightens). A larger value folds more shapes, and takes longer to fail. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

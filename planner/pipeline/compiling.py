@@ -20,9 +20,9 @@ from planner.progress import COMPILING, Progress, Report, silent
 
 KERNEL_PACKAGE_PREFIX: Final = "planner.kernels."
 GC_THRESHOLD_OBJECTS: Final = 100_000
-"""Newly allocated objects after which Python's garbage collector runs while kernels are compiled
-(threshold 0 of ``gc.set_threshold``). With Python's default of 700 collection takes an eighth of
-the compilation; a larger value takes more memory. Measured."""
+"""Newly allocated objects after which Python's garbage collector runs while numba compiles kernels
+(threshold 0 of ``gc.set_threshold``). Python's default of 700 spends an eighth of the compilation
+on it; a larger value compiles faster and takes more memory. Measured."""
 
 
 class Compiling(Listener):

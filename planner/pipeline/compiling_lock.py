@@ -17,23 +17,26 @@ if sys.platform != "win32":
     from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
 
 FIRST_LOCK: Final = "compiling-first.lock"
-"""File name of the lock for compiling the kernels that a first fold needs."""
+"""Name of the lock file for compiling the kernels (numba functions) that a first fold needs; it
+keeps two processes from compiling the same kernels."""
 REST_LOCK: Final = "compiling-rest.lock"
-"""File name of the lock for compiling all other kernels."""
+"""Name of the lock file for compiling the kernels (numba functions) that a first fold does not
+need; it keeps two processes from compiling the same kernels."""
 FIRST_KERNELS_BYTES: Final = 83_000
-"""Size of the Python bytecode of the kernels that a first fold needs, in bytes; progress of the
-compilation is a fraction of it. A kernel takes about a second for each 1000 bytes. Measured; a test
-compares it."""
+"""Size of the Python bytecode of the kernels (numba functions) that a first fold needs, in bytes.
+Progress of their compilation is the compiled fraction of it; a value that is too large makes
+progress end early, too small a value makes it stop at its maximum. Measured; a test compares it."""
 MAX_COMPILED_FRACTION: Final = 0.99
-"""Largest fraction of progress (0 to 1) that is reported before the compilation has ended.
-Chosen."""
+"""Largest progress, from 0 to 1, that is reported while kernels are compiled; 1 is reported only at
+the end. A smaller value makes the progress stop earlier if the estimate was low. Chosen."""
 MAX_LOCK_WAIT_S: Final = 300.0
-"""Time, in s, after which a process compiles although another one holds the lock. A smaller value
-makes two processes compile the same kernels; with a larger one a process that hangs blocks others
-longer. Chosen: compilation takes less on the slowest machine tried."""
+"""Time, in s, after which a process compiles kernels (numba functions) although another process
+holds the lock for it. A smaller value makes two processes compile the same kernels; with a larger
+one a process that hangs blocks others longer. Chosen: compilation takes less on the slowest machine
+tried."""
 LOCK_POLL_S: Final = 0.2
-"""Time between two attempts to acquire the lock, in s. A larger value starts later after another
-process has compiled. Chosen."""
+"""Time, in s, between two attempts to acquire the lock for compiling kernels (numba functions).
+With a larger value a process waits longer after another one has compiled. Chosen."""
 
 
 def fraction_of(compiled_bytes: int) -> float:

@@ -34,8 +34,10 @@ TIMELINE: Final = "timeline.zarr"
 RECORD: Final = "record.npz"
 PLAYBACK: Final = "playback.npz"
 CERTIFICATE: Final = "certificate.json"
-CLEARANCES: Final = "clearances.npy"
-"""Clearance at each frame of a peeled chain's plan, until ``figures.zarr`` is written."""
+CLEARANCES_FILE: Final = "clearances.npy"
+"""File name of the clearance (smallest distance between modules) at each frame of the plan of a
+chain that was exploded by peeling (releasing modules from one end, group by group); kept until
+``figures.zarr`` is written."""
 PLAN: Final = "plan.npz"
 PLAN_TEXT: Final = "plan.json"
 MODEL: Final = "model.xml"
@@ -45,21 +47,23 @@ MANIFEST: Final = "manifest.json"
 ATTEMPTS_DIR: Final = "attempts"
 PLANS_DIR: Final = "plans"
 TRIALS_DIR: Final = ".foldback-tries"
-"""Directory with a subdirectory for each attempt that another process computes."""
+"""Name of the directory, in a fold's own, with a subdirectory for each attempt that another process
+computes in advance."""
 PLAYABLE: Final = (CHAIN, TIMELINE, CERTIFICATE)
-"""Files of a plan that was not chosen, stored in its subdirectory of ``PLANS_DIR`` so that it can
-be played."""
-RESULTS: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES, FORCES)
-"""Files of an attempt; one that smooths another plan also has ``RECORDED_PLAN``."""
-EXPORTED: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
-"""Files that the last stage writes."""
+"""Files that are kept of a verified plan that was not chosen, so that the web page can still play
+it."""
+RESULT_FILES: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES_FILE, FORCES)
+"""Files that one attempt of a fold writes; an attempt that smooths the plan of another one also
+writes ``RECORDED_PLAN``."""
+EXPORTED_FILES: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
+"""Files that the last stage of a fold, the export, writes from the chosen attempt."""
 DESCRIBED: Final = (
     *(INPUT, REQUEST, START_CHAIN, START_PLAN, RECORDED_PLAN, CANDIDATES, CHAIN, ATTEMPTS),
     *(RECORD, PLAYBACK, CERTIFICATE, FORCES, TIMELINE),
-    *EXPORTED,
+    *EXPORTED_FILES,
 )
-"""Files of a fold that determine or describe its plan, in the order in which the manifest lists
-their digests."""
+"""Files of a fold that determine or describe its plan. The fold's manifest lists their SHA-256
+digests in this order, so that later changes are noticed."""
 
 
 def numbers(directory: FilePath) -> list[int]:
@@ -83,7 +87,7 @@ def folder(directory: FilePath) -> FilePath:
 
 
 def result(directory: FilePath, name: str) -> FilePath:
-    """Return the path of a file of ``RESULTS``, also while the fold is computed.
+    """Return the path of a file of ``RESULT_FILES``, also while the fold is computed.
 
     The file need not be there.
     """

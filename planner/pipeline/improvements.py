@@ -22,11 +22,11 @@ from planner.pipeline.request import MAX_SEED
 from planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
 SEEDS_PER_SMOOTHED_PLAN: Final = 3
-"""Number of random seeds with which one plan is smoothed. More find shorter motions and take
-longer. Chosen."""
+"""Number of random seeds with which the plan that smoothing shortened best is smoothed. Larger
+values find shorter motions and take longer. Chosen."""
 MAX_SMOOTHED_PLANS: Final = 2
-"""Maximum number of plans of one fold that are smoothed, best first. More find better plans and
-take longer. Chosen."""
+"""Maximum number of verified plans of one fold, the best first, that are smoothed to shorten their
+motion. Larger values find better plans and take longer. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,10 +23,11 @@ from planner.pipeline.fold_layout import MANIFEST as FILE
 
 MANIFEST_FORMAT: Final = "foldback-manifest/1"
 FILE_CONTENT: Final = "content"
-"""Field of a manifest with the digest of a file that is not divided into parts."""
+"""Key under which a fold's manifest lists the digest of a whole file, where a file (unlike an
+archive of arrays) has no parts with digests of their own."""
 DIGEST_ROWS: Final = 1024
-"""Rows of an array that are read and hashed at once. Larger values take more memory; digests stay
-the same. Chosen."""
+"""Number of rows of an array that are read and hashed at once, to compute its digest. Larger values
+take more memory; the digest stays the same. Chosen."""
 Digests = dict[str, dict[str, str]]
 
 

@@ -27,15 +27,15 @@ from planner.pipeline.retry_policy import RetryPolicy
 from planner.progress import Cancelled, Progress, Report
 
 SPECULATION_PULSES: Final = 2
-"""Consecutive pulses without progress after which other processes begin the next attempts. A
-smaller value more often computes attempts that are not needed; a larger one leaves processors idle
-longer. Chosen."""
+"""Consecutive pulses (weakened tension and stronger repulsion, to loosen a jam) without progress,
+after which other processes begin the next attempts. Smaller values compute more attempts that turn
+out unnecessary; larger ones leave processors idle longer. Chosen."""
 ATTEMPT_POLL_S: Final = 0.05
-"""Time between two looks at the other processes, in s. A larger value uses their results later.
-Chosen."""
+"""Time between two checks if a process that computes an attempt has ended, in s. A larger value
+uses results later; a smaller one wakes the waiting process more often. Chosen."""
 ATTEMPT_STOP_GRACE_S: Final = 1.0
-"""Time that a process may take to write its result after it is told to stop, in s; then it is
-ended. Chosen."""
+"""Time, in s, that a process that computes an attempt may take to write its result after it is told
+to stop; then it is killed. Larger values lose fewer results and end a fold later. Chosen."""
 
 
 class AttemptPool:

@@ -12,7 +12,8 @@ from planner.errors import InputError
 Preference = Literal["computing", "time", "torque", "clearance"]
 PREFERENCES: Final[tuple[Preference, ...]] = get_args(Preference)
 COMPUTING: Final = "computing"
-"""Preference for the least computation: the first verified plan is taken."""
+"""Value of a request's preference that asks for the least computation: the first verified plan is
+taken, and no better one is searched for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,21 +28,22 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 MAX_PREVIEW_TRIANGLES: Final = 20_000
-"""Maximum number of triangles of the mesh in a preview; larger meshes are decimated to it. A larger
-value makes previews heavier for the browser. Chosen."""
+"""Maximum number of triangles of the mesh that the web page's preview shows; larger meshes are
+decimated to it. Larger values show more detail, and load and draw more slowly. Chosen."""
 MAX_LISTED_VIOLATIONS: Final = 2
-"""Maximum number of violated rules that the refusal of a path for a table names; the others are
-counted. Chosen."""
+"""Maximum number of violated rules that the error for an unsuitable path for a table names; further
+ones are only counted. Larger values make longer messages. Chosen."""
 TABLE_REMEDY: Final = (
     "Choose another number of modules, blocks or a repair, or fold in zero gravity."
 )
-"""Advice for a shape that has no path for a table."""
+"""Advice at the end of the error message for a shape that has no path along which a chain folds on
+a table."""
 PATH_SEARCH_LIMIT_S: Final = 20.0
 """Default time limit of the path search, in s. A larger value finds paths through more shapes and
 takes longer if there is none. Chosen."""
 TIME_INDEPENDENT_METHODS: Final = ("blocks", "snake", "assembly")
-"""Path methods whose result does not depend on a time limit (``planner.pathfinding.candidates``);
-their chains may be stored."""
+"""Methods of searching a path through a shape whose result does not depend on a time limit, and so
+is the same on every machine. Only their chains may be stored by a preview and used by the fold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -30,16 +30,17 @@ if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
 MODULE_SIZE_RANGE: Final = (0.1, 1.0)
-"""Smallest and largest module size that a request may ask for, as a fraction of the pitch.
-Chosen."""
+"""Minimum and maximum module size that a request may ask for, as a fraction of the pitch (distance
+between neighbouring modules). Smaller modules leave more clearance. Chosen."""
 MAX_SEED: Final = 2**32 - 1
-"""Largest random seed that may be asked for: the largest unsigned integer of 32 bits. Chosen."""
+"""Maximum random seed of a request: the largest unsigned integer of 32 bits. Chosen."""
 SMOOTH_SPACING_RAD: Final = 0.06
-"""Spacing of the control points of the curve through a smoothed motion, in rad of joint motion.
-Frames of a smoothed motion are joined by straight lines; a smaller value would reproduce their
-corners, a larger one cuts them more. Chosen."""
+"""Distance of the control points of the curve that plays back a smoothed motion, in rad of joint
+motion. Smaller values reproduce the corners between the motion's frames; larger ones cut corners
+more. Chosen."""
 PATH_SEED_MODULUS: Final = 2**31
-"""Path searches take seeds below this; a request's seed is reduced modulo it."""
+"""Number of different seeds of a path search; a request's seed is reduced modulo it, so that it
+fits into a signed integer of 32 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

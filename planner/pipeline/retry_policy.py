@@ -21,8 +21,8 @@ from planner.pipeline.request import MAX_SEED, Request
 from planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
 MAX_SEEDS: Final = 3
-"""Maximum number of random seeds that one fold tries. A larger value folds more shapes, and takes
-longer to fail. Chosen."""
+"""Maximum number of seeds of the random forces with which one fold tries to explode its chain. A
+larger value folds more shapes, and takes longer to fail. Chosen."""
 Change = Literal["path", "strategy", "end", "forces", "seed"]
 FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "knot": ("path", "strategy"),
@@ -34,19 +34,22 @@ FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "refused": ("path", "seed", "strategy", "forces"),
     "stopped": ("strategy", "path"),
 }
-"""Changes to try after a failed explosion, by the reason of the failure, in order. Measured."""
+"""What a fold changes for its next attempt, tried from left to right, by the reason why the last
+explosion failed (for example ``knot``: the chain is knotted). Measured."""
 SMOOTHING_FRAMES_FACTOR: Final = 4
-"""Frames that smoothing may add to a plan, as a multiple of its own. A peeled plan needs most. It
-bounds the plans that are smoothed by their memory. Measured."""
+"""Assumed ratio of a smoothed plan's number of frames to that of the original. A plan whose
+smoothed frames would exceed the memory limit of smoothing is not smoothed; larger values smooth
+fewer plans. Measured: plans of chains that are exploded by peeling need most."""
 DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
-"""Most frequent reason why a strategy stalls, used if no reason is known; ``joints`` for the
-others."""
+"""Assumed reason of a failed explosion by the strategy that stalled, if the explosion reports none:
+the most frequent one. All other strategies assume ``joints``."""
 
 DIRECTIONAL_STRATEGIES: Final = ("peel", "one-by-one")
-"""Strategies that begin at one end of the chain; the other end is one of their fallbacks."""
+"""Explosion strategies that release a chain from one of its ends; to begin at the other end is one
+of the changes that a fold tries after a failure."""
 SEED_INDEPENDENT_STRATEGIES: Final = ("one-by-one",)
-"""Strategies whose result does not depend on the random forces; a retry with another seed would
-repeat it."""
+"""Explosion strategies without random forces; a retry with another seed would only repeat their
+result, so none is made."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

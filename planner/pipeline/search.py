@@ -21,22 +21,23 @@ from planner.pipeline.retry_policy import RetryPolicy
 from planner.progress import Report
 
 MAX_PLAYBACKS_BEFORE_VERIFIED: Final = 6
-"""Maximum number of certified playbacks of one fold as long as none is verified. A larger value
-folds more shapes, and takes longer to fail. Chosen."""
+"""Maximum number of plans of one fold that are played back and certified (checked for collisions
+and limits) as long as none passes. A larger value folds more shapes, and takes longer to fail.
+Chosen."""
 MAX_PLAYBACKS: Final = 12
-"""Maximum number of certified playbacks of one fold, with those that improve a verified plan. A
-larger value finds better plans and takes longer. Chosen."""
+"""Maximum number of plans of one fold that are played back and certified, including those that
+improve a verified plan. A larger value finds better plans and takes longer. Chosen."""
 MAX_REFUSED_EXPLOSIONS: Final = 4
-"""Number of explosions whose plans may all be refused before the fold fails. A larger value folds
-more shapes, and takes longer to fail. Chosen."""
+"""Maximum number of explosions of one fold whose plans all fail certification, before the fold
+fails. A larger value folds more shapes, and takes longer to fail. Chosen."""
 REPEATED_PLAYBACK_REFINEMENT: Final = 4
-"""Factor on the number of frames of a playback that is repeated because its clearance between
-frames was not proved. A larger value proves more and takes longer. Chosen."""
+"""Factor by which the number of frames increases when a playback is repeated because its clearance
+between two frames was not proved. Larger values prove more plans and take longer. Chosen."""
 ASSUMED_FIGURES: Final = PlanFigures(
     fold_time_s=None, peak_torque_nm=None, clearance_bound=None, frames=1, seconds=0.0
 )
-"""Placeholder figures of a plan that is not judged yet. With one frame it counts as short enough to
-be smoothed."""
+"""Placeholder figures of a plan that is not certified yet, used to predict how many attempts
+follow. With one frame, the plan counts as short enough to be smoothed."""
 VERIFIED: Final = "verified"
 
 

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from planner.pipeline import manifest
 from planner.pipeline.attempt import Attempt
-from planner.pipeline.fold_layout import DESCRIBED, EXPORTED, PLAN_TEXT
+from planner.pipeline.fold_layout import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
 from planner.pipeline.job import Search, Watch, is_smoothing
 from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.preference import COMPUTING
@@ -37,7 +37,8 @@ from planner.pipeline.workspace import Workspace
 from planner.progress import Cancelled, Progress, Report, never, silent
 
 STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
-"""Stages that process the last attempt of the stage ``explode``."""
+"""Stages of a fold that process the attempt that the stage ``explode`` made last; their progress
+reports say which attempt of how many it is."""
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
 
@@ -221,7 +222,7 @@ def _export(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Exported:
     result, start = workspace.read_result(), workspace.read_start(request)
     recorded = workspace.read_recorded() if is_smoothing(result.record) else None
     plan = finish(request, result, history, start=start, recorded=recorded)
-    before = [name for name in DESCRIBED if name not in EXPORTED]
+    before = [name for name in DESCRIBED if name not in EXPORTED_FILES]
     with ThreadPoolExecutor(2) as beside:
         figures = beside.submit(workspace.write_figures)
         digests = beside.submit(manifest.digests_of, workspace.directory, before)

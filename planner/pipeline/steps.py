@@ -40,11 +40,13 @@ from planner.progress import Progress
 from planner.robot.smoothed import before_and_after, check_smoothable, smoothed_record
 
 TABLE_MOTOR_RESERVE: Final = 1.5
-"""Torque limit of the motors on a table, as a multiple of the largest static torque in the record.
-A larger value lets the chain accelerate more, so that it folds faster. Chosen."""
+"""Torque limit of the simulated motors on a table, as a multiple of the largest static torque in
+the recorded motion. A larger value lets the chain accelerate more, so that it folds faster but
+needs stronger motors. Chosen."""
 MIN_SIZING_TORQUE_WP: Final = 1.0
-"""Smallest static torque that the limit of the motors on a table is computed from, in w·p (module
-weight × pitch). Below it, hardly any torque would be left to accelerate the chain. Chosen."""
+"""Minimum static torque from which the torque limit of the motors on a table is computed, in w·p
+(module weight × pitch). Smaller values leave motors of hardly loaded chains too little torque to
+accelerate. Chosen."""
 Sink = Callable[[Motion], None]
 
 

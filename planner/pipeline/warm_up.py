@@ -49,8 +49,9 @@ BACKGROUND_NICENESS: Final = 10
 """Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the
 processor to folds. Chosen."""
 PEELED_BOX_CELLS: Final = (2, 4, 5)
-"""Cells of the box along x, y and z that the warm-up peels: more modules than one release group, so
-that both a group and the last ones are released."""
+"""Size of the box along x, y and z, in cells, that is exploded by peeling to compile all kernels of
+peeling in advance: larger than one group of modules that peeling releases together, so that both
+full groups and the remainder are released."""
 
 
 def warm_up(

@@ -42,11 +42,11 @@ from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
 from planner.robot import RECORDED_PLAN
 
 MAX_PLANS_BYTES: Final = 64 * 2**20
-"""Maximum size of the stored plans of a fold that were not chosen, in bytes; plans beyond it are
-removed and cannot be played. Chosen."""
-_UNWANTED: Final = "unwanted-"
-"""Prefix of a directory that is being removed, so that a partly removed one does not pass for an
-attempt."""
+"""Maximum size, in bytes, of all stored plans of one fold that were not chosen; plans beyond it are
+removed, and the web page cannot play them. Larger values take more disk space. Chosen."""
+_REMOVAL_PREFIX: Final = "unwanted-"
+"""Prefix that a directory gets before it is removed, so that a partly removed one is not mistaken
+for an attempt after a crash."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +216,7 @@ class Workspace:
     def write_judgement(self, result: Result) -> None:
         """Write a certificate, after the curves that belong to it."""
         if result.clearances is not None:
-            np.save(self.directory / layout.CLEARANCES, result.clearances)
+            np.save(self.directory / layout.CLEARANCES_FILE, result.clearances)
         if result.forces is not None:
             result.forces.save(self.directory / FORCES)
         assert result.certificate is not None
@@ -224,7 +224,7 @@ class Workspace:
 
     def drop_curves(self) -> None:
         """Remove the curves of a certificate, which is about to be made anew."""
-        self._drop(layout.CLEARANCES, FORCES)
+        self._drop(layout.CLEARANCES_FILE, FORCES)
 
     def read_certificate(self) -> Certificate | None:
         """Return the certificate; None where there is none."""
@@ -269,7 +269,7 @@ class Workspace:
         Raises:
             TimelineError: When the fold has no timeline.
         """
-        path, clearances = self.directory / layout.FIGURES, self._result(layout.CLEARANCES)
+        path, clearances = self.directory / layout.FIGURES, self._result(layout.CLEARANCES_FILE)
         write_figures(
             self._result(layout.TIMELINE),
             path,
@@ -323,7 +323,7 @@ class Workspace:
     def clear(self) -> None:
         """Remove all that earlier attempts have made: a fold begins anew."""
         # The chain is the first candidate's.
-        self._drop(layout.ATTEMPTS_DIR, layout.PLANS_DIR, layout.ATTEMPTS, *layout.RESULTS[1:])
+        self._drop(layout.ATTEMPTS_DIR, layout.PLANS_DIR, layout.ATTEMPTS, *layout.RESULT_FILES[1:])
 
     def drop_pictures(self) -> None:
         """Remove what shows an earlier fold in this directory."""
@@ -357,7 +357,7 @@ class Workspace:
         place = layout.folder(self.directory)
         if place == self.directory:
             return
-        for name in (*layout.RESULTS, RECORDED_PLAN):
+        for name in (*layout.RESULT_FILES, RECORDED_PLAN):
             there = place / name
             if there.is_dir():
                 rmtree(self.directory / name, ignore_errors=True)
@@ -405,8 +405,8 @@ class Workspace:
     def _remove(self, unwanted: Sequence[int]) -> None:
         folders = self.directory / layout.ATTEMPTS_DIR
         for number in unwanted:
-            (folders / str(number)).rename(folders / f"{_UNWANTED}{number}")
-        for path in folders.glob(f"{_UNWANTED}*"):
+            (folders / str(number)).rename(folders / f"{_REMOVAL_PREFIX}{number}")
+        for path in folders.glob(f"{_REMOVAL_PREFIX}*"):
             rmtree(path)
 
     def _write_chain(self, chain: Chain) -> None:

@@ -9,21 +9,23 @@ from typing import Any, Final, cast
 import numpy as np
 
 SINGLE_PRECISION_ATOL_RAD: Final = 1e-6
-"""Absolute tolerance, in rad, for joint errors that a timeline stores in single precision: their
-rounding below 16 rad. A larger value would hide changed errors."""
+"""Maximum difference, in rad, between a plan's joint errors and those in its timeline, which are in
+single precision: their rounding below 16 rad. Larger values would hide changed errors."""
 FIGURES_RTOL: Final = 1e-7
-"""Relative tolerance between a certificate's figures and the same figures computed again. See
-``FIGURES_ATOL``."""
+"""Maximum relative difference between a certificate's figures and the same figures computed again
+by a verification, to allow for rounding on another processor. Smaller values would refuse good
+plans, larger ones accept altered figures. Chosen."""
 FIGURES_ATOL: Final = 1e-9
-"""Absolute tolerance between these figures, in their units. Sums over a thousand modules at
-positions of a thousand pitches lose 1e-12 in double precision, and another processor's sines differ
-in the last digit. Smaller values would refuse good plans, larger ones accept altered figures.
-Chosen."""
+"""Maximum absolute difference between a certificate's figures and the same figures computed again,
+in their units. Sums over a thousand modules lose 1e-12, and processors differ in the last digit:
+smaller values would refuse good plans, larger ones accept altered figures. Chosen."""
 Differences = Iterator[str]
 MAX_VALUE_CHARACTERS: Final = 60
-"""Maximum length, in characters, of a value that a message about a difference quotes. Chosen."""
+"""Maximum length, in characters, of a value that a message about a difference between two files
+quotes; the rest is cut off. Larger values make longer messages. Chosen."""
 MISSING: Final = object()
-"""Stands for a value that one of two compared files lacks; printed as “nothing”."""
+"""Placeholder for a value that only one of two compared files has; messages about the difference
+print it as “nothing”."""
 
 
 def versus_plan(name: str, field: str) -> str:

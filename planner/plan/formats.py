@@ -13,7 +13,8 @@ from planner.readers.json_files import CHAIN_FORMAT, PATH_FORMAT, VOXELS_FORMAT
 from planner.shapes.shape import Shape
 
 ROWS_PER_LINE = 8
-"""Cells or joint angles on one line of a JSON file that people may edit. Chosen."""
+"""Number of cells or joint angles on one line of an exported JSON file of a path, shape or chain,
+so that people can read and edit it. Chosen."""
 
 
 def write_path(path: Path, *, title: str | None = None) -> bytes:

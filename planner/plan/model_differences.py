@@ -15,11 +15,12 @@ from planner.errors import InputError
 from planner.simulation.mujoco import mujoco
 
 MODEL_RTOL: Final = 5e-7
-"""Relative tolerance between the numbers of two compiled MuJoCo models. MJCF holds six significant
-digits; smaller differences are its rounding, larger ones are changes of the model."""
+"""Maximum relative difference between numbers of two compiled MuJoCo models that count as equal:
+MJCF files hold six significant digits. Larger values would accept an altered model."""
 MODEL_ATOL: Final = 2e-7
-"""Absolute tolerance between these numbers, in the model's units (pitch, rad, module mass), for
-those near 0. See ``MODEL_RTOL``."""
+"""Maximum absolute difference between numbers near 0 of two compiled MuJoCo models that count as
+equal, in the model's units (pitch, rad, module mass): rounding. Larger values would accept an
+altered model."""
 ELEMENTS_BY_PREFIX: Final = {
     "body": ("body", "nbody"),
     "jnt": ("joint", "njnt"),
@@ -29,12 +30,14 @@ ELEMENTS_BY_PREFIX: Final = {
     "exclude": ("exclude", "nexclude"),
     "eq": ("equality", "neq"),
 }
-"""Kind of element and the field with its count, by the first word of the names of MuJoCo's
-arrays."""
+"""Kind of element, and the field with the number of such elements, for the first word of an array's
+name in a compiled MuJoCo model; messages about differences name elements by it."""
 UNNAMED_ELEMENTS: Final = ("exclude", "equality")
-"""Kinds of elements that messages number, as they have no names."""
+"""Kinds of elements of a MuJoCo model that messages about differences name by their number, as they
+have no names."""
 IGNORED_PREFIXES: Final = ("_", "name", "nnames", "text")
-"""Beginnings of names of model fields that are not compared, as they only restate names."""
+"""Beginnings of the names of fields that are left out when two compiled MuJoCo models are compared,
+as they only restate the names of elements."""
 
 
 def compiled(xml: str) -> Any:

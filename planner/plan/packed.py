@@ -32,21 +32,26 @@ TEXT_FILES: Final = (
     *("input", "request.json", "chain.json", "start.json", "candidates.json", "attempts.json"),
     *("certificate.json", "manifest.json", "model.xml"),
 )
-"""Files of a fold that are packed unchanged if the fold has them."""
+"""Files that a packed fold (a whole fold directory in one small file) holds unchanged, if the fold
+has them."""
 ARRAY_FILES: Final = ("record.npz", "playback.npz", "plan.npz", "start.npz")
-"""Files of a fold whose arrays are packed by name."""
+"""Files whose arrays a packed fold (a whole fold directory in one small file) holds in compressed
+form, each by its name."""
 ROOT_STEPS: Final = {"root_position": 2.0**-20, "root_wxyz": 2.0**-30}
-"""Quantisation of a root's position (pitches) and quaternion in a packed fold. Larger steps make
-packed folds smaller and less exact; the chain's far end magnifies an error of the quaternion.
-Chosen."""
+"""Quantisation of the position (pitches) and quaternion of a chain's root in a packed fold. Larger
+steps make smaller and less exact files; the quaternion needs a finer one, as its errors grow along
+the chain. Chosen."""
 ROOT_ARRAYS: Final = tuple(ROOT_STEPS)
 CLEARANCE_STEP_PITCH: Final = 2.0**-10
-"""Quantisation of the clearances that plots show, in pitches. Chosen."""
+"""Quantisation, in pitches, of the clearances for plots in a packed fold. A larger step makes
+smaller and less exact files. Chosen."""
 DIFFERENCE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
-"""Order of the differences over time by which an array of angles is coded: the order with the
-smallest numbers, so that the packed file is smallest. Measured."""
+"""Order of the differences between frames by which a packed fold codes each array of joint angles
+(1: from frame to frame; 2: differences of those). The order with the smallest numbers makes the
+smallest file. Measured."""
 PLAN_FRAME_COLUMNS: Final = ("phase", "time_s", "joint_angles_rad", *ROOT_ARRAYS, "max_error_rad")
-"""Columns of ``plan.json`` with one value for each frame."""
+"""Arrays of ``plan.json`` with one row for each frame, from which an unpacked fold's file is
+written."""
 
 
 def pack(directory: FilePath, about: dict[str, Any]) -> bytes:

@@ -40,12 +40,15 @@ from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
 Array = NDArray[np.float64]
 PLAN_FORMAT: Final = "foldback-plan/3"
 EARLIER_FORMATS: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}
-"""Formats of earlier versions that are still read, and the kind of motion that each holds."""
+"""Format names of plans of earlier versions that are still read, with the kind of motion that each
+holds: all frames, or frames of windows (sections of the chain that move at a time)."""
 MAX_DENSE_ANGLES: Final = 2**25
-"""Maximum number of joint angles (frames × hinges) of a plan in one array: 256 MiB. A windowed plan
-with more cannot be read as dense frames. Chosen."""
+"""Maximum number of joint angles (frames × hinges) of a plan that are held in one array (256 MiB);
+a longer plan of windows (moving sections of the chain) is refused where all angles are needed.
+Larger values take more memory. Chosen."""
 DEFLATE_LEVEL: Final = 6
-"""Compression level of a plan's files, from 1 (fast) to 9 (small). Chosen."""
+"""Compression level of a plan's files, from 1 to 9. Larger values make smaller files, more slowly.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -20,8 +20,8 @@ from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.pathfinding.options import PathOptions
 
 PREPARED: Final = "prepared.json"
-"""Name of the file with an input's stored chains, in the directory of a preview and of a fold that
-has not read its input yet."""
+"""Name of the file in which a preview stores the chains that it found in an input, so that the fold
+need not search for them again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,18 +18,22 @@ from planner.readers.limits import MAX_CELLS, quote, too_many
 
 HEADING: Final = "foldback-angles/1"
 QUARTER_TURNS_DEG: Final = {"0": 0.0, "+": 90.0, "-": -90.0, "\u2212": -90.0, "\u2013": -90.0}
-"""Hinge angle in degrees for each sign; two typographic minus signs included."""
+"""Hinge angle, in degrees, for each character of a fold written as a string of signs; two
+typographic minus signs are included."""
 MIN_ANGLES: Final = 2
-"""Minimum number of angles in a string without a heading. Smaller values take other texts for
-strings of angles. Chosen."""
+"""Minimum number of angle signs in a file without a heading that is read as a string of hinge
+angles. Smaller values would take other short texts for such strings. Chosen."""
 DIGITS_CHECKED: Final = 4096
-"""Number of characters at the beginning of a text that are searched for digits, to recognise
-strings of angles. Chosen."""
+"""Number of characters at the beginning of a text that are searched for digits only, to recognise
+hinge angles written as digits, which are refused with an explanation. Larger values misjudge fewer
+texts, and cost more. Chosen."""
 MAX_COLUMNS: Final = 4
-"""Maximum number of columns of a table of cells; a line with more digits is a string of a puzzle's
-angles. Chosen."""
+"""Maximum number of columns of a table of cells. A first line with more numbers, or one longer
+number alone, counts as angles of a folding puzzle and is refused with an explanation; smaller
+values refuse tables of cells. Chosen."""
 _TURN_NUMBER: Final = re.compile(r"[+\-\u2212]?(?:[0-4]+|90|180|270)(?:\.0*)?")
-"""Turns as numbers: of quarters, one after the other, or in degrees."""
+"""Matches one word of a text of hinge angles as numbers: a run of digits 0 to 4, each of which is
+one hinge's quarter turns ('0132'), or an angle of 90, 180 or 270 degrees."""
 _NO_SEPARATORS: Final = {ord(c): " " for c in ",;"}
 _BETWEEN: Final = " \t\r\n,;"
 _ALL: Final = re.compile(rf"[{re.escape(''.join(QUARTER_TURNS_DEG) + _BETWEEN)}]*")

@@ -12,11 +12,13 @@ from planner.readers.text import is_number
 
 AXES: Final = ("x", "y", "z")
 OTHER_AXES: Final = ("ijk", "abc", "uvw")
-"""Alternative names of the axes x, y and z, accepted if a table's header does not name these."""
-OCCUPANCY: Final = frozenset(
+"""Alternative column names for the coordinates x, y and z, one letter each; accepted if a table's
+header names none of x, y and z."""
+OCCUPANCY_COLUMNS: Final = frozenset(
     ("value", "filled", "occupied", "occupancy", "solid", "voxel", "active")
 )
-"""Names of columns in which 0 marks an empty cell."""
+"""Names of table columns that state if a cell is filled; a 0 in such a column is refused, as only
+filled cells are expected."""
 WORD: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 MINUS_SIGNS: Final = ("-", "\u2212")
 
@@ -62,7 +64,7 @@ def check_filled(fields: Sequence[str], headers: Sequence[str], line: int) -> No
         InputError: ``empty-cell``.
     """
     for header, field in zip(headers, fields, strict=False):
-        if header.casefold() in OCCUPANCY and is_number(field) and float(field) == 0.0:
+        if header.casefold() in OCCUPANCY_COLUMNS and is_number(field) and float(field) == 0.0:
             raise InputError(
                 "empty-cell",
                 f"got 0 in the column {quote(header)!r}, expected only filled cells; remove "

@@ -19,10 +19,13 @@ CHAIN_KEYS: Final = (
     *("first_position", "first_wxyz"),
 )
 MAX_RADIANS: Final = 6.3
-"""Largest angle that is checked for radians: one turn, rad. A larger value refuses chains with
-small angles in degrees."""
+"""Largest magnitude of angles, one turn in rad, at which a file's angles are checked for being
+radians by mistake (degrees are expected). Larger values would refuse chains with small angles in
+degrees."""
 RADIANS_TOLERANCE: Final = 0.01
-"""Deviation of rounded radians from a multiple of π/2, in quarter turns: 1.57 counts. Chosen."""
+"""Maximum deviation of angles from multiples of π/2, in quarter turns, at which a file is refused
+because its angles seem to be radians: 1.57 counts. Larger values also refuse small angles in
+degrees. Chosen."""
 
 
 def read_chain(document: dict[str, Any], source: Source) -> Chain:

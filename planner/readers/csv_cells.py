@@ -14,8 +14,9 @@ from planner.readers.text import COMMENT_MARK, cells_array, coordinate, is_numbe
 from planner.shapes.shape import Shape
 
 DELIMITERS: Final = (";", "\t", ",")
-EXCEL_SEPARATOR: Final = "sep="
-"""Beginning of a first line in which a spreadsheet states its separator."""
+EXCEL_SEPARATOR_PREFIX: Final = "sep="
+"""Beginning of a CSV file's first line in which Excel states the separator; that line is
+skipped."""
 
 
 def is_csv(text: str) -> bool:
@@ -83,7 +84,8 @@ def _first_line(text: str) -> str:
 def _is_remark(line: str) -> bool:
     start = line.lstrip()
     return (
-        start.startswith(COMMENT_MARK) or start[: len(EXCEL_SEPARATOR)].lower() == EXCEL_SEPARATOR
+        start.startswith(COMMENT_MARK)
+        or start[: len(EXCEL_SEPARATOR_PREFIX)].lower() == EXCEL_SEPARATOR_PREFIX
     )
 
 

@@ -43,7 +43,9 @@ XML_KINDS: Final = (
     (b"<x3d", "an X3D scene"),
 )
 XML_PROBE_BYTES: Final = 2048
-"""Bytes at the beginning of a file that are searched for XML elements. Chosen."""
+"""Number of bytes at the beginning of an XML file that are searched for elements of known
+unsupported formats, to name the format in the error. Larger values recognise files with longer
+preambles. Chosen."""
 
 
 def refuse_other_kinds(data: bytes, expected: str) -> None:

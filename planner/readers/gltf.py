@@ -21,15 +21,18 @@ from planner.shapes.solid import Solid, check_triangles
 
 GLB_MAGIC: Final = b"glTF"
 JSON_CHUNK: Final = 0x4E4F534A
-"""Type of the GLB chunk with JSON: glTF 2.0 specification, section 4.4.3."""
+"""Type code of the chunk of a GLB file that holds JSON, from section 4.4.3 of the glTF 2.0
+specification."""
 BINARY_CHUNK: Final = 0x004E4942
-"""Type of the GLB chunk with binary data: glTF 2.0 specification, section 4.4.3."""
+"""Type code of the chunk of a GLB file that holds binary data, from section 4.4.3 of the glTF 2.0
+specification."""
 MAX_NODES: Final = 100_000
-"""Maximum number of nodes, and of placed meshes, of a glTF scene; with more it is refused. Chosen;
-bounds memory and time."""
+"""Maximum number of nodes, and of placed meshes, of a glTF scene; a scene with more is refused.
+Larger values admit larger scenes, and take more memory and time. Chosen."""
 MAX_GLTF_VERTICES: Final = 20_000_000
-"""Maximum number of vertices of all parts. Each primitive gets its own copy, even of shared
-vertices. Chosen; bounds memory."""
+"""Maximum number of vertices of all parts of a glTF scene, where vertices that several parts share
+count for each; a scene with more is refused. Larger values admit larger scenes and take more
+memory. Chosen."""
 COMPONENT_TYPES: Final = {
     5120: "<i1",
     5121: "<u1",
@@ -38,7 +41,8 @@ COMPONENT_TYPES: Final = {
     5125: "<u4",
     5126: "<f4",
 }
-"""NumPy type for each ``componentType`` of an accessor."""
+"""NumPy type for each ``componentType`` code of an accessor (a typed array) in a glTF file, from
+the glTF 2.0 specification."""
 WIDTHS: Final = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 PACKED: Final = (
     "KHR_draco_mesh_compression",
@@ -48,13 +52,15 @@ PACKED: Final = (
 INSTANCING: Final = "EXT_mesh_gpu_instancing"
 VISIBILITY: Final = "KHR_node_visibility"
 READ_GLTF_EXTENSIONS: Final = (INSTANCING, VISIBILITY, "KHR_mesh_quantization")
-"""Extensions of the geometry that are read."""
-FORMLESS: Final = (
+"""glTF extensions that change the geometry and are supported by the reader; files that require
+other ones are refused."""
+IGNORED_EXTENSION_PREFIXES: Final = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"),
     *("EXT_lights_", "KHR_xmp", "KHR_animation_pointer", "KHR_audio", "EXT_structural_metadata"),
     *("EXT_mesh_features", "EXT_instance_features", "KHR_techniques_webgl"),
 )
-"""Prefixes of extensions that do not affect the geometry."""
+"""Beginnings of the names of glTF extensions that do not affect the geometry (materials, textures);
+the reader ignores such extensions."""
 Y_TO_Z: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 TRIANGLES, STRIP, FAN = 4, 5, 6
 
@@ -411,7 +417,7 @@ def _check_extensions(document: Document, notes: dict[str, None]) -> None:
     """Refuse required geometry extensions that are not read; note optional ones."""
     required = document.get("extensionsRequired", [])
     for name in dict.fromkeys([*required, *document.get("extensionsUsed", [])]):
-        if name in READ_GLTF_EXTENSIONS or str(name).startswith(FORMLESS):
+        if name in READ_GLTF_EXTENSIONS or str(name).startswith(IGNORED_EXTENSION_PREFIXES):
             continue
         if name in PACKED and name in required:
             raise InputError(

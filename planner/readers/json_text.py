@@ -12,17 +12,19 @@ from planner.names import clean_name
 from planner.readers.limits import MAX_CELLS, quote, too_many
 
 MAX_INTEGER_DIGITS: Final = 18
-"""Digits up to which a JSON integer is parsed exactly. Longer ones become a float: parsing takes
-time by the square of the digits."""
+"""Maximum number of characters of a JSON integer that is parsed exactly. Longer ones become a
+float, because exact parsing takes time by the square of the length."""
 HUGE_NUMBER: Final = 1e300
-"""Magnitude to which very long integers are cut off; all later checks refuse it."""
+"""Magnitude to which JSON integers that are too long for exact parsing are clipped, so that they
+stay finite; every later check of a range refuses it."""
 SPARE_VALUES: Final = 1000
-"""Number of JSON lists and values that a file may have in addition to those of its cells; more are
-refused. Chosen."""
+"""Number of lists, and of values, that a JSON file may have beyond those of its cells; a file with
+more is refused before it is parsed. Larger values take more memory. Chosen."""
 KEYS_OF_FORM: Final = re.compile(
     r"(?:unit|pitch|scale|ax[ei]s|order|origin|offset|rotat|transform|mirror|joint|angle|cell|closed|module\b)"
 )
-"""Beginnings of keys that would change a shape's form, place or size if they were read."""
+"""Matches the beginnings of JSON keys that probably change a shape's form, size or place; an
+unknown key that matches is refused rather than ignored."""
 
 
 def _check_amount(text: str, most_cells: int) -> None:

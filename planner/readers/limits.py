@@ -13,12 +13,14 @@ MAX_FILE_BYTES: Final = 64 << 20
 """Maximum size of an input file, in bytes. Larger values admit larger meshes and take more memory.
 Chosen."""
 BYTES_PER_CELL: Final = 96
-"""Maximum size of a text file per cell of the largest shape, in bytes; a larger file is refused
-before it is parsed. Chosen."""
+"""Allowed size of a text file for each cell of the largest accepted shape, in bytes; a larger file
+is refused before it is parsed. Larger values admit wordier files and take more memory. Chosen."""
 SPARE_BYTES: Final = 65_536
-"""Size that a text file may have in addition to that of its cells, in bytes. Chosen."""
+"""Size that a text file may have, in bytes, in addition to the allowance for each cell, for
+headings and comments. Larger values admit longer ones. Chosen."""
 MAX_QUOTE_CHARACTERS: Final = 40
-"""Maximum length of a quotation from the input in a message, in characters. Chosen."""
+"""Maximum length, in characters, of text from an input file that an error message quotes; the rest
+is cut off. Larger values make longer messages. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

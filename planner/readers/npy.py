@@ -22,8 +22,8 @@ from planner.shapes.shape import Shape
 
 NPY_MAGIC: Final = b"\x93NUMPY"
 MAX_NPY_HEADER_BYTES: Final = 4096
-"""Maximum size of the header, which NumPy evaluates as a Python literal. Chosen; usual headers take
-128 bytes."""
+"""Maximum size of the header of a NumPy file, in bytes; a larger one is refused, as NumPy evaluates
+it as a Python literal. Chosen; usual headers take 128 bytes."""
 
 
 def is_npy(data: bytes) -> bool:

@@ -26,7 +26,8 @@ NO_POLYGON: Final = re.compile(rb"\nf(?!(?: \+?0*[1-9][0-9]*){3,}\n)")
 TEXTURE: Final = re.compile(rb"/[^ \n]*")
 COUNTED_BACK: Final = re.compile(rb"\nf[^-\n]*-")
 OBJ_PROBE_BYTES: Final = 65_536
-"""Bytes after leading comments that are searched for a vertex. Chosen."""
+"""Number of bytes after leading comments that are searched for a vertex line, to recognise an OBJ
+file. Larger values recognise files with longer preambles, and cost more. Chosen."""
 
 
 def is_obj(data: bytes) -> bool:

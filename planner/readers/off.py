@@ -17,7 +17,8 @@ from planner.shapes.solid import Solid, check_triangles
 
 KIND: Final = re.compile(r"(?:ST)?C?N?4?n?OFF(?=[\s#]|$)")
 MAX_POLYGON_CORNERS: Final = 10_000
-"""Maximum number of corners of a polygon. Chosen; larger counts are damage."""
+"""Maximum number of corners of one polygon of an OFF mesh; a larger number counts as damage and the
+file is refused. Chosen."""
 
 Mesh: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], int]"
 """Points (V, 3), corners of all polygons, (P,) corners of each polygon, number of extra lines."""

@@ -16,7 +16,8 @@ from planner.readers.polygons import fans
 from planner.shapes.solid import Solid, check_triangles
 
 MAX_PLY_HEADER_BYTES: Final = 65_536
-"""Bytes in which the header must end. Chosen."""
+"""Maximum size of the header of a PLY file, in bytes; a file whose header does not end within it is
+refused. Larger values admit longer comments. Chosen."""
 END_HEADER: Final = re.compile(rb"(?<=[\r\n])end_header[ \t]*(?:\r\n|\n|\r)")
 TYPES: Final = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
@@ -24,9 +25,10 @@ TYPES: Final = {
     **{"uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
 }
 BYTE_ORDERS: Final = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-"""NumPy byte order for each format of the header; empty for text."""
+"""Prefix of NumPy types (byte order) for each format that a PLY header may state; empty for
+text."""
 CORNER_LISTS: Final = ("vertex_indices", "vertex_index")
-"""Names of the list property with the corners of a face."""
+"""Names that PLY files use for the list property with the vertex numbers of a face."""
 
 Ints = NDArray[np.int64]
 

@@ -15,25 +15,35 @@ from planner.readers.trimesh_meshes import triangles_in
 from planner.shapes.solid import MAX_TRIANGLES, Solid, check_triangles
 
 HEADER_BYTES: Final = 84
-"""Size of the header of a binary STL with the number of triangles."""
+"""Size of everything before the first triangle of a binary STL file, in bytes: 80 bytes of text and
+the number of triangles."""
 TRIANGLE_BYTES: Final = 50
-"""Size of a triangle of a binary STL."""
+"""Size of one triangle of a binary STL file, in bytes: a normal and three corners of single
+precision, and two attribute bytes."""
 STL_PROBE_BYTES: Final = 2048
-"""Bytes at the beginning or end of a file that are checked for words. Chosen."""
+"""Number of bytes at the beginning of an STL file, and after its first line, that are searched for
+the keywords of a text STL, to tell it from a binary one. Larger values recognise files with longer
+preambles. Chosen."""
 PROBED_TRIANGLES: Final = 2048
-"""Maximum number of triangles whose coordinates are checked. Chosen."""
+"""Maximum number of triangles whose coordinates are checked for plausible magnitudes, to tell a
+binary STL from arbitrary bytes. Larger values judge more surely and more slowly. Chosen."""
 MAX_NAME_BYTES: Final = 1 << 20
-"""Maximum size of the first line of a text STL; longer ones are no name. Chosen."""
+"""Maximum size of the first line of a text STL, which holds the solid's name, in bytes. A file with
+a longer one is not recognised as a text STL. Chosen."""
 MAX_TAIL_BYTES: Final = 4096
-"""Maximum number of ignored bytes after the last triangle; more is damage. Chosen."""
+"""Maximum number of bytes after the last triangle of a binary STL that are ignored; with more, the
+file counts as damaged. Chosen."""
 ROW: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 PLAUSIBLE_COORDINATES: Final = (1e-9, 1e9)
-"""Range of coordinates that count as plausible; about a quarter of random numbers does."""
+"""Exclusive range of magnitudes of coordinates, in the file's unit, that count as plausible when a
+binary STL is told from arbitrary bytes. About a quarter of random numbers of single precision lie
+in it. Chosen."""
 MIN_PLAUSIBLE_SHARE: Final = 0.6
-"""Share of plausible coordinates above which data counts as a binary STL. Chosen: larger than the
-quarter of random data, below 1 for damaged files."""
+"""Minimum fraction of plausible coordinates for data to count as a binary STL. Larger values refuse
+more damaged files, smaller ones accept arbitrary bytes, of which a quarter is plausible. Chosen."""
 PART_BYTES: Final = 4 << 20
-"""Bytes of text parsed at once. Larger values take more memory, smaller ones more time. Chosen."""
+"""Number of bytes of a text STL that are parsed at once. Larger values take more memory, smaller
+ones more time; the mesh is the same. Chosen."""
 TAIL_IGNORED: Final = "bytes after the last triangle were ignored."
 FACET_END: Final = b"endfacet"
 SOLID_NAME: Final = re.compile(rb"(?m)^[ \t]*(?:end)?solid\b(?:(?!\bfacet\b).)*")

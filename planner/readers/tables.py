@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 TEXT_CHUNK_BYTES: Final = 4 << 20
-"""Bytes of text parsed at once. Larger values take more memory. Chosen."""
+"""Number of bytes of a text with rows of numbers that are parsed at once. Larger values take more
+memory, smaller ones more time; the result is the same. Chosen."""
 SPACE_BYTE: Final = 32
-"""Code of a space in ASCII; smaller codes are white space too."""
+"""Code of a space in ASCII; bytes with this or a smaller code separate the words of a text."""
 NEWLINE_BYTE: Final = 10
-"""Code of a line feed in ASCII."""
+"""Code of a line feed in ASCII, which ends each line of a text that is parsed as bytes."""
 MAX_WHOLE_NUMBER: Final = 1e15
-"""Largest number that is taken for an integer; below 2⁵³, so that float64 is exact."""
+"""Maximum magnitude of a float that is converted to an integer, where integers are expected; it is
+below 2⁵³, so that float64 holds every integer exactly."""
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]

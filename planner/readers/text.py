@@ -21,12 +21,14 @@ NOT_FINITE: Final = re.compile(r"[+-]?(?:nan|inf|infinity)\Z", re.IGNORECASE)
 WORD_SEPARATOR: Final = re.compile(r'[\s,;"]+')
 COMMENT_MARK: Final = "#"
 HASH_COMMENT: Final = re.compile(rb"#[^\n]*")
-"""A comment from its mark to the end of the line, in bytes."""
+"""Matches a comment in the bytes of a text file: from a number sign to the end of the line."""
 TEXT_PROBE_SIZE: Final = 20_000
-"""Bytes, or characters, at the beginning of a file that are checked for text and numbers.
-Chosen."""
+"""Number of bytes, or characters, at the beginning of a file that are checked to be text, and to
+contain a number. Larger values recognise more files with long preambles, and cost more. Chosen."""
 UTF16_PROBE_CHARACTERS: Final = 64
-"""Characters whose bytes must look like UTF-16 if a file has no byte order mark. Chosen."""
+"""Number of characters at the beginning of a file without a byte order mark, every other byte of
+which must be 0 for the file to be read as UTF-16. Larger values take fewer files for UTF-16 by
+mistake. Chosen."""
 BYTE_ORDER_MARKS: Final = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),
@@ -34,7 +36,8 @@ BYTE_ORDER_MARKS: Final = (
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
-"""Marks at the beginning of a text; those of UTF-32 begin like those of UTF-16."""
+"""Byte order marks with their encodings, tried in this order: the marks of UTF-32 come first, as
+that of little-endian UTF-32 begins like that of UTF-16."""
 READ_AS_VOXELS: Final = "for voxels in any order, read them as voxels"
 
 

@@ -21,39 +21,51 @@ from planner.shapes.solid import Solid, check_triangles
 
 ZIP_MAGIC: Final = b"PK\x03\x04"
 MAX_ENTRIES: Final = 4_000
-"""Maximum number of files in a 3MF archive; with more it is refused. Chosen; bounds time."""
+"""Maximum number of files in a 3MF archive; an archive with more is refused. Larger values take
+more time to list. Chosen."""
 MAX_UNPACKED_BYTES: Final = 400 << 20
-"""Maximum size of all models after unpacking. Larger values admit larger models. Chosen."""
+"""Maximum size of all models of a 3MF archive after unpacking, in bytes; an archive with more is
+refused. Larger values admit larger models, and take more memory and time. Chosen."""
 FREE_UNPACKED_BYTES: Final = 16 << 20
-"""Unpacked size of an archive, in bytes, up to which any compression ratio is accepted. Chosen."""
+"""Unpacked size of a 3MF archive, in bytes, up to which any compression ratio is accepted; larger
+archives with a high ratio are refused as zip bombs. Chosen."""
 MAX_COMPRESSION_RATIO: Final = 100
-"""Maximum ratio of unpacked to packed size; more is a zip bomb. Chosen."""
+"""Maximum ratio of unpacked to packed size of a large 3MF archive; with a higher one it is refused
+as a zip bomb. Smaller values refuse more regular models. Chosen."""
 MAX_INSTANCES: Final = 20_000
-"""Maximum number of placed meshes of a 3MF model, with nested ones; with more it is refused.
-Chosen; bounds time."""
+"""Maximum number of placed meshes of a 3MF model, nested components included; a model with more is
+refused. Larger values admit larger models and take more time. Chosen."""
 MAX_NESTING: Final = 64
-"""Maximum depth of nested components. Chosen; excludes cycles."""
+"""Maximum depth of components within components of a 3MF model; a deeper model is refused, so that
+one that contains itself is, too. Chosen."""
 XML_PIECE_BYTES: Final = 1 << 18
-"""Bytes of XML that are parsed at once. Larger values take more memory. Chosen."""
+"""Number of bytes of a 3MF model's XML that are unpacked and parsed at once. Larger values take
+more memory; the result is the same. Chosen."""
 RELATIONSHIPS: Final = "_rels/.rels"
-"""Entry of the archive that names its main model."""
+"""Name of the file in a 3MF archive that states which of its models is the main one (Open Packaging
+Conventions)."""
 MAIN_MODEL: Final = re.compile(rb"<[^<>]*/3dmodel[\"'][^<>]*>")
 TARGET: Final = re.compile(rb"\bTarget\s*=\s*[\"']/?([^\"'<>]*)")
 MAX_RELATIONSHIPS_BYTES: Final = 1 << 16
-"""Bytes of the relationships that are read, about 200 for each. Chosen."""
-MATERIAL: Final = ("model", "surface")
-"""Types of objects that are material."""
+"""Maximum number of bytes that are read of the list of relationships in a 3MF archive, which names
+the main model; one relationship takes about 200. Chosen."""
+MATERIAL_TYPES: Final = ("model", "surface")
+"""Types of objects in a 3MF model that are solid material; objects of other types (supports) are
+left out."""
 CURA_ROLES: Final = frozenset(
     f"cura:{role}" for role in ("infill_mesh", "cutting_mesh", "support_mesh", "anti_overhang_mesh")
 )
-"""Settings by which Cura marks modifiers, cutters and supports."""
+"""Names of the settings by which the slicer Cura marks objects of a 3MF model as modifiers, cutters
+or supports, which are no material."""
 UNBUILT: Final = "objects that are not part of the build were ignored."
 UNPRINTED_IGNORED: Final = "parts that are not printed were ignored."
 LEFT_OUT: Final = "cutters, modifiers and supports were ignored, because they are not material."
 SLICER_CONFIGS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
-"""Lists of the parts' roles, as PrusaSlicer and those that came from it write them."""
-READ_EXTENSIONS: Final = ("/production/", "/material/", "/trianglesets/")
-"""Words in the names of extensions that are read or do not affect the geometry."""
+"""Files in a 3MF archive in which PrusaSlicer and slicers derived from it state the role of each
+part (material, modifier or support)."""
+ACCEPTED_EXTENSION_PARTS: Final = ("/production/", "/material/", "/trianglesets/")
+"""Parts of the URIs of 3MF extensions that the reader supports, or that do not affect the geometry;
+models that require other extensions are refused."""
 OTHER_FORMS: Final = {
     "beam": "beams",
     "ball": "balls of a lattice",
@@ -271,7 +283,7 @@ class _Models:
         names = {k.partition(":")[2]: v for k, v in fields.items() if k.startswith("xmlns:")}
         for prefix in fields.get("requiredextensions", "").split():
             name = names.get(prefix, prefix)
-            if not any(word in name.lower() for word in READ_EXTENSIONS):
+            if not any(word in name.lower() for word in ACCEPTED_EXTENSION_PARTS):
                 name = name.rpartition("/3dmanufacturing/")[2]
                 raise InputError(
                     "unsupported",
@@ -358,7 +370,7 @@ class _Models:
         while waiting:
             key, transform = waiting.pop()
             model = self._objects[key]
-            if model.kind not in MATERIAL:
+            if model.kind not in MATERIAL_TYPES:
                 self._notes[LEFT_OUT] = None
                 continue
             waiting += [(part, _after(own, transform)) for part, own in model.parts]
@@ -407,7 +419,7 @@ class _Models:
                 reached.add(key)
                 waiting += [part for part, _ in self._objects[key].parts]
         others = (model for key, model in self._objects.items() if key not in reached)
-        if any(model.corners and model.kind in MATERIAL for model in others):
+        if any(model.corners and model.kind in MATERIAL_TYPES for model in others):
             self._notes[UNBUILT] = None
 
     def _material(self, model: _Object) -> Ints:

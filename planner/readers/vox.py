@@ -14,18 +14,22 @@ from planner.shapes.shape import Shape
 
 VOX_MAGIC: Final = b"VOX "
 MAX_CHUNKS: Final = 100_000
-"""Maximum number of chunks of a MagicaVoxel file; with more it is refused. Chosen; bounds time."""
+"""Maximum number of chunks (typed blocks of data) of a MagicaVoxel file; a file with more is
+refused. Larger values admit larger files and take more time. Chosen."""
 MAX_SCENE_NODES: Final = 10_000
-"""Maximum number of visited nodes of a MagicaVoxel scene; with more the file is refused. Chosen;
-bounds time."""
+"""Maximum number of nodes of a MagicaVoxel file's scene graph that are visited; a file with more is
+refused. Larger values admit larger scenes and take more time. Chosen."""
 FILE_HEADER_BYTES: Final = 8
-"""Size of the signature and version before the first chunk."""
+"""Size of the signature and version of a MagicaVoxel file, before the first chunk (typed block of
+data), in bytes."""
 COLOURLESS: Final = "voxels of colour 0, which means empty, were ignored."
 HIDDEN: Final = "hidden objects were ignored."
 CHUNK_HEADER_BYTES: Final = 12
-"""Size of a chunk's header: its type and the sizes of content and children."""
+"""Size of the header of a chunk (typed block of data) in a MagicaVoxel file, in bytes: its type,
+and the sizes of its content and of its children."""
 MAX_FRAME_DIGITS: Final = 9
-"""Maximum number of digits of a frame number that are read; further ones are cut off. Chosen."""
+"""Maximum number of digits that are read of an animation frame's number in a MagicaVoxel file, so
+that hostile numbers take no time; further digits are cut off. Chosen."""
 
 Ints = NDArray[np.int64]
 

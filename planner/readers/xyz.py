@@ -17,7 +17,8 @@ from planner.readers.text import COMMENT_MARK, cells_array, coordinate, is_numbe
 from planner.shapes.shape import Shape
 
 MAX_COUNT_DIGITS: Final = 9
-"""Maximum number of digits of the count of points on the first line; a longer number is no count.
+"""Maximum number of digits of the first line of an XYZ file that states the number of points. A
+longer number is cut to one digit more, so that parsing stays fast and the number matches no file.
 Chosen."""
 
 

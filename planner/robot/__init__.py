@@ -8,11 +8,12 @@ from __future__ import annotations
 from typing import Final
 
 RECORDED_PLAN: Final = "recorded.npz"
-"""File name, in a smoothed fold's directory, of the plan that is smoothed."""
+"""File name, in the directory of a fold that smooths another fold's motion, of the plan that is
+smoothed."""
 SMOOTHED, SOFTENED, RECORDED = "smoothed", "softened", "recorded"
 SMOOTHING_WAYS: Final = (SMOOTHED, SOFTENED, RECORDED)
-"""Kinds of smoothing, each tried if the certificate refuses the previous one: shortcuts and
-averaging, fewer of them, and only new times."""
+"""Kinds of smoothing, in the order in which they are tried until a certificate passes: shortcuts
+and averages of the motion, fewer of them, and only a new timing along the recorded motion."""
 MAX_SMOOTHED_ANGLES: Final = 2**23
-"""Maximum number of angles, frames times hinges, of a plan that is smoothed (memory and time).
-Chosen."""
+"""Maximum number of hinge angles (frames × hinges) of a plan that is smoothed; longer plans stay as
+they are. Larger values take more memory and time. Chosen."""

@@ -8,9 +8,11 @@ from typing import Final
 from planner.errors import InputError
 
 DENSITY_RANGE_KG_M3: Final = (1.0, 30_000.0)
-"""Minimum and maximum density that is accepted, kg/m³. Chosen."""
+"""Minimum and maximum density of a module's material that is accepted, in kg/m³; other values are
+refused as implausible. Chosen."""
 WALL_M: Final = 0.001
-"""Thickness of the wall that remains of a solid cube around its servos, m. Chosen."""
+"""Thickness, in m, of the solid wall of a module's cube around its servos, from which the module's
+mass is computed. A larger value makes modules heavier. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +60,7 @@ class Casing:
 
 
 _PLA_KG_M3: Final = 1240.0
-"""Density of PLA, kg/m³, as makers of filament publish it."""
+"""Density of PLA, the usual plastic of 3D printers, in kg/m³, as makers of filament publish it."""
 CASINGS: Final = {
     casing.name: casing
     for casing in (
@@ -87,7 +89,7 @@ CASINGS: Final = {
         ),
     )
 }
-"""Casings by name."""
+"""Casings of a module (material and walls) that can be chosen to estimate its mass, by name."""
 
 
 def casing_named(name: str) -> Casing:

@@ -17,11 +17,11 @@ from planner.simulation.tree import Tree
 
 Array = NDArray[np.float64]
 MAX_INTERVALS_PER_STEP: Final = 4
-"""Maximum number of intervals between two frames; torques are computed at the ends of each. Larger
-values find torque peaks more exactly and take longer. Chosen."""
+"""Maximum number of intervals between two frames of a plan, at whose ends the motors' torques are
+computed. Larger values find torque peaks more exactly and take longer. Chosen."""
 MAX_TORQUE_MODULES: Final = 1_000_000
-"""Maximum number of intervals times modules (processor time); a longer plan has fewer intervals.
-Chosen."""
+"""Maximum number of intervals times modules for which the motors' torques are computed; longer
+plans get longer intervals. Larger values find torque peaks more exactly and take longer. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

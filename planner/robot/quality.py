@@ -15,7 +15,8 @@ from planner.robot.smoothing import DISTANCE_WEIGHT
 
 Array = NDArray[np.float64]
 TAIL_CHUNK_FRAMES: Final = 64
-"""Maximum number of frames whose poses are computed at once (memory). Chosen."""
+"""Number of frames whose poses are computed at once, to measure how far the chain's ends travel.
+Larger values take more memory; the result is the same. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,11 +21,11 @@ from planner.robot.trajectory import CutPath, Trajectory
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MAX_STILL_TURN_RAD: Final = 1e-6
-"""Largest turn of the fastest hinge between two frames, in rad, at which they are merged into one.
-Chosen."""
-BOUND_RANGE: Final = (1e-6, 1e6)
-"""Minimum and maximum bound of speed and acceleration that is accepted, rad/s and rad/s².
-Chosen."""
+"""Maximum turn of the fastest hinge, in rad, between frames that are merged into one when a plan
+gets a new timing, as nothing moves. Larger values change the motion. Chosen."""
+RATE_LIMIT_RANGE: Final = (1e-6, 1e6)
+"""Minimum and maximum limit of speed (rad/s) and of acceleration (rad/s²) that is accepted for a
+new timing of a plan; others are refused as implausible. Chosen."""
 
 
 def retime(plan: Plan, max_speed_rad_s: float, max_acceleration_rad_s2: float) -> Trajectory:
@@ -56,11 +56,11 @@ def retimed(
         ("speed", "rad/s", max_speed_rad_s),
         ("acceleration", "rad/s²", max_acceleration_rad_s2),
     ):
-        if not BOUND_RANGE[0] <= value <= BOUND_RANGE[1]:
+        if not RATE_LIMIT_RANGE[0] <= value <= RATE_LIMIT_RANGE[1]:
             raise InputError(
                 "bad-bound",
-                f"got a maximum {name} of {value:g} {unit}, expected {BOUND_RANGE[0]:g} to "
-                f"{BOUND_RANGE[1]:g}.",
+                f"got a maximum {name} of {value:g} {unit}, expected {RATE_LIMIT_RANGE[0]:g} to "
+                f"{RATE_LIMIT_RANGE[1]:g}.",
                 where=f"max_{name}",
             )
     kept = _moving(frames)

@@ -14,9 +14,11 @@ from typing import Any, Final
 from planner.errors import InputError
 
 KGF_CM_NM: Final = 0.0980665
-"""Factor from kgf·cm to N·m, by the definition of the kilogram-force."""
+"""Factor that converts a torque from kgf·cm, the unit of servo data sheets, to N·m, by the
+definition of the kilogram-force."""
 MIN_SERVO_RANGE_DEG: Final = 180.0
-"""Minimum range of a servo whose hinge folds by 90° to either side, degrees."""
+"""Minimum range of rotation, in degrees, of a servo that drives a hinge: hinges fold by 90° to
+either side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,7 +27,8 @@ from planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, sp
 
 Array = NDArray[np.float64]
 SOFTENED_EVALUATIONS: Final = MAX_EVALUATIONS // 4
-"""Number of configurations that a slight smoothing may check. Chosen."""
+"""Maximum number of configurations whose clearance a slight smoothing checks, which is tried if the
+full one fails certification. Larger values smooth more, and fail more often. Chosen."""
 
 
 def check_smoothable(plan: Plan) -> None:

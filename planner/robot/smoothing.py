@@ -38,57 +38,73 @@ Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 MAX_EVALUATIONS: Final = 20_000
-"""Maximum number of configurations whose clearance one smoothing checks. Larger values smooth more
-and take more time. Chosen."""
+"""Maximum number of configurations of the chain whose clearance is checked to smooth one motion.
+Larger values smooth more and take more time. Chosen."""
 TORQUE_WEIGHTS: Final = ((0.6, 0.15), (1.0, 0.6))
-"""Pairs of (fraction of the evaluations, weight of torque relative to that of length): up to that
-fraction torque has that weight. It is small at first, as a tangled motion gets shorter by way of
-more torque. Chosen."""
+"""Stages of smoothing a motion, as pairs of (fraction of all clearance checks at which the stage
+ends, weight of torque relative to the motion's length in its cost). The weight is small at first,
+as a tangled motion gets shorter by way of more torque. Chosen."""
 TIGHT_SIZE: Final = 0.98
-"""Minimum module size, as a fraction of the pitch, at which modules must not come nearer than in
-the record. Larger values keep more clearance and smooth less. Chosen."""
+"""Module size, as a fraction of the pitch, at which a motion is smoothed unless its modules are
+larger: modules of this size come no closer than in the recorded motion. Larger values keep more
+clearance and smooth less. Chosen."""
 SMOOTHED_FRAMES: Final = 150
-"""Approximate number of frames of a motion that is smoothed. Larger values are finer and slower.
-Chosen."""
+"""Approximate number of frames with which a motion is smoothed, within the limits of their spacing.
+Larger values smooth finer details, more slowly. Chosen."""
 FRAME_SPACING_RANGE_RAD: Final = (0.015, 0.06)
-"""Minimum and maximum arc length between two frames, rad. Chosen."""
+"""Minimum and maximum length of motion between two frames of a smoothed motion, in rad of joint
+motion. Smaller values smooth finer details, more slowly. Chosen."""
 CLEARANCE_SLACK_PITCH: Final = 0.001
-"""Clearance that smoothing demands in addition, in pitches, at frames and halfway between them, as
-a reserve for the motion in between. Larger values smooth less. Chosen."""
+"""Additional clearance, in pitches, that smoothing demands at frames and halfway between them, as a
+reserve for the motion in between. Larger values smooth less; smaller ones fail more often in
+between. Chosen."""
 SIMPLIFIED_PARTS: Final = (1, 3, 6, 12, 24, 48)
-"""Numbers of parts into which a motion is divided in turn; each part is replaced by a simpler one.
+"""Numbers of parts into which smoothing divides a motion, in this order; each part is replaced by a
+straight line or a mean if that is clear. Larger numbers smooth finer details, more slowly.
 Chosen."""
 MIN_PART_FRAMES: Final = 4
-"""Minimum number of frames of a part that is simplified. Chosen."""
+"""Minimum mean number of frames of the parts into which smoothing divides a motion; it is divided
+no further. Smaller values smooth finer details, more slowly. Chosen."""
 HALVING_ROUNDS: Final = 1
-"""Number of first rounds in which hinges that are blamed for a collision follow the smoothed target
-only half as far; in later rounds they do not follow at all. Chosen."""
+"""Number of rounds, at the beginning of moving a motion towards a smoothed target, in which hinges
+between colliding modules go half as far; in later rounds they keep their angles. Larger values
+follow the target further, more slowly. Chosen."""
 WHOLE_FRAME_FROM_ROUND: Final = 6
-"""Round from which on all hinges of a frame, not only the blamed ones, leave the smoothed target.
-Chosen."""
+"""Round of moving a motion towards a smoothed target from which on a collision keeps all hinges of
+a frame in place, not only those of the colliding modules. Larger values follow the target further,
+and give up more often. Chosen."""
 MAX_FOLLOWING_ROUNDS: Final = 14
-"""Maximum number of rounds in which a motion is moved towards one smoothed target; then that target
-is given up. Chosen."""
+"""Maximum number of rounds of moving a motion towards one smoothed target; with collisions left,
+that target is given up. Larger values use more targets, more slowly. Chosen."""
 MIN_FOLLOWED_SHARE: Final = 0.02
-"""Fraction of the way to the target below which a hinge stays where it was. Chosen."""
+"""Minimum fraction of the way to a smoothed target that a hinge moves; below it the hinge keeps its
+angle. Larger values smooth less. Chosen."""
 MIN_PASS_GAIN: Final = 0.005
-"""Smallest relative decrease of a motion's cost that counts as a gain of a pass; two passes in a
-row with less end the smoothing. Smaller values smooth longer. Chosen."""
+"""Minimum relative decrease of a motion's cost (length and torque) by one pass of smoothing; two
+passes in a row with less end the smoothing. Smaller values smooth longer. Chosen."""
 MAX_RESAMPLINGS: Final = 6
-"""Maximum number of resamplings that restore frames at corners that are cut too close. Chosen."""
+"""Maximum number of times that evenly spaced frames of a motion are supplemented by its own frames
+where even spacing cuts a corner too closely; beyond it, the motion is not resampled. Chosen."""
 MARGIN_ROUNDING_PITCH: Final = 1e-9
-"""Clearance that rounding may take from a motion, pitches."""
+"""Loss of clearance, in pitches, that a smoothed motion may have against the given one:
+rounding."""
 MIN_PROVED_BOUND_PITCH: Final = 1e-9
-"""Lower bound of the clearance, pitches, that counts as a proof that no modules touch."""
+"""Lower bound of the clearance, in pitches, from which on a smoothed motion counts as proved free
+of contact. Larger values would demand proofs that take most of the checks."""
 MIN_EFFORT: Final = 1e-9
-"""Minimum effort of a motion by which costs are divided: it avoids a division by zero."""
+"""Minimum torque effort of a motion by which the smoothing's costs are divided, to avoid a division
+by zero for motions without torque."""
 MIN_STEP_LENGTH_RAD: Final = 1e-6
-"""Minimum length of a step by which differences are divided, rad: it avoids a division by zero."""
+"""Minimum length of motion between two frames, in rad, by which angle differences are divided in
+smoothing, to avoid a division by zero."""
 DISTANCE_WEIGHT: Final = 0.03
-"""Arc length of a displacement of one pitch, rad: ``PlaybackParameters.distance_weight``."""
+"""Length of motion, in rad, that smoothing counts for a module's displacement of one pitch; a
+larger value shortens the modules' ways more than the hinges'. Equal to the default of
+``PlaybackParameters.distance_weight``."""
 SWEEP_STEPS: Final = 6
-"""Number of intervals between frames that one sweep checks; it reports the closest place. Smaller
-values find more close places at once, more slowly. Chosen."""
+"""Number of consecutive intervals between frames that one sweep checks for collisions in smoothing;
+a sweep reports its closest place only. Smaller values find more close places at once, more slowly.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

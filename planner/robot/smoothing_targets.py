@@ -12,10 +12,11 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 FADE_FRAMES: Final = 3
-"""Half width of the filters that fade a change in, frames; it takes about four times as many.
-Larger values change speeds more smoothly. Chosen."""
-MIN_SHARE: Final = 1e-9
-"""Weights below this count as 0: rounding of running sums."""
+"""Half width, in frames, of the filters by which a change of a smoothed motion fades in and out,
+about four times as many frames in all. Larger values change speeds more smoothly. Chosen."""
+MIN_TARGET_WEIGHT: Final = 1e-9
+"""Weight of a smoothed target, from 0 to 1, below which it counts as 0, because it is rounding of
+the running sums of a filter."""
 
 
 def parts(frames: int, pieces: int, rng: np.random.Generator) -> Ints:
@@ -71,7 +72,7 @@ def softened(shares: Array) -> Array:
         low = uniform_filter1d(low, 2 * FADE_FRAMES + 1, axis=0)
     # A running sum leaves traces of what has passed.
     low = np.where(
-        low[FADE_FRAMES:-FADE_FRAMES] < MIN_SHARE,
+        low[FADE_FRAMES:-FADE_FRAMES] < MIN_TARGET_WEIGHT,
         0.0,
         np.minimum(low[FADE_FRAMES:-FADE_FRAMES], shares),
     )

@@ -17,17 +17,18 @@ REST_FILE: Final = "rest.npz"
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 CELLS_PER_PIECE: Final = 2
-"""Number of grid cells of the time parameterisation on each corner's half and on each straight
-piece. Larger values made motions faster by less than one per cent. Measured."""
+"""Number of grid cells, for the fastest timing along a path, on each straight piece and on each
+half of a blended corner. Larger values made motions faster by less than one per cent, and take
+longer. Measured."""
 MIN_PATH_CELLS: Final = 200
-"""Approximate minimum number of grid cells of a path's time parameterisation. Larger values are
-more exact and slower. Chosen."""
+"""Approximate minimum number of grid cells for the fastest timing along a whole path, so that paths
+of few frames get a fine grid as well. Larger values are more exact and slower. Chosen."""
 MIN_PIECE_SHARE: Final = 1e-6
-"""Minimum length of a straight piece as a fraction of its step; shorter ones are left out.
-Chosen."""
+"""Minimum length of a straight piece between two blended corners of a path, as a fraction of the
+step between frames; a shorter one is rounding and is left out. Chosen."""
 CORNERS_AT_ONCE: Final = 256
-"""Number of corners of a path that are blended at once (memory): all of a long chain's would take a
-gibibyte. Chosen."""
+"""Number of corners of a path that are blended in one NumPy call. Larger values take more memory
+(all of a long chain's would take a gibibyte); the result is the same. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,8 +82,8 @@ class Trajectory:
     @property
     def nbytes(self) -> int:
         """Size of its arrays and those of the path, bytes."""
-        own = (getattr(self, name) for name in _OWN)
-        return sum(a.nbytes for a in own) + sum(getattr(self.path, n).nbytes for n in _OF_PATH)
+        own = (getattr(self, name) for name in _TRAJECTORY_ARRAYS)
+        return sum(a.nbytes for a in own) + sum(getattr(self.path, n).nbytes for n in _PATH_ARRAYS)
 
     def save(self, directory: FilePath) -> None:
         """Write the trajectory to an existing directory."""
@@ -94,8 +95,8 @@ class Trajectory:
                 [self.max_speed_rad_s, self.max_acceleration_rad_s2, self.deviation_rad]
             ),
             cells=self.path.cells,
-            **{name: getattr(self, name) for name in _OWN},
-            **{name: getattr(self.path, name) for name in _OF_PATH if name != "frames"},
+            **{name: getattr(self, name) for name in _TRAJECTORY_ARRAYS},
+            **{name: getattr(self.path, name) for name in _PATH_ARRAYS if name != "frames"},
         )
 
     @classmethod
@@ -104,14 +105,14 @@ class Trajectory:
         frames = np.load(directory / FRAMES_FILE, mmap_mode="r", allow_pickle=False)
         with np.load(directory / REST_FILE, allow_pickle=False) as rest:
             speed, acceleration, deviation = rest["numbers"].tolist()
-            of_path = {name: rest[name] for name in _OF_PATH if name != "frames"}
+            of_path = {name: rest[name] for name in _PATH_ARRAYS if name != "frames"}
             return cls(
                 joint_names=tuple(rest["joint_names"].tolist()),
                 max_speed_rad_s=speed,
                 max_acceleration_rad_s2=acceleration,
                 deviation_rad=deviation,
                 path=CutPath(frames=np.asarray(frames), cells=int(rest["cells"]), **of_path),
-                **{name: rest[name] for name in _OWN},
+                **{name: rest[name] for name in _TRAJECTORY_ARRAYS},
             )
 
     def at(self, time_s: Array) -> tuple[Array, Array, Array]:
@@ -254,7 +255,9 @@ class CutPath:
         return float(largest / 4.0)
 
 
-_OWN: Final = ("time_s", "knot_times_s", "knot_rates", "frame_numbers")
-"""Names of the arrays of a trajectory."""
-_OF_PATH: Final = ("frames", "places", "lengths", "knots", "frame", "left", "right", "reach")
-"""Names of the arrays of its path."""
+_TRAJECTORY_ARRAYS: Final = ("time_s", "knot_times_s", "knot_rates", "frame_numbers")
+"""Fields of a trajectory whose arrays are saved in its file; the arrays of the trajectory's path
+are saved in addition."""
+_PATH_ARRAYS: Final = ("frames", "places", "lengths", "knots", "frame", "left", "right", "reach")
+"""Fields of a trajectory's path (the joint angles without times) whose arrays are saved in the
+trajectory's file."""

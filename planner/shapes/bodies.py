@@ -14,28 +14,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 MIN_FILLED_SHARE: Final = 1e-9
-"""Smallest enclosed volume of a mesh, as a fraction of its bounding box; with less it encloses
-nothing. Chosen: rounding."""
+"""Minimum enclosed volume of a mesh's body, as a fraction of its bounding box; a body with less is
+a flat sheet that encloses nothing, up to rounding. Chosen."""
 MAX_PROBES: Final = 64
-"""Maximum number of points of a body that are tested for lying inside another body. Larger values
-are slower and miss less. Chosen."""
+"""Maximum number of points of a body (connected part of a mesh) that are tested for lying inside
+another one, to tell cavities from solids. Larger values are slower and misjudge fewer bodies.
+Chosen."""
 PROBE_WEIGHTS: Final = np.array([0.4142, 0.3183, 0.2675])
-"""Weights of a triangle's corners in its probe, irregular so that no ray meets an edge of a regular
-mesh. Chosen."""
+"""Weights of a triangle's three corners in the point at which the triangle is tested for lying
+inside another body: irregular, so that a ray from the point meets no edge of a regular mesh.
+Chosen."""
 PROBE_DEPTH_SHARE: Final = 1e-7
-"""Depth of a probe point below its triangle, as a fraction of the mesh's size; it separates
-touching walls. Larger values miss thin walls. Chosen."""
+"""Depth below a triangle of the point at which it is tested for lying inside another body, as a
+fraction of the mesh's size, so that touching walls are told apart. Larger values miss thin walls.
+Chosen."""
 MAX_CONTAINERS: Final = 1000
-"""Maximum number of bodies, the largest first, that are tested as containers. Others keep their
-orientation. Chosen; bounds time."""
+"""Maximum number of a mesh's bodies, the largest first, that are tested for containing others, to
+find cavities. Larger values find more cavities in meshes of many bodies, more slowly. Chosen."""
 MAX_TESTS: Final = 10_000_000
-"""Maximum number of tests of a probe point against a triangle, about two seconds; beyond it bodies
-keep the orientation in the file. Chosen."""
+"""Maximum number of tests of a point against a triangle when cavities of a mesh are searched, about
+two seconds. Beyond it bodies keep the orientation in the file, so larger values find more cavities,
+more slowly. Chosen."""
 TESTS_AT_ONCE: Final = 1 << 20
-"""Number of tests of a probe against a triangle per NumPy call. Chosen; bounds memory."""
+"""Number of tests of a point against a triangle in one NumPy call when cavities of a mesh are
+searched. Larger values take more memory; the result is the same. Chosen."""
 MAX_GRID_COLUMNS: Final = 512
-"""Maximum number of columns along each side of the grid that finds the triangles above and below a
-probe. Chosen."""
+"""Maximum number of columns along each side of the grid that finds a mesh's triangles above and
+below a point. Larger values make searches in fine meshes faster and take more memory. Chosen."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_BRIDGES: Final = 64
-"""Maximum number of separate parts of a shape that are connected by bridges; further parts are
-dropped. Chosen; bounds time."""
+"""Maximum number of separate parts of a shape that are connected to the largest part by bridges of
+cells; further parts are dropped. Larger values lose fewer parts and take more time. Chosen."""
 MIN_PART_SHARE: Final = 0.005
-"""Fraction of all cells below which a separate part is a speck and is dropped. Larger values drop
-more. Chosen."""
+"""Minimum size of a separate part of a shape, as a fraction of all its cells; a smaller part is
+dropped as a speck rather than connected by a bridge. Larger values drop more. Chosen."""
 
 Cell = tuple[int, int, int]
 FACE_STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))

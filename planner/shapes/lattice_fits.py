@@ -23,55 +23,66 @@ from planner.shapes.sampling import Sampling, grid_of, sample
 from planner.shapes.solid import Solid, signed_volume
 
 OFFSETS: Final = 4
-"""Number of lattice offsets per cell that are tried along each axis. Larger values fit a solid
-better, at cubic cost. Chosen."""
+"""Number of offsets of the lattice of cells, along each axis and within one cell, that are tried to
+fit cells to a solid. Larger values fit better, at cubic cost. Chosen."""
 THRESHOLD_LEVELS: Final = 64
-"""Maximum number of levels of the histogram of cells' filled fractions, and so of tried thresholds.
+"""Maximum number of levels to which the filled fractions of cells are rounded when the threshold is
+chosen above which a cell becomes a module. Larger values try finer thresholds, more slowly.
 Chosen."""
 MIN_FILL_THRESHOLD: Final = 0.06
-"""Smallest tried threshold of the filled share above which a cell is kept. Chosen."""
+"""Smallest filled fraction of a cell that is tried as the threshold above which a cell becomes a
+module. Smaller values preserve thinner parts. Chosen."""
 MAX_FILL_THRESHOLD: Final = 0.65
-"""Largest tried threshold of the filled share above which a cell is kept. Chosen."""
+"""Largest filled fraction of a cell that is tried as the threshold above which a cell becomes a
+module. Larger values allow slimmer shapes. Chosen."""
 PITCH_STEP: Final = 1.0125
-"""Ratio of two neighbouring pitches of the ladder. Smaller values try more pitches. Chosen."""
+"""Ratio of two neighbouring pitches (sizes of a cell) that are tried to fit cells to a solid.
+Smaller values try more pitches, and fit better but more slowly. Chosen."""
 BASE_CELL_SAMPLES: Final = 4
-"""Default number of sampling points along a cell's edge; numbers are multiples of it. Larger values
-are more exact, at cubic cost. Chosen."""
+"""Usual number of points along a cell's edge at which a solid is sampled for being inside; other
+numbers are multiples or half of it. Larger values are more exact, at cubic cost. Chosen."""
 SMALL_CELL_SAMPLES: Final = 8
-"""Number of sampling points along a cell's edge for solids with few samples in all. Chosen."""
+"""Number of points along a cell's edge at which small solids (few samples in all) are sampled.
+Larger values are more exact, at cubic cost. Chosen."""
 MAX_CELL_SAMPLES: Final = 16
-"""Maximum number of sampling points along a cell's edge, for thin solids. Larger values are more
-exact, at cubic cost. Chosen."""
+"""Maximum number of points along a cell's edge at which solids with thin walls are sampled. Larger
+values find thinner walls, at cubic cost. Chosen."""
 MAX_SMALL_SAMPLES: Final = 250_000
-"""Number of samples of a solid's box up to which ``SMALL_CELL_SAMPLES`` are taken. Larger values
-are more exact and slower. Chosen."""
-MAX_FINE_SAMPLES: Final = 2_000_000
-"""Number of samples of a solid's box up to which thin solids get more samples per cell. Chosen;
-bounds time."""
-MAX_FINER_SAMPLES: Final = 3_000_000
-"""Number of samples of a solid's box up to which the overlap of a fit is measured with twice the
-samples per edge. Chosen; bounds time."""
-MANY_SAMPLES: Final = 8_000_000
-"""Samples of a solid's box above which cells get half of ``BASE_CELL_SAMPLES``; twice as many are
-refused. Chosen; bounds memory."""
-MIN_THICKNESS_SAMPLES: Final = 2.0
-"""Minimum number of samples across the mean thickness of a solid. Larger values find thinner walls.
+"""Maximum number of samples in a solid's bounding box for which a cell's edge gets the larger
+number of samples for small solids. Larger values are more exact for more solids, and slower.
 Chosen."""
+MAX_FINE_SAMPLES: Final = 2_000_000
+"""Maximum number of samples in a solid's bounding box for which solids with thin walls get more
+samples per cell. Larger values find thinner walls, more slowly. Chosen."""
+MAX_FINER_SAMPLES: Final = 3_000_000
+"""Maximum number of samples in a solid's bounding box for which the overlap of cells and solid is
+measured with twice the samples per edge. Larger values measure more fits more exactly, more slowly.
+Chosen."""
+MANY_SAMPLES: Final = 8_000_000
+"""Number of samples in a solid's bounding box above which a cell's edge gets half as many; a pitch
+that takes more than twice this number even so is not tried. Larger values are more exact and take
+more memory. Chosen."""
+MIN_THICKNESS_SAMPLES: Final = 2.0
+"""Minimum number of samples across a solid's mean wall thickness. Larger values find thinner walls,
+more slowly. Chosen."""
 BODY_SAMPLES: Final = 1_000_000
-"""Number of samples of a solid's box with which separate bodies are counted. Larger values separate
-closer bodies, more slowly. Chosen."""
+"""Approximate number of samples in a solid's bounding box with which its separate bodies are
+counted. Larger values separate closer bodies, more slowly. Chosen."""
 MAX_BODY_SAMPLES: Final = 4_000_000
-"""Maximum number of samples at which the bodies of thin solids are counted. Chosen; bounds
-memory."""
+"""Maximum number of samples in a solid's bounding box with which the separate bodies of a thin
+solid are counted. Larger values separate closer bodies, and take more memory. Chosen."""
 MIN_BODY_SHARE: Final = 0.01
-"""Share of the volume below which a body is a speck and does not count. Chosen."""
+"""Minimum volume of a separate body, as a fraction of the solid's; a smaller one is a speck and
+does not count. Larger values ignore more bodies. Chosen."""
 WELD_TOLERANCE_SHARE: Final = 0.12
-"""Distance up to which vertices of large meshes are merged, as a share of the pitch. Larger values
-are faster and less exact. Chosen."""
+"""Distance up to which vertices of a large mesh are merged before it is sampled, as a fraction of
+the pitch (a cell's size). Larger values are faster and less exact. Chosen."""
 MIN_WELDED_TRIANGLES: Final = 20_000
-"""Number of triangles from which vertices are merged before sampling. Chosen."""
+"""Minimum number of triangles of a mesh whose close vertices are merged before it is sampled.
+Larger values sample more meshes exactly, and more slowly. Chosen."""
 MAX_STORED_BYTES: Final = 64 << 20
-"""Maximum size of cached samplings; further ones are computed again. Chosen."""
+"""Maximum size, in bytes, of the samplings of a solid that are cached while cells are fitted to it;
+further ones are computed again. Larger values are faster and take more memory. Chosen."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -21,15 +21,18 @@ from planner.shapes.bridges import parts_of
 Ints = NDArray[np.int64]
 
 LAYER_TRIALS: Final = 4
-"""Number of random spanning trees that are tried for a path through the same layers. Larger values
-find more paths, more slowly. Chosen."""
+"""Number of random spanning trees of 2×2 squares that are tried for a path through a shape layer by
+layer. Larger values find more paths, more slowly. Chosen."""
 ROUND_STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))
-"""Step (x, y) of the cycle around a 2×2 square from each of its cells to the next."""
+"""Step (x, y), in cells, of a cycle through a layer of 2×2 squares: from each cell of a square, in
+the order of ``SQUARE_CORNERS``, to the next one in the same square."""
 OUT_STEPS: Final = ((0, -1), (1, 0), (0, 1), (-1, 0))
-"""Step (x, y) from each cell of a 2×2 square into the neighbouring square, if a spanning tree joins
-the two."""
+"""Step (x, y), in cells, from each cell of a 2×2 square, in the order of ``SQUARE_CORNERS``, into
+the neighbouring square; a cycle through a layer takes it where a spanning tree joins the
+squares."""
 SQUARE_CORNERS: Final = ((0, 0), (1, 0), (1, 1), (0, 1))
-"""Cells of a 2×2 square as (x, y) offsets, in the order of the cycle around it."""
+"""Cells of a 2×2 square as (x, y) offsets from its first cell, anticlockwise, as a cycle through
+the square alone visits them."""
 
 
 def layered_path(coarse: Ints, axis: int, rng: np.random.Generator) -> Ints | None:

@@ -9,17 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_LOOSE_EDGES: Final = 100_000
-"""Maximum number of loose edges (with one triangle) of a mesh whose holes are closed; with more it
-stays open. Chosen; bounds time."""
+"""Maximum number of loose edges (edges of only one triangle) of a mesh whose holes are closed; a
+mesh with more stays open. Larger values repair worse meshes, more slowly. Chosen."""
 SAMPLED_EDGES: Final = 20_000
-"""Approximate number of sampled edges of a large mesh by which surfaces are told from scattered
-triangles. Chosen."""
+"""Approximate number of edges of a large mesh by whose triangles a surface is told from scattered
+triangles, without joining the whole mesh. Larger values judge more surely, more slowly. Chosen."""
 MAX_ODD_SHARE: Final = 2 / 3
-"""Largest fraction of edges with an odd number of triangles, before repair, at which a mesh is
-accepted. Larger values admit more broken meshes. Chosen."""
+"""Maximum fraction of a large mesh's edges that belong to an odd number of triangles (a closed
+surface has none); a mesh with more is refused as scattered triangles. Larger values admit worse
+meshes. Chosen."""
 MAX_EDGE_TRIANGLES: Final = 3.0
-"""Largest mean number of triangles at an edge at which a mesh is accepted; a closed surface has 2.
-Chosen."""
+"""Maximum mean number of triangles at an edge of a large mesh (a closed surface has 2); a mesh with
+more is refused as scattered triangles. Larger values admit worse meshes. Chosen."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from planner.shapes.solid import Solid
 
 RANDOM_ORIENTATIONS: Final = 3
-"""Number of random orientations of a solid that are tried. Larger values fit better, more slowly.
-Chosen."""
+"""Number of random orientations of a solid relative to the lattice of cells that are tried in
+addition to those of its axes. Larger values fit better, more slowly. Chosen."""
 SAME_ORIENTATION_RAD: Final = 0.05
-"""Angle between two orientations, in rad, below which only one is tried. Smaller values try more.
-Chosen."""
+"""Angle, in rad, between two orientations of a solid, below which only one of them is tried.
+Smaller values try more orientations, more slowly. Chosen."""
 MAX_AXES_VERTICES: Final = 20_000
-"""Approximate number of vertices from which a solid's main axes are computed. Chosen; bounds
-time."""
+"""Approximate maximum number of a solid's vertices from which its main axes are computed; of larger
+meshes a sample is taken. Larger values are more exact and slower. Chosen."""
 
 Floats = NDArray[np.float64]
 

@@ -13,10 +13,12 @@ from planner.kernels.crossings import fill_by_winding, mark_crossings, vote_by_p
 from planner.shapes.solid import Solid
 
 MAX_GRID_SAMPLES: Final = 48_000_000
-"""Maximum number of samples of a grid; finer grids are refused. Chosen; bounds memory."""
+"""Maximum number of points of a grid at which a solid is sampled for being inside; a finer grid is
+refused. Larger values take more memory. Chosen."""
 MIN_VOTES: Final = 2
-"""Number of axes, of three, along which a sample must lie inside by parity to count as inside: the
-majority. Chosen."""
+"""Minimum number of axes, of three, along which a ray from a sample crosses the surface an odd
+number of times, for the sample to count as inside. The majority tolerates small holes of a mesh.
+Chosen."""
 
 Floats = NDArray[np.float64]
 

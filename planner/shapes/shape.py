@@ -12,7 +12,8 @@ from planner.chain.path import DEFAULT_PITCH_M, check_pitch, checked_cells
 from planner.errors import InputError
 
 MAX_CELLS: Final = 200_000
-"""Maximum number of cells or modules of an input. Larger values take more memory. Chosen."""
+"""Maximum number of cells, or of modules, of an input; one with more is refused. Larger values take
+more memory and time. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

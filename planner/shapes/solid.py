@@ -15,20 +15,24 @@ from planner.shapes.bodies import MIN_FILLED_SHARE, orient_bodies
 from planner.shapes.mesh_repair import closed_holes, edges_of, is_surface, welded
 
 MAX_TRIANGLES: Final = 2_000_000
-"""Maximum number of triangles of a mesh. Larger values take more memory and time. Chosen."""
+"""Maximum number of triangles of an input mesh; one with more is refused. Larger values take more
+memory and time. Chosen."""
 MAX_VERTEX_COORDINATE: Final = 1e9
-"""Largest coordinate of a vertex, in the file's unit. Chosen; larger ones are damage."""
+"""Maximum magnitude of a vertex's coordinate in an input mesh, in the file's unit; a mesh with a
+larger one is refused as damaged. Chosen."""
 MIN_THICKNESS_SHARE: Final = 1e-6
-"""Ratio of a mesh's smallest to its largest extent below which it is flat and is refused.
-Chosen."""
+"""Minimum ratio of a mesh's smallest to its largest extent; a mesh below it is refused as flat.
+Larger values refuse more thin meshes. Chosen."""
 WELD_TOLERANCE: Final = 1e-5
-"""Distance of vertices that are merged in open meshes, as a share of the size. Larger values close
-wider gaps and lose detail. Chosen."""
+"""Maximum distance of vertices that are merged to close an open mesh, as a fraction of its size.
+Larger values close wider gaps and lose detail. Chosen."""
 MAX_LOOSE_TRIANGLES: Final = 200_000
-"""Number of triangles above which meshes are checked by a sample of edges first, and scattered ones
-are not repaired. Chosen; bounds time."""
+"""Maximum number of triangles of a mesh whose vertices are joined without a test. A larger mesh is
+first judged by a sample of its edges, and refused as scattered triangles rather than repaired;
+larger values may spend more time on such meshes. Chosen."""
 TRIANGLE_CHUNK: Final = 1 << 17
-"""Number of triangles whose areas are computed at once. Chosen; bounds memory."""
+"""Number of triangles whose areas are computed in one NumPy call. Larger values take more memory;
+the result is the same. Chosen."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

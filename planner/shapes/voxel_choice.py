@@ -20,54 +20,66 @@ from planner.shapes.layers import has_whole_layers
 from planner.shapes.sampling import too_fine
 
 COUNT_TOLERANCE: Final = 0.1
-"""Relative deviation from the requested number of modules within which the overlap alone decides.
-Larger values preserve more of the shape. Chosen."""
+"""Maximum deviation from the requested number of modules, as a fraction of it, for a voxelisation
+of a solid to count as near. Larger values give the fit to the solid more weight. Chosen."""
 COUNT_PENALTY: Final = 0.3
-"""Overlap (IoU, 0 to 1) that a fit must gain for each relative deviation of 1 from the requested
-number of modules. Larger values come nearer to that number. Chosen."""
+"""Overlap with the solid (IoU, 0 to 1) that a voxelisation must gain to deviate by 100 % from the
+requested number of modules; less in proportion. Larger values come nearer to that number.
+Chosen."""
 SCORE_TOLERANCE: Final = 0.01
-"""Difference of scores (IoU, 0 to 1) within which two fits count as equally good. Chosen."""
+"""Difference of scores (overlap with the solid, IoU from 0 to 1) within which two voxelisations
+count as equally good. Larger values let the number of modules decide more often. Chosen."""
 UPRIGHT_BONUS: Final = 0.02
-"""Score (IoU) that the orientation of the file gains. Larger values turn fewer solids. Chosen."""
+"""Score (as overlap with the solid, IoU from 0 to 1) that a voxelisation in the file's own
+orientation gets in addition. Larger values turn fewer solids. Chosen."""
 MIN_LAYERED_CELLS: Final = 75
-"""Number of cells from which connected layers are preferred: such 2×2×2 blocks are peeled.
-Chosen."""
+"""Minimum number of cells (75 blocks of 2×2×2 modules, 600 modules) for which voxelisations with
+connected layers are preferred, because long chains through such shapes are easier to unfold. Larger
+values prefer the best fit more often. Chosen."""
 LAYERED_LOSS: Final = 0.02
-"""Score (IoU, 0 to 1) that a fit with connected layers may be worse and still be preferred. Larger
-values prefer it more often. Chosen."""
+"""Score (overlap with the solid, IoU from 0 to 1) by which a voxelisation with connected layers may
+be worse and still be preferred, because it unfolds more easily. Larger values prefer it more often.
+Chosen."""
 OFFER_LOSSES: Final = (0.03, 0.1, 0.3, 1.0)
-"""Scores (IoU, 0 to 1) by which offered numbers of modules may be worse, tried in this order until
-an offer is found. Chosen."""
+"""Scores (overlap with the solid, IoU from 0 to 1) by which a voxelisation with another number of
+modules may be worse than the chosen one and still be offered; tried in this order until one is
+found. Chosen."""
 OTHER_PITCHES: Final = {False: (1.08, 1.25), True: (0.93, 0.8)}
-"""Factors on the pitch at which larger (True) and smaller (False) numbers of modules are searched.
-Chosen."""
+"""Factors on the chosen pitch (a cell's size) at which voxelisations with more modules (True) or
+fewer (False) are searched, to offer other numbers. Factors farther from 1 offer more distant
+numbers. Chosen."""
 OTHER_COUNTS: Final = {False: (0.85, 0.7, 0.5), True: (1.18, 1.4, 2.0)}
-"""Factors on the number of modules that are tried above (True) and below (False) the requested one
-if no fit is near. Chosen."""
+"""Factors on the number of modules next to the chosen one that are tried in order, above (True) and
+below (False), if no other voxelisation to offer is found nearby. Chosen."""
 MAX_OFFER_FACTOR: Final = 2.5
-"""Largest ratio between an offered number of modules and the limit it must keep. Chosen."""
+"""Maximum ratio of an offered number of modules to the number next to the chosen one, or the
+reverse for smaller numbers. Larger values offer more distant numbers. Chosen."""
 MAX_OFFERS_TRIED: Final = 8
-"""Maximum number of promising numbers of modules that are tried on each side of the requested one.
-Chosen; bounds time."""
+"""Maximum number of promising numbers of modules, above and below the chosen one each, that are
+voxelised in full to offer another one. Larger values find more offers, more slowly. Chosen."""
 MAX_OFFER_COUNTS: Final = 400
-"""Maximum number of numbers of modules that are compared on each side of the requested one. Chosen;
-bounds time."""
-FIT_WORK: Final = 1.2e8
-"""Number of samples that all fits for one number of modules may take together. Larger values try
-more pitches and orientations, more slowly. Chosen."""
-MIN_FITS: Final = 10
-"""Minimum number of lattice fits that are tried for one number of modules, whatever they cost.
+"""Maximum number of different numbers of modules, above and below the chosen one each, whose
+estimated scores are compared to offer another one. Larger values find more offers, more slowly.
 Chosen."""
+FIT_WORK: Final = 1.2e8
+"""Number of samples of a solid that all voxelisations tried for one number of modules may take
+together. Larger values try more pitches and orientations, more slowly. Chosen."""
+MIN_FITS: Final = 10
+"""Minimum number of pitches and orientations that are tried for one number of modules, however
+large the solid. Larger values fit large solids better, more slowly. Chosen."""
 MAX_FITS: Final = 120
-"""Maximum number of lattice fits that are tried for one number of modules. Chosen."""
+"""Maximum number of pitches and orientations that are tried for one number of modules, however
+small the solid. Larger values fit small solids better, more slowly. Chosen."""
 THOROUGH_FITS: Final = 30
-"""Number of affordable lattice fits from which on more candidates are compared in full. Chosen."""
+"""Number of pitches and orientations that a solid's size affords, from which on more voxelisations
+are compared in full. Smaller values compare more for large solids, more slowly. Chosen."""
 STEPS_TO_SIDES: Final = 4
-"""Number of steps of the ladder of pitches that are tried on each side of the estimated pitch.
-Larger values find better fits, more slowly. Chosen."""
+"""Number of pitches (1.25 % apart) that are tried above and below the estimated pitch for a number
+of modules. Larger values find better fits, more slowly. Chosen."""
 WIDE_STEPS: Final = range(-16, 17, 2)
-"""Steps of the ladder of pitches around the estimated pitch that are tried if no number of modules
-is near. Chosen."""
+"""Pitches to try, as numbers of steps of 1.25 % from the estimated one, if no voxelisation comes
+near the requested number of modules. A wider range comes nearer for difficult solids, more slowly.
+Chosen."""
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]

@@ -16,14 +16,14 @@ from planner.shapes.solid import Solid
 from planner.shapes.voxel_choice import Chooser
 
 POOR_IOU: Final = 0.5
-"""Overlap (IoU, 0 to 1) of voxels and solid below which a note says that the shape is poorly
-preserved. Chosen."""
+"""Overlap of voxels and solid (IoU, 0 to 1) below which a note to the user says that the shape is
+poorly preserved. Larger values say so more often. Chosen."""
 MIN_IOU_GAIN: Final = 0.1
-"""Gain in overlap (IoU, 0 to 1) at which a note recommends the next smaller number of modules.
-Larger values recommend it less often. Chosen."""
+"""Minimum gain in overlap (IoU, 0 to 1) at which a note to the user recommends a smaller number of
+modules. Larger values recommend it less often. Chosen."""
 MIN_PRESERVED_SHARE: Final = 0.7
-"""Fraction of the volume in voxels below which the note blames lost parts for a poor overlap.
-Chosen."""
+"""Fraction of a solid's volume in voxels below which the note about a poor overlap says that parts
+are lost; above it, the note says that cells are thicker than the solid. Chosen."""
 
 Floats = NDArray[np.float64]
 

@@ -31,11 +31,12 @@ from planner.statics.friction import Friction, drifting, rays, wider
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 MIN_TORQUE_WP: Final = 0.01
-"""Torque up to which a hinge counts as unloaded, w·p. Larger values end the search for smaller
-torques sooner. Chosen."""
+"""Largest torque of a hinge, in w·p (module weight × pitch), that counts as zero in the equilibrium
+of a chain on a table. Larger values end the search for smaller torques sooner. Chosen."""
 EQUILIBRIUM_TOLERANCE_W: Final = 1e-3
-"""Largest residual of the whole chain's equilibrium, in weights or weights times pitch: rounding.
-Chosen."""
+"""Maximum residual force (module weights) or moment (module weight × pitch) on the whole chain in a
+computed equilibrium; with more, the configuration counts as without equilibrium. Chosen:
+rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

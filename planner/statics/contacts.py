@@ -20,15 +20,17 @@ from planner.kernels.statics import FacetedHull, contact_points
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 FLOOR: Final = -1
-"""Index that denotes the floor in place of a module."""
+"""Number that denotes the floor in a list of contacts, where other numbers are those of modules."""
 FLOOR_GAP: Final = 0.02
-"""Height up to which a corner touches the floor, pitches. Larger values find more contacts.
-Chosen."""
+"""Maximum height, in pitches, of a module's corner that counts as touching the floor. Larger values
+find more contacts, and so more stable configurations. Chosen."""
 MODULE_GAP: Final = 0.03
-"""Distance up to which two modules touch, pitches. Larger values find more contacts. Chosen."""
+"""Maximum distance, in pitches, of two modules that count as touching. Larger values find more
+contacts, and so more stable configurations. Chosen."""
 MAX_TABLE_PENETRATION_PITCH: Final = 0.01
-"""Largest depth of a module below the table, in pitches, at which it counts as standing on it:
-simulated tables are soft. Chosen."""
+"""Maximum depth of a module below the table's surface, in pitches, at which it counts as standing
+on the table, as contacts in a simulation are compliant. Larger values accept deeper contacts.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -22,10 +22,11 @@ Ints = NDArray[np.int64]
 Columns = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 """A sparse matrix by columns: where each starts, rows and values."""
 MIN_SCALE: Final = 1e-9
-"""Load factor s of the linear program up to which there is no equilibrium: rounding. Chosen."""
+"""Load factor (the unknown that the linear program for the equilibrium maximises) up to which the
+configuration has no equilibrium: rounding. Chosen."""
 MIN_COMMON_RAYS: Final = 0.8
-"""Fraction of the force directions in the last solution that must occur again for the linear
-program to be warm-started with it. Chosen."""
+"""Minimum fraction of the contact force directions in the last solution that must occur again for
+the next linear program to start from that solution. Larger values start anew more often. Chosen."""
 PRIMAL, DUAL = 4, 1
 """HiGHS' numbers of the two simplex methods."""
 BASIC: Final = highspy.HighsBasisStatus.kBasic

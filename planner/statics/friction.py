@@ -24,23 +24,26 @@ from planner.statics.contacts import Contacts
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 CONE_SIDES: Final = 8
-"""Number of edges of the pyramid inside the friction cone of a sticking corner. Larger values are
-closer to the cone, more slowly. Chosen."""
+"""Number of edges of the pyramid that approximates the friction cone of a sticking corner from
+inside. Larger values allow nearly all friction forces of the cone, more slowly. Chosen."""
 SLIP_THRESHOLD: Final = 1e-3
-"""Displacement from which on a corner counts as slipping, as a fraction of a module's largest one.
-Chosen."""
+"""Minimum displacement of a corner on the table, as a fraction of the largest displacement of a
+module, to count as slipping rather than sticking. Larger values let more corners stick. Chosen."""
 DRIFT_SLIP_THRESHOLD: Final = 0.02
-"""The same threshold for a chain that drifts as a whole; larger, as the drift is only estimated.
-Chosen."""
+"""Minimum displacement of a corner on the table, as a fraction of the largest displacement of a
+module, to count as slipping if the chain drifts as a whole. Larger values let more corners stick.
+Chosen: larger than without drift, as the drift is only estimated."""
 DIRECTION_SPREADS_RAD: Final = (0.2, 0.8)
-"""Half-angles about −v within which friction of a drifting chain may point; the second if there is
-no equilibrium with the first. Chosen."""
+"""Half-angles, in rad, about the direction opposite to slipping within which friction of a drifting
+chain may point, as its drift is only estimated; the second is used if there is no equilibrium with
+the first. Larger ones find more equilibria. Chosen."""
 SMOOTHING_SHARE: Final = 2e-3
-"""Displacement below which the friction law is smoothed in the estimate of the drift, as a fraction
-of the largest displacement. Smaller values are more exact and converge more slowly. Chosen."""
+"""Displacement below which Coulomb friction is smoothed to estimate a chain's drift on the table,
+as a fraction of the largest displacement of a module. Smaller values are more exact and converge
+more slowly. Chosen."""
 MAX_DRIFT_ITERATIONS: Final = 100
-"""Maximum number of iterations of the estimate of a chain's drift on the table; beyond it the
-estimate is less exact. Chosen; bounds time."""
+"""Maximum number of iterations that estimate the drift of a whole chain on the table. Larger values
+are more exact if the estimate converges slowly, and take more time. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

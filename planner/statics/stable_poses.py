@@ -16,8 +16,8 @@ from planner.chain.module import Module
 
 Array = NDArray[np.float64]
 FACE_TOLERANCE: Final = 1e-9
-"""Fraction of a triangle's size by which the centre of mass may lie outside of a face that still
-counts as stable: rounding. Chosen."""
+"""Distance, as a fraction of a triangle's size, by which the centre of mass may lie outside of a
+face of the convex hull that still counts as a stable base: rounding. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,8 +15,9 @@ Ints = NDArray[np.int64]
 Array = NDArray[np.float64]
 
 MIN_BALANCE_MARGIN_PITCH: Final = 0.05
-"""Minimum horizontal distance, in pitches, of the centre of mass from the edge of the convex hull
-of the cells on the floor. Larger values refuse more paths. Chosen."""
+"""Minimum horizontal distance, in pitches, from a shape's centre of mass to the edge of the convex
+hull of its cells on the table, so that the shape does not tip over. Larger values refuse more
+paths. Chosen."""
 CELL_CORNERS: Final = np.array(list(product((-0.5, 0.5), repeat=2)))
 SIDE_ROTATIONS: Final = {
     "-z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
@@ -26,8 +27,8 @@ SIDE_ROTATIONS: Final = {
     "-y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
     "+y": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
 }
-"""Rotation matrices (3, 3) that lay the named side of a shape on the table; ``-z`` leaves it as it
-stands."""
+"""Rotation matrices (3, 3) from the frame of a shape as it stands to its frame when it lies on the
+named side; ``-z`` leaves it as it stands."""
 PLANE_SYMMETRIES: Final = tuple(
     np.array(turn, dtype=np.int64)
     for sign in (1, -1)
@@ -38,7 +39,8 @@ PLANE_SYMMETRIES: Final = tuple(
         ((0, 1), (-sign, 0)),
     )
 )
-"""The eight rotations and mirrors of the plane that map the lattice to itself."""
+"""The eight rotations and reflections, as (2, 2) matrices, of the table's plane that map the
+lattice of cells to itself; paths that they map to each other count as the same."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -29,7 +29,7 @@ SIDE_NAMES: dict[str, str] = {
     "+z": "top",
     "-z": "bottom",
 }
-"""Names of the sides on which a shape may lie."""
+"""Names, for notes to the user, of the sides on which a shape may lie on the table."""
 
 
 class TableCubes:

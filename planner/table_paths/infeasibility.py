@@ -19,10 +19,13 @@ Ints = NDArray[np.int64]
 Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
 
 REASON_RANKS: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
-"""Rank of the reasons that are reported first if the sides differ; others rank 1, ties by side."""
+"""Order of the reasons why a shape has no path for a table, if its sides have different ones: the
+reason with the lowest rank, of the side that comes closest to a path, is reported. Other reasons
+rank 1."""
 FALLING_EFFORT: Final = 1.5
-"""Deterministic effort of the solver for paths that only descend, for all sides of a shape
-together, in about seconds. Larger values prove more. Chosen."""
+"""Budget of the solver for paths that only descend, for all sides of a shape together, in
+deterministic time units of about one second. Larger values decide more shapes, more slowly.
+Chosen."""
 NO_TABLE_PATH_REMEDY: Final = (
     "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
 )

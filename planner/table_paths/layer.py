@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 
 MAX_EXHAUSTIVE_CELLS: Final = 16
-"""Number of cells of a layer up to which all its paths are enumerated; larger layers are searched
-at random. Chosen; bounds time."""
+"""Maximum number of cells of a layer through which all paths are enumerated; larger layers are
+searched at random. Larger values find all paths of more layers, more slowly. Chosen."""
 MAX_TRIAL_STEPS_PER_CELL: Final = 40
-"""Number of steps per cell after which one random search of a layer is given up. Larger values find
-more paths, more slowly. Chosen."""
+"""Maximum number of steps of one random search for a path through a layer, per cell of the layer;
+then the search starts anew. Larger values find harder paths, more slowly. Chosen."""
 
 
 @dataclass(slots=True)

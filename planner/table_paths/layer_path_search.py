@@ -17,16 +17,17 @@ from planner.table_paths.score import WEIGHTS, Parts
 Ints = NDArray[np.int64]
 
 POOL_SIZE: Final = 240
-"""Maximum number of paths through one layer that are stored for combination. Larger values find
-better paths, more slowly. Chosen."""
+"""Maximum number of paths through one layer that are kept, the best first, to be joined with those
+of the layers above and below. Larger values find better paths, more slowly. Chosen."""
 RANDOM_TRIALS: Final = 48
-"""Number of random searches for paths through a large layer. Larger values find more, more slowly.
-Chosen."""
+"""Number of random searches for paths through a layer that is too large to enumerate all. Larger
+values find better paths, more slowly. Chosen."""
 BEAM_WIDTH: Final = 24
-"""Number of partial paths that the beam search keeps for each end cell. Larger values find better
-paths, more slowly. Chosen."""
+"""Number of partial paths, from the table up to one layer, that a beam search keeps for each cell
+and direction in which they end. Larger values find better paths, more slowly. Chosen."""
 VERTICAL: Final = -1
-"""Step of a path of a single cell, which has no heading."""
+"""Placeholder for the index of the horizontal step of a layer's path that visits a single cell: it
+has none, as it enters and leaves the cell vertically."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,15 +26,18 @@ from planner.table_paths.table_paths import paths_or_reasons
 Kind = Literal["repair", "modules", "blocks"]
 
 OFFERS_LIMIT_S: Final = 20.0
-"""Wall-clock limit of all offers of one shape. A larger value finds more of them, later. Chosen."""
+"""Wall-clock limit, in s, of the search for variants of a shape that can fold on a table. A larger
+value finds more of them, later. Chosen."""
 MAX_COUNTS: Final = 12
-"""Maximum number of other numbers of modules that are tried on each side of the requested one, to
-find a variant for a table. Chosen; bounds time."""
+"""Maximum number of other numbers of modules, above and below the requested one each, that are
+tried to find a variant that can fold on a table. Larger values find more variants, more slowly.
+Chosen."""
 MAX_BLOCK_COUNTS: Final = 9
-"""Maximum number of other numbers of modules that are tried with 2×2×2 blocks, to find a variant
-for a table. Chosen; bounds time."""
+"""Maximum number of different numbers of 2×2×2 blocks that are tried to find a variant that can
+fold on a table. Larger values find more variants, more slowly. Chosen."""
 OFFER_DEFAULTS: Final[dict[str, Any]] = {"method": "auto", "repair": False}
-"""Options that each offered variant of a solid sets."""
+"""Options of a request that every offered variant with another number of modules resets: the path
+method is chosen automatically, and the shape is not repaired."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,8 +19,8 @@ from planner.table_paths.rules import FLAT_STEPS
 Ints = NDArray[np.int64]
 
 FRONT_WINDOW_CELLS: Final = 4
-"""Number of cells of the moving average that follows how far the front of the fold moves along a
-path. Larger values ignore short detours. Chosen."""
+"""Number of consecutive cells of a path whose mean position follows the front of the fold; paths
+whose front moves sideways less are preferred. Larger values ignore short detours. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,9 @@ WEIGHTS: Final = Parts(
     overhang=2.0,
     tipping=0.5,
 )
-"""Weights of the parts of a path's score, by part; a larger weight avoids that property more."""
+"""Weights of the properties by which paths for a table are compared, such as links that lead down
+(``downs``); the path with the lowest weighted sum is taken. Larger weights avoid a property
+more."""
 
 
 def parts_of(order: Ints) -> Parts:

@@ -20,8 +20,8 @@ from planner.table_paths.rules import hairpins
 Ints = NDArray[np.int64]
 
 TABLE_SOLVER_EFFORT: Final = 1.0
-"""Deterministic effort of the solver for one call, in about seconds. Larger values find and prove
-more. Chosen."""
+"""Budget of one call of the solver that searches a path for a table, in deterministic time units of
+about one second. Larger values find or exclude more paths, more slowly. Chosen."""
 UP, DOWN = 4, 5
 """Places of the vertical steps among ``STEPS``."""
 

@@ -28,16 +28,18 @@ from planner.table_paths.score import WEIGHTS, Parts, parts_of
 Ints = NDArray[np.int64]
 
 MAX_TABLE_PATHS: Final = 8
-"""Maximum number of paths for a table that are returned, best first. Chosen."""
+"""Maximum number of paths through a shape for folding on a table that a search returns, the best
+first. Larger values give a fold more paths to try. Chosen."""
 LAYER_WORK_STEPS: Final = 60_000
-"""Maximum number of steps of the search through layers, for all sides of a shape together. Larger
-values find better paths, more slowly. Chosen."""
+"""Maximum number of steps of the search for paths layer by layer, for all sides of a shape
+together. Larger values find better paths, more slowly. Chosen."""
 SCORED_PER_PATH: Final = 6
-"""Number of candidate paths that are scored in full for each returned one. Larger values return
-better ones, more slowly. Chosen."""
+"""Number of candidate paths for a table that are scored in full for each one that the search
+returns. Larger values return better paths, more slowly. Chosen."""
 MAX_SHARED_LINKS: Final = 0.9
-"""Fraction of common links above which two paths count as alike; alike ones are returned last.
-Chosen."""
+"""Fraction of common links (pairs of consecutive cells) above which two paths for a table count as
+alike; such paths are returned last, so that a fold tries different ones first. Larger values treat
+fewer as alike. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -17,17 +17,24 @@ from planner.plan.differences import Differences
 
 Array = NDArray[np.float64]
 MAX_BLOCKED_TURN_RAD: Final = float(np.deg2rad(5.0))
-"""Turn, rad, that a free hinge can make; evidence with a larger one is refused. Chosen."""
+"""Maximum turn, in rad, by which the evidence of a jam may show that a hinge collides. A hinge that
+can turn further counts as free, so larger values accept weaker evidence. Chosen."""
 MAX_UNREPORTED_BEND_RAD: Final = float(np.deg2rad(60.0))
-"""Bend, rad, beyond which the evidence must include every hinge. Chosen."""
+"""Maximum bend, in rad, of hinges that the evidence of a jam may leave out as straight; evidence
+that leaves out more is refused. Larger values accept evidence with fewer hinges. Chosen."""
 MAX_BLOCKED_MOVE_PITCH: Final = 1.0
-"""Maximum move of a unit in the evidence, pitches: a unit that can move a whole cell is free."""
+"""Maximum displacement, in pitches, by which the evidence of a jam may show that a group of modules
+collides: a group that can move by a whole cell counts as free."""
 SINGLE_PRECISION_ANGLE_RAD: Final = 1e-5
-"""Maximum difference of angles in a core from the folded ones, rad: they are single precision."""
+"""Maximum difference, in rad, between the angles of the part of a chain that a jam's evidence
+states as still folded and the folded angles: the record is in single precision."""
 REPORTED_OVERLAP_TOLERANCE_PITCH: Final = 1e-6
-"""Maximum difference of a reported overlap from the computed one, pitches: rounding."""
+"""Maximum difference, in pitches, between a collision's overlap in the evidence of a jam and the
+one computed again: rounding. Larger values would accept altered evidence."""
 AXIS_ROUNDING: Final = 1e-9
-"""Squared length of a product of edges below which it is no axis, and slack of comparisons."""
+"""Tolerance for rounding where a jam's evidence is checked: an angle (rad) or overlap (pitches) up
+to it counts as 0, and so does the squared length of a cross product, so that parallel edges give no
+separating axis."""
 
 
 def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: float) -> Differences:

@@ -23,12 +23,16 @@ from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 
 SAME_CLEARANCE_PITCH: Final = 1e-7
-"""Maximum difference of the clearances of two equally close configurations, pitches: rounding."""
+"""Maximum difference, in pitches, between a certificate's smallest clearance and the clearance at
+the place that the certificate names: rounding. It accepts another place that is equally close."""
 BOUND_RTOL: Final = 1e-3
-"""Maximum relative excess of a reported clearance bound over the computed one. Chosen."""
-IN_BETWEENS_RTOL: Final = 1e-2
-"""Maximum relative difference of numbers of intervals: where ties break otherwise, some are halved.
+"""Maximum amount by which a certificate's clearance bound may exceed the one that verification
+computes again, relative to the latter. Larger values accept bounds that are less surely true.
 Chosen."""
+IN_BETWEENS_RTOL: Final = 1e-2
+"""Maximum relative difference between a certificate's number of checked intervals between frames
+and the number computed again: rounding may halve some intervals more. Larger values accept altered
+figures. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +55,15 @@ class ToldFigures:
     def differences(self, again: Certificate, notes: list[str]) -> Differences:
         """Yield the differences from a certificate computed again, except wall time."""
         mine, theirs = _told(self.plan.certificate), _told(again)
-        aside = {"seconds", *_LOOSE}
-        loose = [*_LOOSE]
+        aside = {"seconds", *_ROUNDING_DEPENDENT_FIGURES}
+        loose = [*_ROUNDING_DEPENDENT_FIGURES]
         if self.record is None and self.plan.explosion is not None:
             aside |= {"min_clearance_record", "max_angle_record_rad"}
-            loose = [n for n in _LOOSE if n not in ("in_betweens", "min_clearance_record_at")]
+            loose = [
+                n
+                for n in _ROUNDING_DEPENDENT_FIGURES
+                if n not in ("in_betweens", "min_clearance_record_at")
+            ]
             notes.append("There is no record.npz, so figures of the record were not compared.")
         if (mine.get("robots") or [])[1:] and self.playback and self.playback.others_rad is None:
             aside |= {"exempt_pairs", "max_angle_rad"}
@@ -167,7 +175,7 @@ def _same_robots(mine: tuple[RobotFigures, ...], theirs: tuple[RobotFigures, ...
     )
 
 
-_LOOSE: Final = (
+_ROUNDING_DEPENDENT_FIGURES: Final = (
     "robots",
     "in_betweens",
     "clearance_bound",
@@ -175,4 +183,5 @@ _LOOSE: Final = (
     "min_clearance_playback_at",
     "min_clearance_record_at",
 )
-"""Figures that depend on rounding: the choice among equal places, and the halving of intervals."""
+"""Figures of a certificate that verification compares with tolerances rather than exactly: rounding
+decides which of equally close places is reported, and which intervals are halved."""

@@ -13,7 +13,8 @@ from planner.plan.plan import EARLIER_FORMATS, Plan
 from planner.playback.playback import Playback
 
 JSON_ROUNDING: Final = 1e-9
-"""Maximum difference of numbers in the JSON form of earlier formats, which have twelve decimals."""
+"""Maximum difference between numbers in ``plan.json`` and ``plan.npz`` for plans in earlier
+formats, whose JSON has twelve decimals."""
 
 
 def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:

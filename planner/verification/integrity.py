@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from planner.pipeline.manifest import Digests
 
 MAX_RESULTS: Final = 4096
-"""Results of comparisons in memory; beyond it all are dropped and compared again. Chosen."""
+"""Maximum number of files whose integrity check (comparison with the manifest) is remembered, so
+that they need not be read again; with more, all results are forgotten. Larger values take more
+memory. Chosen."""
 _RESULTS: Final[dict[FilePath, tuple[object, str | None]]] = {}
 _LOCK: Final = threading.Lock()
 

@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MAX_CROSSINGS: Final = 200
-"""Maximum number of crossings of a diagram whose invariants are computed: elimination takes time by
-their cube. Chosen."""
+"""Maximum number of crossings of a diagram for which knot invariants are computed, to check that a
+chain is knotted. Elimination takes time by their cube, so larger values check more chains, more
+slowly. Chosen."""
 RANDOM_VIEWS: Final = 12
-"""Number of random projections, of which the one with the fewest crossings is taken. Chosen."""
+"""Number of random projections of a chain, of which the check of a knot uses the one with the
+fewest crossings. Larger values find fewer crossings, more slowly. Chosen."""
 TRIANGLE_MARGIN: Final = 1e-9
-"""Width of a margin of a triangle, as a fraction of its sides, within which an edge counts as
-meeting it: rounding."""
+"""Margin around a triangle, as a fraction of its sides, within which an edge counts as crossing it,
+so that rounding never hides a crossing when a polygon's vertex is removed."""
 Crossings = list[tuple[float, float, int]]
 """Crossings: position of the upper and of the lower strand along the polygon, and sign."""
 

@@ -17,19 +17,27 @@ from planner.verification.knot_invariants import (
 
 Array = NDArray[np.float64]
 POSITION_JITTER_PITCH: Final = 1e-3
-"""Maximum random shift of modules, pitches, to general position. Chosen."""
+"""Maximum random shift of modules along each axis, in pitches, so that no projection for the check
+of a knot is degenerate. Much larger values could change the knot. Chosen."""
 MAX_TOUCHING_ENDS_PITCH: Final = 1.1
-"""Maximum distance of ends that are joined without corners, pitches. Chosen."""
+"""Maximum distance of a chain's two ends, in pitches, at which the evidence of a knot may join them
+directly rather than by corners outside of the chain. Larger values accept weaker evidence.
+Chosen."""
 MIN_FREE_LINE_PITCH: Final = 0.5
-"""Minimum distance of a single extension of an end from all other modules, pitches: it is then
-free. Chosen."""
+"""Minimum distance, in pitches, from all other modules of the line by which the evidence of a knot
+extends a chain's end; a closer one might cross the chain. Larger values refuse more evidence.
+Chosen."""
 MIN_CLOSING_RADIUS_RATIO: Final = 2.0
-"""Minimum distance of the corners of a closing from the chain's middle, as a multiple of its
-radius. Chosen."""
+"""Minimum distance from a chain's middle of the corners by which the evidence of a knot joins the
+chain's ends, as a multiple of the chain's radius: they must lie outside. Larger values refuse more
+evidence. Chosen."""
 MIN_CLOSINGS: Final = 3
-"""Minimum number of closings that must agree if an end has no free extension. Chosen."""
+"""Minimum number of closings (lines that join a chain's ends around it) that must all show a knot
+if an end cannot be extended without passing close to other modules. Larger values demand stronger
+evidence. Chosen."""
 CROSSING_TOLERANCE_EDGES: Final = 1e-6
-"""Maximum difference of a reported position of a crossing, edges of the polygon: rounding."""
+"""Maximum difference of a crossing's position between a reported knot diagram and the one computed
+again, as a fraction of a polygon's edge: rounding."""
 
 
 def knot_differs(positions: Array, told: KnotFigures) -> Differences:

@@ -31,7 +31,8 @@ from planner.verification.own_parameters import (
 )
 
 STEP_COUNT_TOLERANCE_STEPS: Final = 1e-3
-"""Maximum difference of the duration of the frames from that of a simulation, steps: rounding."""
+"""Maximum difference, in simulation steps, between the duration of a simulated playback's frames
+and its reported number of steps: rounding. Larger values would accept altered figures."""
 
 
 def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:

@@ -29,9 +29,11 @@ from planner.verification.knot_reason import knot_differs
 
 Array = NDArray[np.float64]
 MAX_STRAIGHT_HINGE_RAD: Final = 0.1
-"""Maximum bend of a hinge that does not count as bent, rad: that of the evidence. Chosen."""
+"""Maximum bend, in rad, of a hinge that counts as straight in the report of a failed explosion; it
+must equal the value with which the report was made. Chosen."""
 REPORTED_BEND_TOLERANCE_RAD: Final = 1e-9
-"""Maximum difference of the reported largest bend, rad: rounding."""
+"""Maximum difference, in rad, between the largest bend that a failed explosion reports and that of
+its last frame: rounding."""
 STATUSES_BY_LIMIT: Final = {
     "steps": ("timeout",),
     "snapshots": ("timeout",),
@@ -40,7 +42,8 @@ STATUSES_BY_LIMIT: Final = {
     "motion": ("stalled",),
     "refusals": ("stalled",),
 }
-"""Statuses of an explosion that has used up a limit, by its kind."""
+"""Final statuses of an explosion that fit each kind of limit that it may have used up (simulation
+steps, pushes, retries); a report with another combination is refused."""
 REASON_KINDS: Final = {
     "knot": "a knot",
     "blocks": "modules that block each other",

@@ -25,27 +25,35 @@ from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
 BRAKE_TORQUE_RATIO: Final = 1.1
-"""Torque of the brakes as a multiple of the certified one. Larger values accept weaker frames.
-Chosen."""
+"""Torque with which simulated brakes hold the hinges when a frame on a table is checked, as a
+multiple of the largest torque in the certificate. Larger values accept frames that the certified
+torque hardly holds. Chosen."""
 MIN_BRAKE_TORQUE_WP: Final = 0.1
-"""Minimum torque of the brakes, w·p. Chosen."""
+"""Minimum torque with which simulated brakes hold the hinges when a frame on a table is checked, in
+w·p (module weight × pitch), for plans that need hardly any torque. Larger values accept weaker
+frames. Chosen."""
 REPLAY_GEOM_SIZE: Final = 0.99
-"""Collision hull as a fraction of the full module: full ones would overlap between cells. With
-smaller values modules sink farther until they touch, and long tails with them. Chosen."""
+"""Size of the collision hulls where frames on a table are simulated, as a fraction of the module:
+full hulls of neighbouring cells would overlap by rounding. With smaller values modules sink further
+before they touch, and long tails with them. Chosen."""
 REPLAY_STEP: Final = 0.01
-"""Time step of the replay, in √(pitch / gravity). Chosen."""
+"""Time step of the simulation that checks frames on a table, in √(pitch / gravity). Smaller values
+are more exact and slower. Chosen."""
 SOLVER_TOLERANCE: Final = 1e-10
-"""Tolerance of MuJoCo's solver: with its default, the residual drives a long tail on a frictionless
-table. Chosen."""
+"""Tolerance of MuJoCo's constraint solver where frames on a table are simulated. With its default
+of 1e-8, the solver's residual moves a long tail on a frictionless table; smaller values take more
+iterations. Chosen."""
 REPLAY_DURATION: Final = 20.0
-"""Time for which a frame is simulated, in √(pitch / gravity). Larger values show slower sinking.
-Chosen."""
+"""Duration of the simulation of one frame on a table, in √(pitch / gravity). Larger values detect
+slower sinking and take more time. Chosen."""
 MAX_SETTLING_PITCH: Final = 0.1
-"""Maximum distance that a module of a resting frame moves until its contacts close, pitches.
-Chosen."""
+"""Maximum distance, in pitches, that a module of a simulated frame on a table may move in all, as
+contacts close at first; a frame that moves further counts as not resting. Larger values accept
+weaker frames. Chosen."""
 MAX_LATE_DRIFT_PITCH: Final = 0.02
-"""Maximum distance that a module of a resting frame moves in the last half of the time, pitches.
-Chosen."""
+"""Maximum distance, in pitches, that a module of a simulated frame on a table may move in the
+second half of the simulation; a frame that moves further counts as not resting. Larger values
+accept weaker frames. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,8 +25,8 @@ from planner.playback.playback import Playback
 from planner.verification.own_parameters import is_on_table, own_parameters
 
 ROOT_POSE_TOLERANCE: Final = 1e-6
-"""Maximum difference of a root's pose from that of its angles, pitches and parts of a quaternion:
-rounding."""
+"""Maximum difference between the stored pose of a chain's root and the pose that its joint angles
+imply, in pitches and in components of a unit quaternion: rounding."""
 
 
 def chain_differs(timeline: Timeline, plan: Plan) -> Differences:

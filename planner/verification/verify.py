@@ -39,17 +39,20 @@ from planner.verification.timelines import (
 )
 
 POSITION_TOLERANCE_PITCH: Final = 1e-6
-"""Maximum distance of a module of MuJoCo's model from its position in the plan, pitches:
-rounding."""
+"""Maximum distance, in pitches, between a module of the plan's MuJoCo model and its position in the
+plan: rounding. Larger values would accept an altered model."""
 OVERLAP_ROUNDING_PITCH: Final = 1e-9
-"""Maximum overlap that counts as none, pitches: rounding of doubles."""
+"""Maximum overlap of two modules, in pitches, that counts as contact when MuJoCo replays a plan:
+rounding in double precision. Larger values would accept real collisions."""
 MAX_REPLAYED_MODULES: Final = 5_000_000
-"""Maximum number of frames times modules that are replayed (time); a longer plan is replayed with
-every n-th frame. Chosen."""
+"""Maximum number of module poses (frames × modules) that MuJoCo replays to verify a plan; of a
+longer plan every n-th frame is replayed. Larger values check more frames, more slowly. Chosen."""
 MAX_DIFFERENCES: Final = 8
-"""Maximum number of differences of one kind that are listed; the others are counted. Chosen."""
+"""Maximum number of differences of one kind that a verification lists; further ones are only
+counted. Larger values make longer reports. Chosen."""
 EXEMPT_PAIR_LINE: Final = re.compile(r'<exclude body1="module_(\d+)" body2="module_(\d+)"/>')
-"""Pattern of a pair of modules that a model exempts from collision."""
+"""Matches the line of an MJCF model that exempts a pair of modules from collision; its groups are
+the two modules' numbers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

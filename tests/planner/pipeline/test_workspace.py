@@ -24,7 +24,7 @@ from planner.pipeline.fold_layout import (
     CERTIFICATE,
     PLANS_DIR,
     PLAYABLE,
-    RESULTS,
+    RESULT_FILES,
     TIMELINE,
     folder,
     numbers,
@@ -184,7 +184,7 @@ def attempted(directory: FilePath, clearances: Sequence[float | None], *verdicts
     for number, clearance in enumerate(clearances):
         chain = Chain.from_path(COIL)
         place = workspace.begin(number, chain).directory
-        for name in RESULTS:
+        for name in RESULT_FILES:
             if name == TIMELINE:
                 TimelineWriter.create(place / name, chain).close("failed")
             elif name != CERTIFICATE:
@@ -288,6 +288,6 @@ def test_what_is_cut_off_while_it_is_published_goes_on(
     for name in ("chain.json", "record.npz", "playback.npz"):
         assert (tmp_path / name).read_text() == "1"
     assert json.loads((tmp_path / CERTIFICATE).read_text())["number"] == 1
-    assert {path.name for path in tmp_path.iterdir()} == {*RESULTS, "attempts.json"}
+    assert {path.name for path in tmp_path.iterdir()} == {*RESULT_FILES, "attempts.json"}
     Workspace(tmp_path).publish()
     assert (tmp_path / "playback.npz").read_text() == "1"
