@@ -40,10 +40,13 @@ from planner.kernels.module import Joint, ModuleStates
 
 Array = NDArray[np.float64]
 LOCKED_INERTIA = 1e15
-"""Inertia of a module that is held: mass in module masses, moments in module mass · pitch². A
-larger one loses digits in the solution, with a smaller one the module gives. Chosen."""
+"""Inertia that stands for a base module that is held in place: mass in module masses, moments in
+module mass · pitch². Larger values lose digits in the solution; with smaller ones the base gives
+under load. Chosen."""
 NO_TAIL: Array = np.zeros(4)
-"""Inertial parameters of a tail that is not there, see ``ChainModel``."""
+"""Inertial parameters of the rigid straight tail behind a chain's last module, for a chain without
+one: mass, distance of its centre of mass, and moments of inertia along and across its axis, all
+0."""
 
 
 class ChainModel(NamedTuple):
