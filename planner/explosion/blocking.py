@@ -21,19 +21,23 @@ from planner.kernels.pairs import near_pairs
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 STUCK_JOINT_BEND_RAD: Final = 1.0
-"""Minimum bend of a joint that counts as stuck, rad: most of a right angle. Larger values report
-fewer joints. Chosen."""
+"""Minimum angle of a hinge, rad, at which the report on a stalled unfolding counts its joint as
+stuck; folded joints have a right angle. Larger values report fewer joints. Chosen."""
 TRIAL_TURNS_RAD: Final = tuple(np.deg2rad([1.0, 2.0, 3.0, 4.0, 5.0]).tolist())
-"""Turns of a hinge that are tested, rad; a hinge that can make the largest one is free. A larger
-last value finds obstacles that are farther away. Chosen."""
+"""Angles, rad, by which each bent hinge of a stalled chain is turned towards straight, one after
+the other, until modules overlap. A hinge that can make the largest turn is free. A larger last
+value finds obstacles that are farther away. Chosen."""
 TRIAL_MOVE_PITCH: Final = 0.5
-"""Distance that a unit is moved, pitches: more than the play of a unit in its core. Chosen."""
+"""Distance, pitches, by which the next modules to be released are moved along each lattice
+direction, to test which folded modules block them. Values below the play between folded modules
+find no obstacle. Chosen."""
 MIN_BLOCKING_OVERLAP_PITCH: Final = 1e-3
-"""Minimum overlap of two modules that block each other, pitches. Larger values report fewer blocked
-hinges. Chosen."""
+"""Minimum depth, pitches, to which two modules overlap after a trial motion for them to count as
+blocking each other. Larger values report fewer blocked hinges. Chosen."""
 MAX_TESTED_HINGES: Final = 400
-"""Maximum number of bent hinges that are tested (processor time); with more there is no evidence.
-Chosen."""
+"""Maximum number of bent hinges for which a stalled chain is tested for modules that block each
+other. A chain with more is reported without this test. Larger values explain larger stalls and take
+more processor time. Chosen."""
 LATTICE_DIRECTIONS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 

@@ -27,34 +27,43 @@ from planner.simulation.rigid_blocks import Blocks
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 MIN_BLOCK_MODULES: Final = 64
-"""Minimum number of modules of a rigid block. Larger blocks are fewer and heavier. Chosen."""
+"""Minimum number of consecutive modules that move as one rigid block in the first stage of the
+strategy ``blocks``. Larger blocks are fewer, so that steps are faster, and leave more to be
+unfolded in the second stage. Chosen."""
 MAX_BLOCKS: Final = 24
-"""Maximum number of blocks of a chain: all tethers are one tree, and a step costs the cube of their
-number. Chosen."""
+"""Maximum number of rigid blocks of a chain; longer chains get longer blocks. The time of a
+simulation step grows with the cube of the number of blocks. Chosen."""
 TETHER_MODULES: Final = 4
-"""Number of modules at either end of a block whose joints stay free. With none, or one, packed
-blocks hinge into each other and jam: docs/decisions/0015-hard-paths.md."""
+"""Number of modules at either end of a rigid block whose joints stay free, so that blocks can part.
+With 0 or 1, packed blocks hinge into each other and jam; more are slower to simulate:
+docs/decisions/0015-hard-paths.md."""
 BLOCK_TENSION_SCALE: Final = 4.0
-"""Factor of the tension while blocks are rigid, as they are heavier than single modules. Larger
-values part them sooner and press contacts deeper. Chosen."""
-BLOCK_STEP_IN_CONTACT_S: Final = 0.1
-"""Maximum time step in contact, s: blocks are heavier and slower than modules. Larger steps are
-fewer and press contacts deeper. Chosen."""
+"""Factor of the force that pulls the chain straight while blocks are rigid, as blocks are heavier
+than single modules. Larger values part blocks sooner and press contacts deeper. Chosen."""
+MAX_BLOCK_STEP_IN_CONTACT_S: Final = 0.1
+"""Maximum simulation time step, s, while modules touch and blocks are rigid. Larger values take
+fewer steps and press contacts deeper. Chosen."""
 SNAPSHOT_TURN_SCALE: Final = 3.0
-"""Factor of the turn between two snapshots. Larger values record fewer snapshots. Chosen."""
+"""Factor, for unfoldings that begin with rigid blocks, of the hinge rotation after which the next
+snapshot is recorded. Larger values record fewer snapshots, with larger motions between them.
+Chosen."""
 SNAPSHOT_DISTANCE_SCALE: Final = 8.0
-"""Factor of the distance between two snapshots. Larger values record fewer; the certificate
-bounds the clearance between them. Chosen."""
+"""Factor, for unfoldings that begin with rigid blocks, of the module displacement after which the
+next snapshot is recorded. Larger values record fewer snapshots; the plan's final check still proves
+the clearance between them. Chosen."""
 MIN_BLOCK_STEPS: Final = 200
-"""Minimum number of steps before all joints are released. Chosen."""
+"""Minimum number of simulation steps with rigid blocks before all joints are freed. Smaller values
+may free the joints before the blocks have begun to part. Chosen."""
 LOOSE_TETHER_RAD: Final = 0.35
-"""Mean bend of the tethers' hinges, rad, below which the blocks count as apart. Larger values
-release all joints earlier. Chosen."""
+"""Mean angle, rad, of the hinges between rigid blocks below which the blocks count as parted and
+all joints are freed. Larger values free all joints earlier, while blocks are closer. Chosen."""
 TETHER_CHECK_STEPS: Final = 100
-"""Steps between two checks of the tethers. Chosen."""
+"""Number of simulation steps between two checks of whether rigid blocks have parted. Larger values
+free the joints later, and give slow blocks more time to move. Chosen."""
 MIN_TETHER_EASING: Final = 0.03
-"""Minimum relative decrease of the tethers' mean bend between two checks. With less, all joints are
-released: the blocks are as far apart as they get. Chosen."""
+"""Minimum relative decrease, between two checks, of the mean angle of the hinges between rigid
+blocks. Below it the blocks count as stuck, and all joints are freed. Larger values free all joints
+earlier. Chosen."""
 
 
 def explode_blocks_first(
@@ -89,7 +98,7 @@ def explode_blocks_first(
         replace(
             coarser,
             tension=BLOCK_TENSION_SCALE * parameters.tension,
-            step_in_contact_s=BLOCK_STEP_IN_CONTACT_S,
+            step_in_contact_s=MAX_BLOCK_STEP_IN_CONTACT_S,
         ),
         seed=seed,
         sink=sink,

@@ -13,21 +13,27 @@ from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
 MAX_CHECKPOINT_RETRIES: Final = 6
-"""Maximum number of restarts from one checkpoint. Beyond it deep contacts are accepted and a solver
-error ends the run. Chosen."""
+"""Maximum number of times that a simulation goes back to the same saved state. Beyond it deep
+contacts are accepted, and a solver error ends the run. Larger values spend more steps before that.
+Chosen."""
 RESTORED_VELOCITY_SCALE: Final = 0.3
-"""Factor of all velocities when a run goes back to a checkpoint. Smaller values avoid the same
-contact more surely and cost more steps. Chosen."""
+"""Factor of all velocities when a simulation goes back to a saved state because contacts were too
+deep or the solver failed. Smaller values avoid the same failure more surely and cost more steps.
+Chosen."""
 PULSE_STEPS: Final = (120, 300)
-"""Steps with weak tension and strong repulsion at the start of a pulse, and steps of the whole
-pulse. Chosen."""
+"""A pulse loosens a jam: it weakens the pull along the chain and makes modules repel each other
+more. Number of simulation steps of that phase, and of the whole pulse with the recovery after it. A
+larger first number parts modules further; a larger second one costs more. Chosen."""
 MAX_STALLED_PULSES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
-"""Maximum number of pulses in a row without progress, by strategy; one more ends the run as
-stalled. Chosen."""
+"""Maximum number of loosening pulses in a row without progress, by unfolding strategy; one more
+ends the simulation as stalled. Larger values free more jams and take longer to report a failure.
+Chosen."""
 STUCK_HINGE_BEND_RAD: Final = 1.0
-"""Bend, rad, above which a hinge that has not moved counts as stuck. Chosen."""
+"""Angle of a hinge, rad, above which it counts as stuck if it has not moved since the last check;
+stuck hinges start a loosening pulse. Larger values start fewer pulses. Chosen."""
 MIN_UNFOLDING_PROGRESS: Final = 0.005
-"""Minimum growth of ``unfolded``, 0…1, between two checks. Larger values start pulses earlier.
+"""Minimum increase between two checks of the progress measure, 0 (folded) … 1 (straight), of a
+chain that is not jammed; with less a loosening pulse starts. Larger values start pulses earlier.
 Chosen."""
 
 

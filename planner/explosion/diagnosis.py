@@ -38,21 +38,25 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped"]
 SLIGHT_BEND_RAD: Final = 0.1
-"""Maximum bend, rad, of a hinge that is not reported as bent. Larger values report fewer.
-Chosen."""
+"""Angle, rad, up to which a hinge counts as straight in the report on a failed unfolding. Larger
+values report fewer bent hinges. Chosen."""
 MIN_REPORTED_BEND_SHARE: Final = 0.5
-"""Minimum bend of a reported joint as a fraction of the largest one, where none is stuck. Larger
-values report fewer joints. Chosen."""
+"""Minimum angle of a joint that the report on a failed unfolding names, as a fraction of the
+largest joint angle; used only if no joint is bent enough to count as stuck. Larger values name
+fewer joints. Chosen."""
 TOUCHING_CENTRES_PITCH: Final = 1.1
-"""Maximum distance of the centres of touching cubes, pitches; face to face it is 1. Chosen."""
+"""Maximum distance between the centres of two cubes that count as touching, pitches; it is 1 for
+cubes face to face. Larger values join more modules into one cluster of contacts. Chosen."""
 MIN_CLUSTER_SHARE: Final = 0.25
-"""Minimum fraction of the chain's modules in one touching cluster for the kind ``contacts``. Larger
-values report ``joints`` more often. Chosen."""
+"""Minimum fraction of a stalled chain's modules in its largest cluster of touching modules for the
+failure to be reported as ``contacts``; else it is reported as ``joints``, as larger values do more
+often. Chosen."""
 MAX_DIAGNOSED_MODULES: Final = 200
-"""Maximum number of modules that a diagnosis lists. Chosen."""
+"""Maximum number of bent modules that the report on a failed unfolding lists; further ones are left
+out. Larger values make stored reports longer. Chosen."""
 MAX_STALLED_KNOT_MODULES: Final = 4096
-"""Maximum number of modules of a chain that is tested for a knot: the test takes time by their
-square. Chosen."""
+"""Maximum number of modules of a stalled chain that is tested for a knot, as the time of the test
+grows with the square of the number. Longer chains are reported without that test. Chosen."""
 STALL_TEXTS: Final[dict[str, str]] = {
     "knot": "the chain is knotted",
     "buried": "the next modules to move are covered by modules that move later",

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 Point = tuple[float, float, float]
 MAX_NAMED_PAIRS: Final = 3
-"""Maximum number of pairs, or modules, that a message lists; it counts the others. Chosen."""
+"""Maximum number of modules, or of pairs of modules that block each other, that a failure message
+names; further ones are only counted. Larger values make messages longer. Chosen."""
 USED_UP: Final[dict[SpentKind, str]] = {
     "steps": "the limit of {allowed} steps was reached",
     "pushes": "{allowed} random pushes in a row, the limit, made no progress",

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 COST_REFERENCE_MODULES: Final = 512
-"""Number of modules of the boxes whose explosions were timed: ``Cost.seconds`` is theirs.
-Measured."""
+"""Number of modules of the box-shaped chains whose unfolding was timed: the costs in
+``Cost.seconds`` are for this length and are scaled to other lengths by a power law. Measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,18 +34,20 @@ IN_LAYERS: Final = {
     "peel": Cost(seconds=1.6, power=1.1, chance=0.98),
     "blocks": Cost(seconds=2.3, power=2.2, chance=0.95),
 }
-"""Costs by strategy on paths whose units can all leave along a line, from the chain's far end on.
-Measured."""
+"""Processor time and success rate of each unfolding strategy on easy paths: from the chain's far
+end on, each group of modules can leave the folded shape along a straight line. Used to order the
+strategies. Measured."""
 INTERLOCKED: Final = {
     "simultaneous": Cost(seconds=3.0, power=2.0, chance=0.98),
     "peel": Cost(seconds=15.0, power=1.0, chance=0.3),
     "blocks": Cost(seconds=8.0, power=2.2, chance=0.5),
 }
-"""Costs by strategy on all other paths: around blocks, found by search, shaken up, or made by a
-user. Measured."""
+"""Processor time and success rate of each unfolding strategy on all other paths, where some group
+of modules cannot leave the folded shape along a straight line. Used to order the strategies.
+Measured."""
 MAX_STRATEGY_S: Final = {"simultaneous": 600.0, "blocks": 120.0, "peel": float("inf")}
-"""Maximum expected processor time by strategy, s; a strategy that is expected to take longer is not
-tried. Chosen."""
+"""Maximum expected processor time of an unfolding by strategy, s; a strategy that is expected to
+take longer is not tried. Larger values let longer chains use that strategy. Chosen."""
 
 
 def by_cost(modules: int, *, in_layers: bool) -> tuple[str, ...]:

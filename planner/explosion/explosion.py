@@ -25,19 +25,26 @@ from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 from planner.simulation.reduced import Acceleration, State
 
 COMMIT_EVERY_STEPS: Final = 25
-"""Steps between two checkpoints. Larger values lose more steps when a run goes back. Chosen."""
+"""Number of simulation steps after which the state is saved, if contacts are shallow, as the point
+to restart from. Larger values repeat more steps after a restart; smaller ones spend more time on
+checks of the saved states. Chosen."""
 STOP_COMPLIANCE_RAD: Final = 0.01
-"""Angle by which a simulated stop lies inside a joint's range, rad: stops are springs, and give.
-Smaller values let joints pass their range. Chosen."""
+"""Angle by which a simulated joint stop is placed inside the joint's range, rad, as stops are
+springs and give under load. With smaller values joints pass the end of their range. Chosen."""
 PULSE_TENSION_SCALE: Final = 0.05
-"""Factor of the tension in the weak part of a pulse. Smaller values loosen a jam more. Chosen."""
+"""Factor of the force that pulls the chain straight, during the first part of a pulse that loosens
+a jam. Smaller values let modules part more easily. Chosen."""
 PULSE_REPULSION_SCALE: Final = 4.0
-"""Factor of the repulsion in the weak part of a pulse. Larger values part modules more. Chosen."""
+"""Factor of the repulsion between near modules, during the first part of a pulse that loosens a
+jam. Larger values part modules further. Chosen."""
 RADIAL_GAIN_JITTER: Final = 0.02
-"""Maximum relative deviation of a module's radial gain from the mean, ±2 %: all that a seed
-decides. Chosen."""
+"""Maximum relative deviation of a module's outward force gain from the mean, drawn from the random
+seed, so that another seed gives another unfolding. Larger values make attempts differ more.
+Chosen."""
 UNREPELLED_LINKS: Final = 1
-"""Maximum number of links between two modules that do not repel each other (eq. 3). Chosen."""
+"""Maximum number of links between two modules that do not repel each other: 1 exempts direct
+neighbours along the chain (eq. 3 of the paper). Larger values weaken the repulsion inside tight
+bends. Chosen."""
 
 S = TypeVar("S")
 S_co = TypeVar("S_co", covariant=True)

@@ -14,16 +14,19 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MIN_PROJECTED_SHARE: Final = 0.3
-"""Minimum projected length of a link, as a fraction of its length, for it to have a heading.
-Chosen."""
+"""Minimum length of a link in the projection onto the table, as a fraction of its real length, for
+its direction there to count as a heading; steeper links take the one of the link before. Larger
+values ignore more links. Chosen."""
 HEADING_LINKS: Final = 3
-"""Number of links over which the heading of a chain is averaged: single ones may be steep. Larger
-values smooth it more. Chosen."""
+"""Number of consecutive links over which a chain's heading on the table is averaged, as single
+links may be steep. Larger values smooth the heading more and blur sharp turns. Chosen."""
 MIN_CROSSING_LINKS: Final = 3
-"""Minimum index difference of two links that may cross: nearer ones meet at a joint, or stand."""
+"""Minimum difference of the indices of two links that are tested for crossing in the view from
+above; nearer links share a joint or stand upright. Smaller values report false crossings.
+Chosen."""
 MAX_HEADING_CHANGE_RAD: Final = 1.25 * np.pi
-"""Maximum angle from one heading to another one, rad, in either direction. Larger values allow a
-tail to wind farther round. Chosen."""
+"""Maximum change of heading, rad, to either side, that a chain on a table may be asked to make.
+Larger values allow its tail to wind farther round. Chosen."""
 
 
 class Above:

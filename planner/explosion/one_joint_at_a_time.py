@@ -18,9 +18,11 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record
 
 MAX_FRAME_TURN_RAD: Final = 0.4
-"""Maximum turn of the joint between two frames, rad. Smaller values make more frames. Chosen."""
+"""Maximum rotation between two frames, rad, of the joint that straightens in the baseline that
+moves one joint after the other. Smaller values record more frames. Chosen."""
 BASELINE_RATE_RAD_S: Final = 0.25
-"""Speed of the one joint that turns, rad/s. Chosen; a playback gets its own timing."""
+"""Rate of the joint that straightens, rad/s, in the baseline that moves one joint after the other.
+It only sets the times of the recorded frames; the folding motion gets its own timing. Chosen."""
 
 
 def unbend_one_by_one(chain: Chain, *, sink: Callable[[Motion], None] | None = None) -> Record:

@@ -40,30 +40,38 @@ from planner.simulation.segments import Segments
 
 Array = NDArray[np.float64]
 MAX_STRAIGHT_BEND_RAD: Final = 0.05
-"""Maximum bend of any hinge of a chain that counts as straight, rad. Chosen."""
+"""Maximum angle of any hinge of a chain that counts as straight, rad; then the simulation with the
+published gains ends. Larger values end it earlier and leave more to the jump to exactly straight.
+Chosen."""
 MIN_STRAIGHT_SPAN_SHARE: Final = 0.99
-"""Minimum distance of the ends of a straight chain, as a fraction of its length. Chosen."""
+"""Minimum distance between the two ends of a chain that counts as straight, as a fraction of the
+chain's length. Smaller values end the simulation with the published gains earlier. Chosen."""
 STRAIGHT_CHECK_STEPS: Final = 25
-"""Steps between two checks for a straight chain. Chosen."""
+"""Number of simulation steps between two checks of whether the chain is straight. Smaller values
+end the run sooner and check more often. Chosen."""
 COMMIT_EVERY_SNAPSHOTS: Final = 10
-"""Snapshots between two commits of the recorder. Chosen."""
+"""Number of snapshots after which those so far are made final and passed on to the viewer. Larger
+values show the motion later, in larger parts. Chosen."""
 REST_CHECK_STEPS: Final = 5000
-"""Steps between two checks for a chain at rest. Chosen."""
+"""Number of simulation steps between two checks of whether nothing moves any more, in which case
+the run ends as stalled. Larger values notice a chain at rest later. Chosen."""
 REST_RATE_RAD_S: Final = 1e-7
-"""Largest hinge speed of a chain at rest, rad/s: slower than this it does not get straight within
-the steps it has. Chosen."""
+"""Rate of the fastest hinge, rad/s, below which a chain counts as at rest: at this rate it would
+not become straight within the allowed steps. Larger values give up earlier. Chosen."""
 MAX_SNAPSHOT_ANGLES: Final = 20_000_000
-"""Maximum number of angles in all snapshots together: 160 MB of memory. The wrench of 160 cubes has
-three million. Chosen."""
+"""Maximum number of hinge angles in all snapshots of one run together (160 MB of memory); beyond it
+the run fails and asks for a longer snapshot interval. The wrench of 160 cubes needs 3 million.
+Chosen."""
 FRAME_SPACING_RAD: Final = 0.03
-"""Turn of a hinge since the last frame, rad, at which a snapshot becomes a frame. Larger values
-make fewer. Chosen."""
+"""Rotation of a hinge since the last displayed frame, rad, after which a snapshot of the published
+simulation becomes the next frame. Larger values display fewer frames. Chosen."""
 FRAME_SPACING_PITCH: Final = 1.0
-"""Distance of a module since the last frame, pitches, at which a snapshot becomes a frame. Larger
-values make fewer. Chosen."""
+"""Displacement of a module since the last displayed frame, pitches, after which a snapshot of the
+published simulation becomes the next frame. Larger values display fewer frames. Chosen."""
 BETWEEN_FRAMES_SIZE: Final = 0.95
-"""Module size, as a fraction of the pitch, at which the motion between frames is checked, see
-``planner.explosion.recorder``. Chosen."""
+"""Size of the modules, as a fraction of the pitch, at which the clearance between two frames of the
+published simulation is checked; a loss of clearance adds a frame. Larger values add more frames.
+Chosen."""
 
 
 def explode_as_published(

@@ -55,17 +55,20 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 MIN_PEELING_PROGRESS_RAD: Final = 0.5
-"""Minimum decrease of the sum of all bends, rad, that counts as progress. Larger values start
-pulses earlier. Chosen."""
+"""Minimum decrease of the sum of all hinge angles, rad, that counts as progress of a peeling, which
+unfolds the chain from its far end on. Without progress a pulse loosens the jam; larger values start
+it earlier. Chosen."""
 MAX_PEELING_DEPTH_PITCH: Final = 0.016
-"""Maximum depth of contacts, pitches; less where the module size to verify leaves less. Larger
-values allow faster steps and less clearance. Chosen."""
+"""Maximum depth of contacts while a chain is peeled, pitches; the limit is lower if the required
+clearance leaves less room. Larger values allow faster steps and leave less clearance. Chosen."""
 CONTACT_ROOM_SHARE: Final = 0.9
-"""Fraction of the room between the simulated hull and the size to verify that contacts may use.
-Chosen."""
+"""Fraction of the size difference between the simulated modules and the smaller ones that the plan
+is verified with, up to which contacts may go in depth. Larger values allow faster steps and leave
+less clearance. Chosen."""
 MIN_RELEASE_COSINE: Final = 0.5
-"""Minimum cosine of the angle between the rod and its wanted direction before the next unit is
-released. Larger values release later. Chosen."""
+"""Minimum cosine of the angle between the chain's straight tail and its wanted direction before the
+next modules are released from the folded core. Larger values release later, with a better aligned
+tail. Chosen."""
 
 
 def peel(

@@ -16,39 +16,54 @@ from planner.kernels.folded_core import box_cover, distances_at
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 FIELD_PADDING_CELLS: Final = 6
-"""Width of the margin around the core in which distances to it are stored, cells. Larger values are
-exact farther out and take more memory. Chosen."""
+"""Width, in lattice cells, of the margin around the folded core in which the distance field of the
+core is stored; distances are rough outside of it. Larger values are accurate farther out and take
+more memory. Chosen."""
 RAY_DIRECTIONS: Final = 400
-"""Number of directions, evenly over the sphere, in which a rod is tested. Chosen."""
+"""Number of directions, evenly spread over the sphere, among which the exit direction of the
+chain's straight tail is chosen. Larger values find narrower exits and take more time. Chosen."""
 RAY_STEP_PITCH: Final = 0.5
-"""Distance of two samples of a ray, pitches. Smaller values miss fewer obstacles. Chosen."""
+"""Distance between two samples of a straight exit path at which the distance to the folded core is
+looked up, pitches. Smaller values miss fewer obstacles and take more time. Chosen."""
 RAY_CLEARANCE_PITCH: Final = 2.0
-"""Wanted distance of a ray from the core, pitches; near its start it is less. Larger values choose
-freer rays. Chosen."""
+"""Wanted distance of the tail's straight exit path from the folded core, pitches; near the start of
+the path it is less. A shortfall lowers the score of a direction, so larger values prefer freer
+paths. Chosen."""
 TABLE_THICKNESS_PITCH: Final = 40.0
-"""Thickness of the box that stands for the table, pitches: no contact passes through it. Chosen."""
+"""Thickness of the box that represents the table in contact detection, pitches: so large that
+contacts never push a module out through its bottom, as they might with smaller values. Chosen."""
 TABLE_HALF_WIDTH_PITCH: Final = 1000.0
-"""Distance from its centre to its edges, pitches: more than any chain is long. Chosen."""
+"""Distance from the centre of the simulated table to its edges, pitches: longer than any chain
+reaches. With smaller values a long chain could slide over the edge. Chosen."""
 TABLE_LIFT_PITCH: Final = 0.006
-"""Height of the simulated table above the real one, pitches, as contacts give. Larger values keep
-modules higher. Chosen."""
-HEADING_COUNT: Final = 72
-"""Number of directions along the table that are tested, evenly over a full turn. Chosen."""
-HEADING_CLEARANCE_PITCH: Final = 1.8
-"""Wanted distance of the rod from the core, pitches; near its start it is less. Larger values
-choose freer directions. Chosen."""
-HEADING_LENGTH_PITCH: Final = 12.0
-"""Length of the rod that is checked against the core, pitches. Chosen."""
-AHEAD_WEIGHT: Final = 2.0
-"""Weight of the cosine between the rod and the chain's next link in the score of a direction; the
-following weights are relative to it. Chosen."""
-OUTWARD_WEIGHT: Final = 0.3
-"""Weight of the cosine between the rod and the direction away from the core's middle. Chosen."""
-PREVIOUS_HEADING_WEIGHT: Final = 0.7
-"""Weight of the cosine between the rod and its direction before. Larger values turn it less.
+"""Height of the simulated table top above the real one, pitches, which makes up for contacts that
+give under load. With smaller values modules sink into the real table, and frames are refused.
 Chosen."""
+HEADING_COUNT: Final = 72
+"""Number of directions along the table, evenly over a full turn, among which the direction of the
+chain's straight tail is chosen. Larger values find narrower gaps and take more time. Chosen."""
+HEADING_CLEARANCE_PITCH: Final = 1.8
+"""Wanted distance on the table between the chain's straight tail and the folded core, pitches; near
+the core it is less. A shortfall lowers the score of a direction, so larger values prefer freer
+ones. Chosen."""
+HEADING_LENGTH_PITCH: Final = 12.0
+"""Length of the tail, pitches, over which a direction on the table is checked for distance to the
+folded core. Larger values look farther ahead and take more time. Chosen."""
+AHEAD_WEIGHT: Final = 2.0
+"""Weight, in the score of a direction for the tail on a table, of the cosine between that direction
+and the chain's own direction where it leaves the folded core. Larger values prefer to leave
+straight ahead. Chosen."""
+OUTWARD_WEIGHT: Final = 0.3
+"""Weight, in the score of a direction for the tail on a table, of the cosine between that direction
+and the one away from the middle of the folded core. Larger values prefer to lead outwards.
+Chosen."""
+PREVIOUS_HEADING_WEIGHT: Final = 0.7
+"""Weight, in the score of a direction for the tail on a table, of the cosine between that direction
+and the previous one. Larger values turn the tail less from one release to the next. Chosen."""
 CLEARANCE_DEFICIT_WEIGHT: Final = 3.0
-"""Weight of each pitch of distance from the core that is lacking, subtracted. Chosen."""
+"""Penalty, in the score of a direction for the tail on a table, per pitch by which the tail would
+come closer to the folded core than wanted. Larger values prefer free directions to short turns.
+Chosen."""
 
 
 class Core:

@@ -19,14 +19,18 @@ from planner.motion.motion import Motion
 
 Array = NDArray[np.float64]
 CLEARANCE_CAP_PITCH: Final = 0.02
-"""Cap of the clearance, pitches: larger ones count as this. Larger values take more time.
-Chosen."""
+"""Cap of the clearance that is computed for snapshots of a peeling, pitches; larger clearances are
+reported as this value. Larger caps compare snapshots more exactly and take more time. Chosen."""
 MIN_SNAPSHOT_CLEARANCE_PITCH: Final = 0.002
-"""Minimum clearance of snapshots at the size to verify, pitches. Chosen."""
+"""Minimum clearance between modules, pitches, at which the snapshots of a peeling are recorded;
+modules have the size that the plan is verified with. Larger values send the simulation back to its
+last saved state more often. Chosen."""
 CLEARANCE_ROUNDING_PITCH: Final = 1e-9
-"""Clearance that rounding may take from a snapshot, or from the motion to it, pitches."""
+"""Clearance, pitches, that rounding errors may take from a snapshot, or from the motion to it; the
+required clearance is reduced by it, as folded neighbours have none to spare. Chosen."""
 MIN_SNAPSHOT_COSINE: Final = float(np.cos(0.1))
-"""Cosine of the maximum turn of the rod between two snapshots, 0.1 rad. Chosen."""
+"""Minimum cosine of the angle, 0.1 rad, by which the chain's straight tail turns from one snapshot
+to the next. Larger cosines record more snapshots. Chosen."""
 
 
 class Proof:

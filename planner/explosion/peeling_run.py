@@ -33,18 +33,25 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 RELEASE_CHECK_STEPS: Final = 5
-"""Steps between two checks for the release of the next unit. Chosen."""
+"""Number of simulation steps between two checks of whether the next modules may be released from
+the folded core. Larger values release later and cost less. Chosen."""
 RETIRE_CHECK_STEPS: Final = 20
-"""Steps between two checks for outer joints that may become part of the rod. Chosen."""
+"""Number of simulation steps between two checks of whether outer joints are so straight that they
+need no simulation and become part of the rigid tail. Larger values simulate more modules and check
+less. Chosen."""
 MIN_RETIRED_JOINTS: Final = 6
-"""Minimum number of joints that become part of the rod together: each time the model of the window
-is built anew. Chosen."""
+"""Minimum number of straight joints that become part of the rigid tail at a time, as the simulation
+model is rebuilt each time. Larger values rebuild less often and simulate more modules. Chosen."""
 WINDOW_FINISH_STEPS: Final = 25
-"""Steps between two attempts to straighten the last window by kinematics. Chosen."""
+"""Number of simulation steps between two attempts to straighten the last bent modules without
+simulation, by shrinking all angles evenly. Smaller values may end the run sooner and spend more
+time on failed attempts. Chosen."""
 PROGRESS_CHECK_STEPS: Final = 50
-"""Steps between two checks of the progress. Chosen."""
+"""Number of simulation steps between two checks of whether the chain still unfolds. Larger values
+notice a jam later. Chosen."""
 SAME_HEADING_COSINE: Final = 0.9
-"""Minimum cosine of the angle between two directions of the rod that count as the same. Chosen."""
+"""Minimum cosine of the angle between two directions of the chain's straight tail that count as the
+same. Larger values wait longer, until the tail points exactly where it should. Chosen."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

@@ -20,11 +20,12 @@ from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
 CLEAR_ENOUGH_PITCH: Final = 0.06
-"""Clearance between two snapshots, pitches, that needs no further snapshot. Larger values
-record more. Chosen."""
+"""Clearance, pitches, from which on the motion between two snapshots counts as safe, and no
+snapshot is added. Larger values record more snapshots. Chosen."""
 MIN_CLEARANCE_LOSS_PITCH: Final = 0.002
-"""Minimum loss of clearance between two snapshots, pitches, for which another one is recorded
-between them. Smaller values record more. Chosen."""
+"""Minimum amount, pitches, by which modules come closer between two snapshots than at either of
+them for a further snapshot to be recorded between them. Smaller values record more snapshots.
+Chosen."""
 
 S = TypeVar("S")
 

@@ -49,20 +49,28 @@ from planner.simulation.segments import Segments
 
 Ints = NDArray[np.int64]
 FIRST_FINISH_STEPS: Final = 50
-"""Steps between two attempts to straighten the chain by kinematics, at first. Chosen."""
+"""Number of simulation steps between two attempts to straighten the chain without simulation, by
+shrinking all angles evenly; it grows after failed attempts. Smaller values may end the run sooner
+and waste more attempts. Chosen."""
 FINISH_BACKOFF: Final = (1.5, 800.0)
-"""Growth factor of those steps after each failed attempt, and their maximum: an attempt takes as
-long as ten steps of a long chain, or more. Chosen."""
+"""Factor by which the number of simulation steps between two attempts to straighten the chain
+without simulation grows after a failure, and its maximum. Larger values waste less time on
+attempts, each of which costs ten or more steps, and end the run later. Chosen."""
 KNOT_CHECK_STEPS: Final = 200
-"""Steps between two tests for a knot. Chosen."""
+"""Number of simulation steps between two tests of whether the unfolding chain is knotted; a knotted
+one is moved along itself. Larger values notice a knot later and cost less. Chosen."""
 MIN_KNOT_CHECK_PROGRESS: Final = 0.4
-"""Minimum ``unfolded``, 0…1, before a chain is tested for a knot: packed ends show knots that are
-none. Chosen."""
+"""Minimum progress, 0 (folded) … 1 (straight), from which on an unfolding chain is tested for a
+knot. At smaller values the ends still lie inside the packed chain, and the test reports knots that
+are none. Chosen."""
 JAM_CHECK_STEPS: Final = 400
-"""Steps between two checks for a jam. Chosen."""
+"""Number of simulation steps between two checks of whether the unfolding chain is jammed; a jam
+starts a loosening pulse. Larger values give hinges more time to move and notice a jam later.
+Chosen."""
 MAX_EXPLOSION_DEPTH_PITCH: Final = 0.02
-"""Maximum depth of contacts, pitches; less where the module size to verify leaves less. Larger
-values allow faster steps and less clearance. Chosen."""
+"""Maximum depth of contacts while all modules are pulled apart at once, pitches; the limit is lower
+if the required clearance leaves less room. Larger values allow faster steps and leave less
+clearance. Chosen."""
 
 
 def explode(

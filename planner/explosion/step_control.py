@@ -11,14 +11,18 @@ from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.simulation.reduced import State
 
 MIN_TENSION_SCALE: Final = 0.05
-"""Minimum factor to which deep contacts reduce the tension. Chosen."""
+"""Minimum factor to which deep contacts reduce the force that pulls the chain straight. Larger
+values keep a jammed chain moving and press its contacts deeper. Chosen."""
 MIN_CONTACT_TIME_CONSTANT_S: Final = 0.03
-"""Minimum time constant of contacts, s; else it is two steps, MuJoCo's limit of stability. Larger
-values make contacts softer. Chosen."""
+"""Minimum time constant of the contact springs, s; above it, the time constant is two time steps,
+MuJoCo's limit of stability. Larger values make contacts softer and deeper. Chosen."""
 MIN_ALLOWED_DEPTH_PITCH: Final = 0.002
-"""Minimum allowed depth of contacts, pitches, even where the size to verify leaves less. Chosen."""
+"""Minimum value of the depth up to which contacts are allowed, pitches, even if the size of the
+modules that the plan is verified with leaves less room. Smaller values slow the simulation down.
+Chosen."""
 BACK_OFF_DEPTH_SHARE: Final = 0.7
-"""Depth of contacts, as a fraction of the allowed depth, beyond which the tension falls. Chosen."""
+"""Fraction of the allowed contact depth beyond which the force that pulls the chain straight is
+reduced. Larger values keep pulling for longer and exceed the allowed depth more often. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,17 +17,22 @@ from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
 STRAIGHTENING_CLEARANCE_PITCH: Final = 0.02
-"""Minimum clearance on the way, pitches, or half of the straight chain's where that is less. Larger
-values straighten later. Chosen."""
+"""Minimum clearance, pitches, while all angles of a nearly straight chain shrink to 0 without
+simulation; half of the straight chain's own clearance if that is less. Larger values reject more
+attempts, so that the run ends later. Chosen."""
 KINEMATIC_FRAME_S: Final = 0.1
-"""Simulated time between two frames that kinematics makes, s. Chosen."""
+"""Time between two frames, s, while angles shrink to 0 without simulation. It only sets the times
+of these frames: larger values show the end of an unfolding more slowly. Chosen."""
 STRAIGHTENING_CHUNK_FRAMES: Final = 128
-"""Maximum number of frames that are computed at once (memory). Chosen."""
+"""Maximum number of frames whose module positions are computed at once while a chain is
+straightened without simulation. Larger values take more memory. Chosen."""
 COARSE_CHECKS: Final = 24
-"""Number of configurations on the way that are checked before anything else: an early end of
-attempts that would fail. Chosen."""
+"""Number of evenly spaced configurations that are tested for overlap first, before a chain is
+straightened without simulation. More configurations reject hopeless attempts earlier and cost more
+for good ones. Chosen."""
 CHECK_EVERY_FRAMES: Final = 4
-"""Frames from one that is checked to the next, before the whole motion is proved. Chosen."""
+"""Interval, in frames, at which the clearance is tested before the expensive proof for the whole
+straightening motion. Larger values test faster and leave more failures to the proof. Chosen."""
 
 
 def straightening(

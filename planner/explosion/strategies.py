@@ -38,13 +38,18 @@ from planner.pathfinding.removal_analysis import peelable
 from planner.progress import Cancelled, Report, never, silent
 
 RIGHT_ANGLE_TOLERANCE: Final = 1e-4
-"""Maximum difference of a cube's folded hinge from a multiple of a right angle, as a fraction of
-one. Chosen."""
+"""Maximum deviation of a folded hinge angle from a multiple of 90°, as a fraction of 90°, for a
+chain of cubes to count as lying on the lattice. Larger values offer the strategies for lattices to
+less exact chains. Chosen."""
 BLOCKS_FROM_MODULES: Final = 160
-"""Minimum number of modules for ``blocks``: docs/decisions/0015-hard-paths.md."""
+"""Minimum number of modules of a chain for which ``auto`` tries the strategy ``blocks``, which
+unfolds rigid blocks of 64 or more modules first. Larger values leave more chains to the other
+strategies: docs/decisions/0015-hard-paths.md."""
 
 GENTLE_FORCE_SCALE: Final = 0.5
-"""Factor of the tension and of the pair speed caps of a gentle explosion. Chosen."""
+"""Factor, in a retry with gentle forces, of the pull along the chain and of the distance by which
+two modules may approach in a step. Smaller values press contacts less deep and take more steps.
+Chosen."""
 _Forces = TypeVar("_Forces", ExplosionParameters, PeelingParameters)
 
 

@@ -37,19 +37,27 @@ from planner.parameters.explosion import TableParameters
 from planner.progress import Cancelled, Report, never, silent
 
 MIN_TABLE_PROGRESS_RAD: Final = 0.3
-"""Minimum decrease of the sum of all bends, rad, that counts as progress. Larger values draw new
-forces earlier. Chosen."""
+"""Minimum decrease of the sum of all hinge angles, rad, that counts as progress of a chain that
+unfolds on a table. Without progress new random forces are drawn; larger values draw them earlier.
+Chosen."""
 MAX_RELEASE_ERROR_RAD: Final = 1.2
-"""Maximum heading error of the rod at the release of the next unit, rad. Larger values release
-earlier. Chosen."""
+"""Maximum angle between the tail of a chain on a table and its wanted heading, rad, at which the
+next modules are released from the folded core. Larger values release earlier, with a tail that
+still has to turn. Chosen."""
 MAX_FORCED_RELEASE_ERROR_RAD: Final = 2.4
-"""Maximum heading error of the rod at a release for want of progress, rad. Chosen."""
+"""Maximum angle between the tail of a chain on a table and its wanted heading, rad, at which the
+next modules are released because nothing else moves. Larger values allow more such releases.
+Chosen."""
 FIRST_BACKTRACK_RELEASES: Final = 3
-"""Number of releases that a stuck run goes back the first time; it doubles each time. Chosen."""
+"""Number of releases of modules that are undone when an unfolding on a table is stuck for the first
+time; the number doubles each time. Larger values escape from deeper dead ends and repeat more work.
+Chosen."""
 PERTURBATION_GROWTH: Final = 0.25
-"""Relative growth of the random forces after each draw without progress. Chosen."""
+"""Relative increase of the random forces on a stuck chain per draw, or per undone release, without
+progress. Larger values shake harder, sooner. Chosen."""
 FORCED_RELEASE_PERIOD: Final = 4
-"""Checks without progress per forced release of the next unit: the first of so many. Chosen."""
+"""Number of checks without progress per attempt to release the next modules nevertheless; the
+others draw random forces. Smaller values release more often while the tail is stuck. Chosen."""
 
 
 def explode_on_table(

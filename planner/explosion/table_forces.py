@@ -17,19 +17,24 @@ from planner.parameters.explosion import TableParameters
 
 Array = NDArray[np.float64]
 MIN_SPRING_BEND_RAD: Final = 1e-3
-"""Bend of a hinge, rad, below which its spring is not made stiffer any more. Chosen."""
+"""Angle of a hinge, rad, below which the stiffness of its spring of limited torque, torque / angle,
+is no longer raised: it avoids a division by zero. Chosen."""
 TURNING_TORQUE_SCALE: Final = 0.8
-"""Torque on each lying link per radian of its heading error, as a multiple of the pull. Larger
-values turn the chain faster. Chosen."""
+"""Torque that turns a link lying on the table, per radian of its heading error, as a multiple of
+the pull at the chain's end. Larger values turn the chain faster and load its hinges more.
+Chosen."""
 MAX_TURNING_ERROR_RAD: Final = 0.5 * np.pi
-"""Heading error, rad, beyond which that torque grows no more. Chosen."""
+"""Heading error of a link on the table, rad, beyond which the torque that turns it no longer grows.
+Larger values turn links that point backwards harder. Chosen."""
 MAX_LYING_RISE_PITCH: Final = 0.5
-"""Maximum height difference of the ends of a lying link, pitches. Chosen."""
+"""Maximum height difference between the ends of a link that counts as lying on the table, pitches.
+Larger values turn steeper links along the table, too. Chosen."""
 PERTURBED_NEIGHBOURS: Final = 5
-"""Number of neighbouring modules over which random forces are averaged. Larger values push longer
-pieces alike. Chosen."""
+"""Number of neighbouring modules over which random forces on a stuck chain are averaged. Larger
+values push longer sections of the chain in one direction. Chosen."""
 MAX_SPRING_TORQUE_WP: Final = 8.0
-"""Maximum torque of a spring, w·p (module weight × pitch). Chosen."""
+"""Maximum torque that random draws may give the hinge springs of a stuck chain on a table, in
+module weight × pitch. Larger values unbend stuck hinges harder. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

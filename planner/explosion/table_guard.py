@@ -28,7 +28,8 @@ from planner.statics.friction import Friction
 
 Array = NDArray[np.float64]
 REJECTION_DECAY: Final = 0.2
-"""Decrease of the count of refusals at each checkpoint. Larger values raise the torque bound later.
+"""Amount by which the number of frames refused for excessive torque is reduced each time that
+frames are accepted; a high number raises the torque bound. Larger values raise the bound later.
 Chosen."""
 
 

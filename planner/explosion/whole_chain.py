@@ -28,18 +28,21 @@ from planner.simulation.segments import Segments
 Array = NDArray[np.float64]
 Engine = Segments | Blocks
 REPTATION_FORCE: Final = 0.1
-"""Force on each module of a creeping chain along the chain, in module weights. All modules move
-along the chain itself, whose curve stays in place: one end follows it through every loop and out.
-Larger values creep faster. Chosen."""
+"""Force on each module along the chain, in module weights, that makes a knotted or jammed chain
+creep along its own curve, so that one end slides out through every loop. Larger values creep
+faster. Chosen."""
 REPULSION_RAMP: Final = (0.05, 0.25)
-"""Values of ``unfolded``, 0…1, at which the repulsion begins to grow, and at which it is largest.
+"""Progress, 0 (folded) … 1 (straight), at which the repulsion between modules begins to grow, and
+at which it is largest. Larger values keep the repulsion of a packed chain weak for longer.
 Chosen."""
 BODY_CAP_REFERENCE_MODULES: Final = 512
-"""Number of modules up to which the speed cap is ``ExplosionParameters.body_cap``; beyond it the
-cap grows with the chain's length. Chosen."""
+"""Number of modules up to which ``ExplosionParameters.body_cap`` limits a module's displacement per
+step as it is; for longer chains the limit grows with length, as their ends go farther. Larger
+values take more steps. Chosen."""
 MAX_BODY_CAP_SCALE: Final = 2.5
-"""Maximum factor of the speed cap of longer chains: a larger one would outrun the search for near
-pairs. The distance of snapshots grows with its square once the chain has come apart. Chosen."""
+"""Maximum factor by which a long chain's limit of a module's displacement per step grows. Larger
+values take fewer steps, but modules could meet before the search for near pairs finds them.
+Chosen."""
 
 
 @dataclass(slots=True)

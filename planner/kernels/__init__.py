@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, Final, cast
 import numpy as np
 
 ZERO: Final = cast(int, np.int64(0))
-"""A 0 of the type that kernels hand to each other, so that no second version is compiled."""
+"""The number 0 as a 64-bit integer, for arguments and counters of compiled functions. A plain
+Python 0 could have another type, for which a second version would be compiled."""
 ONE: Final = cast(int, np.int64(1))
-"""A 1 of that type."""
+"""The number 1 as a 64-bit integer, for the same purpose as ``ZERO``."""
 
 _OPTIONS: Final[dict[str, dict[str, Any]]] = {
     "KERNEL": {"cache": True, "no_cfunc_wrapper": True},

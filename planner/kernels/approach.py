@@ -33,7 +33,8 @@ REL_VELOCITY, REL_ACCELERATION, REL_ANGULAR_VELOCITY, REMAINDER = 0, 3, 6, 9
 angular velocity of b as seen from a at s = 0; then the bound of how near any point of b gets
 besides these (lemma 6)."""
 RELATIVE_COLUMNS = 10
-"""Number of columns of a relative motion: these three vectors and the bound."""
+"""Number of columns of a row that describes the motion of one module relative to another: velocity,
+acceleration and angular velocity (3 each), and a bound of the remaining motion (1)."""
 
 
 @njit(**INNER, inline="always")  # called, it slows the sweep

@@ -41,8 +41,9 @@ from planner.kernels.velocities import write_lump
 
 Array = NDArray[np.float64]
 LOCKED_INERTIA = 1e15
-"""Inertia of a module that is held: mass in module masses, moments in module mass · pitch². A
-larger one loses digits in the solution, with a smaller one the module gives. Chosen."""
+"""Inertia that stands for a base module that is held in place: mass in module masses, moments in
+module mass · pitch². Larger values lose digits in the solution; with smaller ones the base gives
+under load. Chosen."""
 
 
 class Loads(NamedTuple):

@@ -33,7 +33,8 @@ JERK_BOUND, DISPLACEMENT_BOUND, RATE_SUM = 27, 28, 29
 """Columns of the bound J of |p'''| (lemma 3), of the bound D of the centre's displacement from
 s = 0 (lemma 4), and of Σ|q̇| over the hinges from the root on, negative on the other side of it."""
 BODY_COLUMNS = 30
-"""Number of columns of a body: all of the above."""
+"""Number of columns of a row that describes the motion of one module about a moment: pose, first
+and second derivatives, and bounds of higher ones over the interval around that moment."""
 
 
 class JointBounds(NamedTuple):

@@ -22,13 +22,16 @@ from planner.kernels.pairs import near_pairs
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]
 MIN_CROSS = 1e-9
-"""Least length of a cross product of two unit edges that is a candidate axis. Shorter ones are
-parallel edges up to rounding, and the face normals cover them. Chosen."""
+"""Minimum length of the cross product of two unit edges, the sine of their angle, for it to be
+tested as a separating axis of two convex modules. Shorter ones belong to parallel edges, which the
+face normals cover. Chosen."""
 MIN_CROSS_SQUARE = 1e-18
-"""Square of ``MIN_CROSS``, for boxes."""
+"""Minimum squared length of the cross product of two unit edges, the squared sine of their angle,
+for it to be tested as a separating axis of two boxes: the square of ``MIN_CROSS``."""
 DISTANCE_MARGIN = 1e-9
-"""Pitches by which ``module_clearances`` widens bounds from centre distances. Smaller values than
-the rounding error of a distance could skip the closest pair. Chosen."""
+"""Amount, pitches, added to upper bounds of a module's clearance that follow from distances of
+centres. With less than the rounding error of a distance, the closest pair of modules could be
+skipped. Chosen."""
 
 
 class Solid(NamedTuple):

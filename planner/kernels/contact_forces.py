@@ -33,23 +33,34 @@ from planner.kernels.module import ChainModel, ModuleStates
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 MAX_PIVOTS = 100
-"""Maximum number of pivots of the LCP solver; beyond it the gradient solver takes over. Chosen."""
+"""Maximum number of pivots with which the linear complementarity problem of the contact forces is
+solved exactly; beyond it the slower, approximate gradient solver takes over. Chosen."""
 MAX_NON_IMPROVING_PIVOTS = 3
-"""Block pivots without fewer infeasibilities before the solver changes to single pivots: p̄ in
-Júdice & Pires (1994). Larger values try longer what may cycle. Chosen."""
+"""Number of block pivots in a row that do not reduce the number of infeasible contact forces before
+the solver changes to single pivots, which cannot cycle: p̄ in Júdice & Pires (1994). Larger values
+may waste more pivots. Chosen."""
 PIVOT_TOLERANCE = 1e-10
-"""Fraction of the largest bias up to which a negative acceleration counts as zero. Chosen."""
+"""Magnitude up to which a negative contact acceleration counts as zero in the pivoting solver, as a
+fraction of the largest bias (acceleration at a contact without contact forces, less the wanted
+one). With smaller values rounding errors cause endless pivots. Chosen."""
 POWER_STEPS = 12
-"""Steps of the power iteration that bounds the step of the gradient solver. Chosen."""
+"""Number of power iterations that estimate the largest eigenvalue of the contact problem, which
+limits the step of its gradient solver. Larger values estimate it better and take more time.
+Chosen."""
 EIGENVALUE_MARGIN = 1.3
-"""Factor on the largest eigenvalue, which the power iteration finds from below. With a smaller one
-gradient steps may diverge, with a larger one they are short. Chosen."""
+"""Safety factor on the largest eigenvalue of the contact problem, as power iteration finds it from
+below. With smaller values gradient steps may diverge; with larger ones they are shorter and more
+are needed. Chosen."""
 MAX_GRADIENT_STEPS = 400
-"""Maximum number of steps of the gradient solver; beyond it, forces are less exact. Chosen."""
+"""Maximum number of iterations of the gradient solver for contact forces; beyond it the forces
+found so far are used. Larger values take more time and give more exact forces. Chosen."""
 GRADIENT_TOLERANCE = 1e-3
-"""Fraction of the largest bias below which the residual of the gradient solver ends it. Chosen."""
+"""Residual at which the gradient solver for contact forces ends, as a fraction of the largest bias
+(acceleration at a contact without contact forces, less the wanted one). Larger values end earlier,
+with less exact forces. Chosen."""
 MIN_REGULARISATION = 1e-15
-"""Smallest element of the diagonal R, in 1 / module mass: without one A may be singular."""
+"""Minimum of the diagonal R that is added to the matrix A of the contact problem, in 1 / module
+mass. Without it A may be singular; larger values make contacts softer. Chosen."""
 
 
 class PairContacts(NamedTuple):

@@ -14,11 +14,13 @@ from planner.kernels import INNER, KERNEL
 Array = NDArray[Any]
 
 SAMPLE_SHIFT_U = 1.3e-6
-"""Shift of a sample from the middle of its cell along u, in cells, so that no edge of a box-shaped
-mesh passes through it. A larger one samples less exactly. Chosen."""
+"""Offset of the points at which a mesh is sampled from the cells' centres along the first axis, u,
+in cells, so that no ray hits an edge of a box-shaped mesh. Larger values sample less exactly.
+Chosen."""
 SAMPLE_SHIFT_V = 2.9e-6
-"""Shift of a sample from the middle of its cell along v, in cells; unlike ``SAMPLE_SHIFT_U``, so
-that no diagonal of a box-shaped mesh passes through it either. Chosen."""
+"""Offset of the points at which a mesh is sampled from the cells' centres along the second axis, v,
+in cells. It differs from ``SAMPLE_SHIFT_U``, so that no ray hits a diagonal edge of a box-shaped
+mesh either. Chosen."""
 
 
 @njit(**INNER)

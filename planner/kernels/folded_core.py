@@ -23,9 +23,13 @@ Grid = NDArray[np.int32]
 Ints = NDArray[np.int64]
 Covered = NDArray[np.bool_]
 FIXED = 2
-"""Number of modules at the start of a window that belong to the core: two poses define a joint."""
+"""Number of modules at the start of a window (the section of the chain that is simulated) that
+still belong to the core (the part that is folded and held): two, as the pose of a joint follows
+from the two modules that it links."""
 MIN_DIRECTION = 1e-12
-"""Component of a unit vector below which a line counts as parallel to the planes of a box."""
+"""Minimum magnitude of a component of a line's unit direction for the line to be cut with the two
+faces of a box normal to that axis. Below it the line counts as parallel to them: no division by
+zero."""
 
 
 class CoreCells(NamedTuple):

@@ -19,11 +19,13 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 EDGES_PER_BOX = 24
-"""Number of edges along the polygon in one bounding box. With more, fewer boxes are checked, and
-more edges in each. Chosen."""
+"""Number of consecutive edges of a closed polygon in one bounding box, by which edges far from a
+triangle are skipped. Larger values test fewer boxes, and more single edges in each that is near.
+Chosen."""
 VOLUME_TOLERANCE = 1e-13
-"""Volume, in cubes of the extent, below which rounding decides the sign: the edge counts as meeting
-the triangle. Chosen."""
+"""Volume of a tetrahedron, relative to the cube of its extent, below which rounding may decide its
+sign when an edge is tested against a triangle: then they count as meeting. Larger values simplify
+polygons less. Chosen."""
 
 
 @njit(**INNER)

@@ -17,14 +17,16 @@ Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]
 
 MIN_GRID_POINTS = 1000
-"""Number of points from which on a grid is searched; below, a walk along the chain is faster.
-Measured."""
+"""Number of points from which on near pairs are searched in a hashed grid, in time linear in the
+points; for fewer, a walk along the chain is faster. Measured."""
 MAX_SQUARED_DISTANCE = 1e18
-"""Squared distance in pitches² above which positions count as diverged, so that nothing is skipped.
-A larger one would no longer fit into an integer. Chosen."""
+"""Squared distance in pitches² above which a simulation counts as diverged, and the search for near
+pairs skips no points. The root of a larger one, or of infinity, may not fit into an integer.
+Chosen."""
 MIN_REPULSION_SQUARE = 1e-6
-"""Squared distance in pitches² below which repulsion no longer grows: it is finite where two
-centres coincide. Chosen."""
+"""Squared distance of two modules in pitches² below which their repulsion grows no more, so that it
+stays finite if both centres coincide. Larger values weaken the repulsion of near modules.
+Chosen."""
 
 
 class PairLimits(NamedTuple):

@@ -19,18 +19,23 @@ from planner.kernels import INNER, KERNEL
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MAX_TANGENT_CUTS = 100
-"""Maximum number of cuts along tangents in the search of the largest controllable x. After fewer,
-x would lie a little above it. Chosen."""
+"""Maximum number of iterations in the search, by tangents, of the largest squared path speed from
+which the motion can still go on within its bounds. With fewer, the speed found would lie slightly
+above it. Chosen."""
 FEASIBILITY_TOLERANCE = 1e-12
-"""Overlap of two bounds, relative to them, that rounding may take away. Chosen."""
+"""Amount by which the lower bound of a squared path speed may exceed its upper bound before no
+speed counts as allowed, relative to that speed; rounding can cause as much. Chosen."""
 MIN_TORQUE_FRACTION = 0.05
-"""Fraction of a torque's bound that remains for ü, however much of it u̇² takes. A larger one lets
-torques exceed their bounds further, with a smaller one motions may all but stop. Chosen."""
+"""Minimum fraction of a joint's torque limit that is left for acceleration along the path, even if
+centrifugal terms take more. With larger values torques exceed their limits further; with smaller
+ones motions may all but stop. Chosen."""
 MIN_SLOPE = 1e-7
-"""A row with |b| below this fraction of |a| bounds x alone: its line is too steep to intersect
-others precisely. Chosen."""
+"""Ratio |b| / |a| below which an acceleration constraint |a x + b x₊| ≤ limit on the squared path
+speeds x at a grid point and x₊ at the next one counts as a bound of x alone: dividing by b would be
+inexact. Chosen."""
 MIN_INERTIA = 1e-12
-"""Torque per ü below which a hinge does not bound ü: avoids a division by zero."""
+"""Minimum torque per path acceleration, as a fraction of the torque limit, that is used to bound
+that acceleration: it avoids a division by zero for joints at rest along the path."""
 
 
 @njit(**INNER)

@@ -21,10 +21,12 @@ from planner.kernels.velocities import chain_velocities, equivalent_rigid_veloci
 
 Array = NDArray[np.float64]
 FRICTION_SPEED_RAD_S = 2e-3
-"""Rate at which dry friction has tanh(1), three quarters, of its strength. A larger value lets
-hinges creep; a smaller one makes them stick, and the step stiff. Chosen."""
+"""Joint speed v₀, rad/s, in the model of dry friction, torque ∝ tanh(speed / v₀). With larger
+values loaded joints creep instead of sticking; with smaller ones the equations are stiffer.
+Chosen."""
 MIN_SPEED_RAD_S = 1e-12
-"""Rate below which friction per rad/s is no longer divided by the rate: it is finite at rest."""
+"""Minimum joint speed, rad/s, by which the dry friction torque is divided to express it as viscous
+damping: it avoids a division by zero at rest."""
 
 
 class RobotServos(NamedTuple):

@@ -39,25 +39,29 @@ from planner.kernels.pairs import append_pair, near_pairs
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 MAX_BISECTIONS = 16
-"""Bisections of an interval to prove its pairs clear. Beyond it the clearance counts as unproved
-and the plan is refused. More prove nearer passes and cost time where modules touch: decision
-0012."""
+"""Maximum number of times that the interval between two frames is halved to prove that modules keep
+clear in it. Beyond it the plan is refused as unproved. Larger values prove closer passes and take
+more time where modules touch. Decision 0012."""
 LARGE_MOTION = 1.0
-"""Displacement of a module in pitches above which pairs are searched along the chain, and above
-which a tail module that may meet something has the interval bisected first. Chosen."""
+"""Displacement of a module between two frames, pitches, above which near pairs are searched along
+the chain instead of in a grid, and the interval is halved first if the tail comes near other
+modules. With larger values grid searches list more pairs that stay apart. Chosen."""
 MAX_PAIRS_PER_MODULE = 32
-"""Pairs per module of the stretch, in the mean, above which an interval of large motion is bisected
-before its pairs are checked. More cost time on pairs that smaller intervals exclude: decision
-0012."""
+"""Mean number of near pairs per moving module above which an interval of large motion between two
+frames is halved before its pairs are checked. Larger values spend time on pairs that shorter
+intervals exclude. Decision 0012."""
 MAX_COARSE_BISECTIONS = 12
-"""Bisections of an interval whose motion is too large for the broad phase. Beyond it the clearance
-counts as unproved and the plan is refused. Decision 0012."""
+"""Maximum number of times that the interval between two frames is halved because motion in it is
+too large to list all near pairs. Beyond it the plan is refused as unproved. Larger values accept
+coarser frames and take more time. Decision 0012."""
 ROUNDING_MARGIN = 1e-9
-"""Pitches that a lower bound must exceed for a pair to pass: lemma 10. Smaller values than the
-rounding error, 1e-10 for 10 000 modules, would prove nothing."""
+"""Minimum lower bound of the clearance of two modules, pitches, for them to count as proved clear
+(lemma 10 of decision 0012). It must exceed the rounding error, 1e-10 for 10 000 modules, for the
+proof to hold."""
 TIGHT_BISECTIONS = 8
-"""Bisections up to which a lower bound must reach a ratio of the least clearance seen. More give
-tighter bounds and cost time. Decision 0012."""
+"""Number of halvings of the interval between two frames up to which a proved lower bound must come
+close to the smallest clearance seen; after it any positive bound will do. Larger values give
+tighter bounds and take more time. Decision 0012."""
 
 MIDDLE, HALF_WIDTH = 0, 1
 """Columns of the interval stack: middle and half width, in units of the time between two frames."""

@@ -23,18 +23,27 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.signedinteger[Any]]
 Planes = NDArray[np.uint8]
 PLAN_STEP_RAD: Final = np.pi / 2 * 2.0**-23
-"""Step of an angle, 1.9e-7 rad; single precision still distinguishes two neighbours. Chosen."""
+"""Resolution of the hinge angles in a plan, 1.9e-7 rad: each angle is a whole multiple of it, so
+that 90° is exact and files lose nothing. A finer one could not be told apart in single precision.
+Chosen."""
 DIFFERENCE_ORDER: Final = 3
-"""Order of the stored differences of frames: third ones of a smooth motion are small. Chosen."""
+"""Number of times that angles are replaced by their differences from frame to frame before they are
+stored: for a smooth motion third differences are small and compress well. Higher orders amplify
+rounding. Chosen."""
 MAX_ANGLE_STEPS: Final = 2**25
-"""Maximum number of steps of an angle: four right angles, whose third differences fit into 32
-bits."""
+"""Magnitude of an angle, in units of ``PLAN_STEP_RAD``, that stored angles stay below: four right
+angles, so that third differences fit into 32 bits. Angles beyond it are stored without
+differences."""
 MAX_PLAIN_ANGLES: Final = 2**18
-"""Maximum number of angles that a file holds as plain numbers: five megabytes of JSON. Chosen."""
-ANGLES_AT_ONCE: Final = 2**16
-"""Maximum number of angles that are encoded at once (memory). Chosen."""
+"""Maximum number of hinge angles that a plan file holds as plain numbers, five megabytes of JSON;
+more are stored as compressed differences. Larger values give larger files that other programs read
+more easily. Chosen."""
+MAX_ENCODED_ANGLES: Final = 2**16
+"""Maximum number of hinge angles that are encoded for a file at once. Larger values take more
+memory. Chosen."""
 PLANES_NAME: Final = "angle_planes"
-"""Name of the planes in an ``.npz`` file."""
+"""Name of the array in an ``.npz`` file that holds the encoded hinge angles: four planes, one for
+each byte of the 32-bit differences."""
 
 
 def snapped(angles_rad: NDArray[np.floating[Any]], limit_rad: float = np.inf) -> Array:
@@ -51,14 +60,14 @@ def whole_steps(angles_rad: NDArray[np.floating[Any]]) -> Ints | None:
     """Return angles as whole steps; None if some are no exact steps in their own precision."""
     flat = angles_rad.reshape(-1)
     steps = np.empty(len(flat), dtype=np.int32)
-    for begin in range(0, len(flat), ANGLES_AT_ONCE):
-        block = flat[begin : begin + ANGLES_AT_ONCE]
+    for begin in range(0, len(flat), MAX_ENCODED_ANGLES):
+        block = flat[begin : begin + MAX_ENCODED_ANGLES]
         with np.errstate(invalid="ignore"):
             found = np.rint(block.astype(np.float64) / PLAN_STEP_RAD)
             exact = np.array_equal((found * PLAN_STEP_RAD).astype(flat.dtype), block)
         if not exact or np.abs(found).max(initial=0.0) >= MAX_ANGLE_STEPS:
             return None
-        steps[begin : begin + ANGLES_AT_ONCE] = found
+        steps[begin : begin + MAX_ENCODED_ANGLES] = found
     return steps.reshape(angles_rad.shape)
 
 
@@ -232,10 +241,10 @@ def byte_planes(changes: Ints) -> Planes:
     """Return the (4, n) bytes of n zigzag codes: 0, −1, 1, −2, … are 0, 1, 2, 3, …."""
     flat = changes.reshape(-1)
     planes = np.empty((4, len(flat)), dtype=np.uint8)
-    for begin in range(0, len(flat), ANGLES_AT_ONCE):
-        block = flat[begin : begin + ANGLES_AT_ONCE].astype(np.int64)
+    for begin in range(0, len(flat), MAX_ENCODED_ANGLES):
+        block = flat[begin : begin + MAX_ENCODED_ANGLES].astype(np.int64)
         codes = ((block << 1) ^ (block >> 63)).astype("<u4")
-        planes[:, begin : begin + ANGLES_AT_ONCE] = codes.view(np.uint8).reshape(-1, 4).T
+        planes[:, begin : begin + MAX_ENCODED_ANGLES] = codes.view(np.uint8).reshape(-1, 4).T
     return planes
 
 

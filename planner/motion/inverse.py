@@ -18,10 +18,12 @@ from planner.motion.motion import Motion
 
 Array = NDArray[np.float64]
 MAX_TORQUE_FRAME_MODULES: Final = 2_000_000
-"""Maximum number of frames times modules whose torques are computed (time); of more, frames are
-left out evenly. Chosen."""
+"""Maximum product of frames and modules for which the joint torques of a motion are computed;
+beyond it only some frames, evenly spread, are. Larger values take more time and miss fewer torque
+peaks. Chosen."""
 MAX_ANGLES_IN_MEMORY: Final = 2**18
-"""Maximum number of angles in memory at once, three frames for each computed one. Chosen."""
+"""Maximum product of frames and hinges for which joint torques are computed at once; each frame
+also needs the angles of its two neighbours. Larger values take more memory. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -41,8 +41,8 @@ FRAME_COLUMNS: Final[Columns] = {
     "root_wxyz": ((4,), "float64"),
     "joint_error_rad": ((-1,), "float64"),
 }
-"""Columns of a dense motion in files: type, and shape behind the first axis, where −1 is the number
-of hinges."""
+"""Columns of a motion in files that stores the angles of all hinges in each frame. For each column:
+the shape of one frame's entry, where −1 stands for the number of hinges, and the data type."""
 WINDOW_COLUMNS: Final[Columns] = {
     "time_s": ((), "float64"),
     "phase": ((), "uint8"),
@@ -53,7 +53,9 @@ WINDOW_COLUMNS: Final[Columns] = {
     "base_wxyz": ((4,), "float64"),
     "errors_rad": ((), "float32"),
 }
-"""Columns of a windowed motion in files."""
+"""Columns of a motion in files that stores, for each frame, only the window of hinges between the
+folded part of the chain and the straight one. ``first`` is the window's first hinge, ``offsets``
+its start in ``angles_rad``. For each column: shape of one entry, and data type."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -19,12 +19,13 @@ from planner.motion.stuck_figures import SpentKind
 
 Array = NDArray[np.float64]
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
-PROBE_HALF_WIDTH_BYTES: Final = 8192
-"""Number of values on either side of an array's middle on which its compressibility is tested.
-Chosen."""
+PROBE_HALF_WIDTH_VALUES: Final = 8192
+"""Number of values on either side of an array's middle that are compressed as a test of whether the
+whole array is worth compressing. Larger values judge more reliably and take more time. Chosen."""
 MAX_COMPRESSED_SHARE: Final = 0.7
-"""Maximum compressed size, as a fraction, of an array that is stored compressed; angles of an
-explosion do not get below 0.9. Chosen."""
+"""Maximum compressed size of a sample, as a fraction of its original size, for its array to be
+stored compressed. Larger values compress more arrays, with less gain for the time; angles of an
+unfolding do not get below 0.9. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,5 +212,7 @@ def _shrinks(array: NDArray[Any]) -> bool:
     """Return True if zlib makes an array much smaller, tested on values from its middle."""
     flat = array.reshape(-1)
     middle = len(flat) // 2
-    some = flat[max(0, middle - PROBE_HALF_WIDTH_BYTES) : middle + PROBE_HALF_WIDTH_BYTES].tobytes()
+    some = flat[
+        max(0, middle - PROBE_HALF_WIDTH_VALUES) : middle + PROBE_HALF_WIDTH_VALUES
+    ].tobytes()
     return len(zlib.compress(some, 1)) < MAX_COMPRESSED_SHARE * len(some)

@@ -43,20 +43,29 @@ FORMAT: Final = "foldback-timeline/1"
 WINDOWS_FORMAT: Final = "foldback-timeline/2"
 Status = Literal["growing", "complete", "failed"]
 ERRORS_FROM: Final = "errors_from"
-"""Attribute of windows: number of angles before the first with a recorded error, or None."""
-FRAMES_A_CHUNK: Final = 128
-"""Number of frames in a chunk of every array. Chosen."""
+"""Name of the attribute of a stored motion that gives the index of the first hinge angle with a
+recorded tracking error, or None if there is none: readers need not read the errors before it."""
+FRAMES_PER_CHUNK: Final = 128
+"""Number of frames in a zarr chunk of a motion that stores all hinges in each frame. Larger values
+make fewer files and read more data for a single frame. Chosen."""
 WINDOWS_PER_CHUNK: Final = 4096
-"""Number of windows in a chunk of every array but those of angles. Chosen."""
+"""Number of frames in a zarr chunk of a motion that stores only the moving hinges of each frame,
+for all arrays but those of angles. Larger values make fewer files and rewrite more data for each
+appended frame. Chosen."""
 ANGLES_PER_CHUNK: Final = 2**16
-"""Number of angles in a chunk of the arrays of all windows' angles. Chosen."""
+"""Number of hinge angles in a zarr chunk of a motion that stores only the moving hinges of each
+frame, counted over all frames. Larger values make fewer files and read more data for a single
+frame. Chosen."""
 MIN_FLUSH_PERIOD_S: Final = 0.15
-"""Minimum time between two flushes, s. Smaller values show frames sooner, and cost more. Chosen."""
+"""Minimum time between two writes of new frames to disk, s. Smaller values show frames to viewers
+sooner and spend more time on writing. Chosen."""
 FLUSH_TIME_SHARE: Final = 0.1
-"""Maximum fraction of a writer's time for flushes; the time of one depends little on its size.
-Chosen."""
+"""Maximum fraction of a simulation's time that is spent on writing new frames to disk: after a slow
+write the next one waits longer, up to ``MAX_FLUSH_PERIOD_S``. Larger values show frames sooner and
+slow the simulation down. Chosen."""
 MAX_FLUSH_PERIOD_S: Final = 1.0
-"""Maximum time between two flushes, s. Chosen."""
+"""Maximum time between two writes of new frames to disk, s, even if writes are slow. Larger values
+show frames to viewers later. Chosen."""
 
 
 _WINDOW_ROWS: Final = ("time_s", "phase", "first", "base_position", "base_wxyz")
@@ -73,7 +82,7 @@ def _columns(windowed: bool, hinges: int) -> dict[str, tuple[tuple[int, ...], st
         names = (*_WINDOW_ROWS[:3], "offsets", *_WINDOW_ROWS[3:], *_WINDOW_ANGLES)
         table = {"ends" if name == "offsets" else name: WINDOW_COLUMNS[name] for name in names}
     rows: dict[str, int] = {name: ANGLES_PER_CHUNK for name in _WINDOW_ANGLES}
-    most = WINDOWS_PER_CHUNK if windowed else FRAMES_A_CHUNK
+    most = WINDOWS_PER_CHUNK if windowed else FRAMES_PER_CHUNK
     return {
         name: (tuple(hinges if size < 0 else size for size in tail), dtype, rows.get(name, most))
         for name, (tail, dtype) in table.items()
@@ -353,7 +362,7 @@ class Timeline:
     @property
     def chunk_frames(self) -> int:
         """Number of frames in a chunk: ranges of whole chunks are read fastest."""
-        return WINDOWS_PER_CHUNK if self.windowed else FRAMES_A_CHUNK
+        return WINDOWS_PER_CHUNK if self.windowed else FRAMES_PER_CHUNK
 
     @property
     def status(self) -> Status:
