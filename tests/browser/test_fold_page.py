@@ -342,7 +342,7 @@ REST_MS = 2000
 def test_a_view_at_rest_shows_what_comes_next_also_where_pictures_take_long(
     visit: Visit, wrench: str
 ) -> None:
-    page = visit("about:blank", **SMALL)
+    page = visit("about:blank", width=640, height=440)  # a lower one hides the controls
     page.add_init_script(SLOW)
     page.goto(f"/folds/{wrench}")
     page.locator("#sketch.gone").wait_for(state="attached")
