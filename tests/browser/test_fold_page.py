@@ -365,7 +365,7 @@ def test_a_view_at_rest_shows_what_comes_next_also_where_pictures_take_long(
 def test_a_bad_file_is_answered_on_the_spot(visit: Visit) -> None:
     page = visit("/")
     dropped(page, json.dumps([[0, 0, 0], [1, 0, 0], [0, 0, 0]]), "bad.json")
-    expect(page.locator("#drop-message")).to_contain_text("Cells 0 and 2")
+    expect(page.locator("#drop-message")).to_contain_text("Cells 1 and 3")
     assert page.url.endswith("/")
     keep(page, "landing-bad-file")
 

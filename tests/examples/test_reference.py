@@ -49,4 +49,4 @@ def test_the_reference_tells_of_every_public_name(tmp_path: Path) -> None:
     assert "min_clearance" in example()
     page = (tmp_path / "planner.html").read_text(encoding="utf-8")
     assert "wrench-94.json" in page.partition('<section id="')[0]
-    assert "parameter sets" in page
+    assert "sets of parameters" in page
