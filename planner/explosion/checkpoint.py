@@ -25,9 +25,9 @@ PULSE_STEPS: Final = (120, 300)
 more. Number of simulation steps of that phase, and of the whole pulse with the recovery after it. A
 larger first number parts modules further; a larger second one costs more. Chosen."""
 MAX_STALLED_PULSES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
-"""Maximum number of loosening pulses in a row without progress, by unfolding strategy; one more
-ends the simulation as stalled. Larger values free more jams and take longer to report a failure.
-Chosen."""
+"""Maximum number of pulses (short phases of weak tension and strong repulsion that loosen a jam) in
+a row after which the chain is no straighter, by unfolding strategy; one more ends the run as
+stalled. Larger values free more jams and report failures later. Chosen."""
 STUCK_HINGE_BEND_RAD: Final = 1.0
 """Angle of a hinge, rad, above which it counts as stuck if it has not moved since the last check;
 stuck hinges start a loosening pulse. Larger values start fewer pulses. Chosen."""

@@ -25,8 +25,9 @@ MIN_CROSSING_LINKS: Final = 3
 above; nearer links share a joint or stand upright. Smaller values report false crossings.
 Chosen."""
 MAX_HEADING_CHANGE_RAD: Final = 1.25 * np.pi
-"""Maximum change of heading, rad, to either side, that a chain on a table may be asked to make.
-Larger values allow its tail to wind farther round. Chosen."""
+"""Maximum angle, rad, to either side, between the heading (direction in the table's plane) of the
+first link that moves and the heading that the chain's tail is turned towards. Larger values let the
+chain wind further round before it unwinds. Chosen."""
 
 
 class Above:

@@ -32,9 +32,9 @@ PUBLISHED_MODULES: Final = 64
 """Number of modules of the chain that ``PUBLISHED_STEPS`` was measured for; the estimate for other
 chains grows with a power of their number of modules relative to it."""
 PUBLISHED_POWER: Final = 0.27
-"""Exponent of the number of modules in the estimate of the simulation steps of an explosion by the
-published method. A larger value expects more steps for long chains. Fitted to chains of 64 and 160
-modules."""
+"""Exponent of the number of modules in the expected number of simulation steps of an explosion with
+the paper's method (preset ``paper``: all modules driven apart at once). A larger value expects more
+steps for long chains. Fitted to chains of 64 and 160 modules."""
 SHORT_RANGE_WEIGHT: Final = 0.125
 """Weight, from 0 to 1, of repulsion and hinge springs relative to the radial force, where the cost
 of the published method is estimated; both act only near contacts or straight hinges. A larger value

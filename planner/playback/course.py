@@ -48,20 +48,25 @@ from planner.simulation.tree import RateMotors, Servos, Tree
 
 Array = NDArray[np.float64]
 SPEED_PACED_STEPS_SCALE: Final = 2
-"""Factor of the steps of a playback that is paced by its hinges: its ends go faster then.
-Chosen."""
+"""Factor of the number of simulation steps, and so of the duration, of a playback in which the
+fastest hinge turns evenly (``paced_by`` is ``speed``), relative to one with minimum peak torque: at
+the same duration the chain's ends would go faster. Larger values fold more slowly. Chosen."""
 MAX_REFINEMENT: Final = 4
-"""Maximum factor of frames and steps by which a plan is refined before it is played back, until its
-frames keep clear when joined by lines. Larger values cost time and memory. Chosen."""
+"""Maximum factor of the numbers of frames and simulation steps of a playback. The factor is doubled
+until modules do not touch where straight lines join the frames; at the maximum the plan is played
+back as it is. Larger values save more plans and take more time and memory. Chosen."""
 TRACKING_LOST_RAD: Final = 0.5
-"""Joint error, rad, beyond which a robot counts as lost: motors at their limit do not bring it
-back. Chosen."""
+"""Joint error (target angle − simulated angle), rad, above which the playback of a simulated robot
+ends as failed, because motors at their torque limit would not catch up. Larger values tolerate more
+and report failures later. Chosen."""
 LAW_SAMPLES_PER_RAD: Final = 180
-"""Samples of the time law per radian of the reference's length. Larger values follow torque peaks
-more closely. Chosen."""
+"""Number of points at which hinge torques are computed to find the speed along a playback's curve,
+for each radian of its length (turns of the fastest hinge, or weighted displacements if larger).
+Larger values miss fewer short torque peaks and take more time. Chosen."""
 MAX_LAW_TORQUES: Final = 2**23
-"""Maximum number of torques of the time law, hinges times samples (memory: a quarter of a
-gigabyte). Chosen."""
+"""Maximum number of hinge torques (hinges × points on the curve) from which the speed along a
+playback's curve is computed: about 250 MB of memory. Smaller values sample long chains more
+coarsely, which may miss short torque peaks. Chosen."""
 
 
 def _motors(p: PlaybackParameters) -> Servos | RateMotors | None:

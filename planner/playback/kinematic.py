@@ -19,7 +19,9 @@ from planner.playback.unfolding import Unfolding
 
 Array = NDArray[np.float64]
 KINEMATIC_CHUNK_FRAMES: Final = 256
-"""Maximum number of frames that are computed at once (memory). Chosen."""
+"""Number of frames that a kinematic playback (angles follow the planned curve exactly, without
+forces) computes and yields at once. Larger values take more memory and a little less time; the
+frames are the same. Chosen."""
 
 
 def kinematic_frames(

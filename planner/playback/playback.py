@@ -31,7 +31,9 @@ from planner.progress import Cancelled, Progress, Report, never, silent
 
 Array = NDArray[np.float64]
 SINK_CHUNK_FRAMES: Final = 256
-"""Number of frames that a sink receives at once after several robots have folded. Chosen."""
+"""Number of frames in each call of the callback that receives the frames of a playback, where all
+of them are delivered at the end of the simulation. Larger values make fewer, larger calls; the
+frames are the same. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

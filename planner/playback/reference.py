@@ -15,28 +15,36 @@ from planner.clearance.sweep import sweep
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 SPLINE_DEGREE: Final = 3
-"""Degree of the B-spline: cubic, so that accelerations are continuous. Chosen."""
+"""Degree of the B-spline through hinge angles that a playback follows: cubic, the lowest degree
+with continuous accelerations. A larger one is smoother, but departs further from the recorded
+motion. Chosen."""
 REFERENCE_CHUNK_FRAMES: Final = 64
-"""Maximum number of frames that are computed at once (memory). Chosen."""
+"""Maximum number of configurations of the chain whose turns and displacements are computed at once.
+Larger values take more memory and a little less time; the results are the same. Chosen."""
 MAX_PIECE_HALVINGS: Final = 5
-"""Maximum number of times that control points are doubled where the curve comes too close: they are
-then nearer to each other than the snapshots of a record, and the curve is the record itself.
-Chosen."""
+"""Maximum number of times that the spacing of a curve's control points is halved where the curve
+brings modules too close together, as it cuts corners of the recorded motion. Larger values follow
+the record more closely there and take more time. Chosen."""
 HALVED_NEIGHBOURS: Final = SPLINE_DEGREE
-"""Number of pieces on either side of a close one that are halved with it: the support of a control
-point."""
+"""Number of neighbouring polynomial pieces of a curve, on either side, that are halved together
+with a piece on which modules come too close. Equal to the spline's degree, because the control
+points of a piece shape no piece further away."""
 REFERENCE_CLEARANCE_PITCH: Final = 0.01
-"""Minimum clearance of a reference, pitches, or a quarter of the gap between two cells if that is
-less: room for joint errors. Chosen."""
+"""Clearance between modules, pitches, that the planned curve of a playback must exceed, or a
+quarter of the gap between two cells if that is less: room for the joint errors of robots. Larger
+values refine more curves and take more time. Chosen."""
 JOINT_LIMIT_MARGIN_RAD: Final = 1e-3
-"""Angle that a reference keeps from the end of a joint's range, rad, for errors of its playback.
-Larger values cut the reference more. Chosen."""
+"""Margin, rad, between the planned angles of a playback and the end of a joint's range, so that
+joint errors of the simulated chain do not leave the range. Larger values cut off more of a planned
+motion near the stops. Chosen."""
 OVERLAP_CHECK_RAD: Final = 0.04
-"""Turn of a hinge between two samples that are checked for overlaps, rad; the motion between them
-is checked, too. Smaller values take more time. Chosen."""
+"""Turn of the fastest hinge, rad, between two configurations of a planned curve that are checked
+for collisions; the straight motion between them is checked, too. Smaller values follow the curve
+more exactly and take more time. Chosen."""
 ARC_LENGTH_PER_TURN: Final = 8.0
-"""Arc length of a reference, rad, that counts as 1 rad of hinge turn in the spacing of samples.
-Smaller values sample a whipping chain more densely. Chosen."""
+"""Samples of a curve are spaced by a turn of the fastest hinge. Maximum path length between two
+samples, as a multiple of that turn; path length includes displacements, as a chain's ends travel
+far while its hinges hardly turn. Smaller values take more samples there. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -22,19 +22,25 @@ from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FRAME_TURN_RAD: Final = 0.01
-"""Turn of a hinge, or of its target, since the last frame, rad, at which a frame is recorded:
-nearly every step in which the chain moves, as the certificate proves the motion between frames.
-Larger values record fewer frames. Chosen."""
+"""A simulated playback records a frame when a hinge, or its target angle, has turned by this angle
+since the last frame, rad. Larger values make smaller plans with a coarser motion between frames,
+whose clearance is harder to prove. Chosen."""
 FRAME_MOVE_PITCH: Final = 0.2
-"""Distance of a module relative to the others since the last frame, pitches, at which a frame is
-recorded, too. Chosen."""
+"""A simulated playback records a frame when a module has moved by this distance relative to the
+mean of all modules since the last frame, pitches: the ends of a nearly straight chain go far while
+its hinges hardly turn. Larger values record fewer frames. Chosen."""
 MAX_FRAME_STEPS: Final = 12
-"""Maximum number of steps between two frames. Chosen."""
+"""Maximum number of simulation steps between two recorded frames of a playback; a frame is then
+recorded even if the chain hardly moves. Larger values make smaller plans with a coarser record of
+slow motion. Chosen."""
 GOAL_TOLERANCE_PITCH: Final = 0.1
-"""Maximum RMS position error of a playback that reaches its goal, pitches. Larger values accept
-worse ends. Chosen."""
+"""Maximum position error at the end of a simulated playback that counts as folded: RMS distance of
+the modules from the goal shape, pitches, aligned with it if the chain is free. Larger values accept
+less exact results. Chosen."""
 CANCEL_CHECK_STEPS: Final = 25
-"""Steps between two calls of ``cancelled``, and checks for a due report. Chosen."""
+"""Number of simulation steps of a playback between two checks for cancellation and for a due
+progress report. Larger values react later to a cancellation, smaller ones slow the simulation down.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

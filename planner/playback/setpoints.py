@@ -16,16 +16,24 @@ from planner.playback.time_law import TimeLaw, smooth_law
 
 Array = NDArray[np.float64]
 SETPOINT_CHUNK_STEPS: Final = 256
-"""Maximum number of steps whose targets are computed at once (memory). Chosen."""
+"""Maximum number of simulation steps whose target angles and rates are computed at once. Larger
+values take more memory and a little less time; the targets are the same. Chosen."""
 SETTLE_STEPS: Final = 15
-"""Number of steps for which the last target is held at the end. Chosen."""
+"""Number of simulation steps for which the goal angles remain the target after the motion along the
+planned curve, so that joint errors decay before the final frame. Larger values end closer to the
+goal and take more time. Chosen."""
 AT_REST_RATE_RAD_S: Final = 1e-4
-"""Maximum hinge speed of a chain at rest, rad/s. Chosen."""
+"""Speed of the fastest hinge, rad/s, below which a chain counts as at rest when the playback rule
+of the paper, or the straight motion of preset ``direct``, has reached its last target. Smaller
+values end playbacks later, closer to equilibrium. Chosen."""
 REST_STEPS: Final = 500
-"""Number of steps at rest after which the playback ends. Chosen."""
+"""Number of consecutive simulation steps at rest after which a playback by the rule of the paper,
+or by preset ``direct``, ends. Larger values take more time; with smaller ones a playback may end
+while the chain only pauses. Chosen."""
 STALL_STEPS: Final = 3000
-"""Number of steps beyond ``least_steps`` for which a snapshot stays the target before the playback
-counts as stalled. Chosen."""
+"""In a playback by the rule of the paper, a recorded snapshot is the target until all hinges are
+near it. Number of simulation steps beyond the minimum for each snapshot after which the playback
+ends. Larger values report jams later. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

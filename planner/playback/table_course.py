@@ -27,12 +27,17 @@ from planner.simulation.table_body import TableBody
 
 Array = NDArray[np.float64]
 TABLE_SAMPLES_PER_RAD: Final = 300
-"""Samples of the time law per radian of the curve's length. Larger values follow torque peaks more
-closely. Chosen."""
+"""Number of points at which hinge torques are computed to find the speed of a fold on a table, for
+each radian of its curve's length (sum of the turns of the fastest hinge). Larger values bound short
+torque peaks more surely and take more time. Chosen."""
 MAX_TABLE_SAMPLES: Final = 2**16
-"""Maximum number of samples of the time law of one curve (memory). Chosen."""
+"""Maximum number of points on the curve of a fold on a table at which hinge torques are computed to
+find its speed. Larger values take more memory and time; with smaller ones long folds may exceed the
+torque limit between points. Chosen."""
 MIN_TABLE_SAMPLES: Final = 128
-"""Minimum number of samples of the time law of one curve. Chosen."""
+"""Minimum number of points on the curve of a fold on a table at which hinge torques are computed to
+find its speed, however short the curve is. Larger values make short folds more exact and slower to
+plan. Chosen."""
 
 
 class TableCourse:

@@ -23,20 +23,28 @@ from planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, low
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 LIFTED_DEPTH_SHARE: Final = 0.5
-"""Depth, as a fraction of ``SUNK``, to which modules that lie deeper in the table are lifted.
-Chosen."""
+"""The planned curve of a fold on a table is corrected where modules sink too deep into the table:
+they are lifted to this fraction of the permitted depth, ``MAX_TABLE_PENETRATION_PITCH``. Smaller
+values lift further and change the curve more. Chosen."""
 MAX_HEIGHT_ERROR_PITCH: Final = 0.005
-"""Maximum height error of modules that stand in the record, pitches. Smaller values correct more
-control points. Chosen."""
+"""Maximum difference, pitches, between the height of a module in the smooth curve of a fold on a
+table and in the recorded motion, where it stands on the table; above it the curve is corrected.
+Smaller values correct more and take more time. Chosen."""
 CURVE_CORRECTIONS: Final = 8
-"""Maximum number of corrections of the control points. Larger values take more time. Chosen."""
+"""Maximum number of rounds in which the control points of the curve of a fold on a table are
+corrected until modules stand on the table as recorded. Larger values leave smaller height errors
+and take more time. Chosen."""
 MIN_LEVER_PITCH: Final = 0.03
-"""Regularisation of the least-squares correction, pitch/rad: modules that the window's hinges move
-less than this per radian stay. Chosen."""
+"""Damping of the least-squares correction that lifts or lowers modules of a fold on a table, in
+pitches of height per rad of hinge turn. Modules with a smaller lever are hardly corrected, so
+larger values leave larger height errors, with smaller turns. Chosen."""
 MAX_CORRECTION_RAD: Final = 0.01
-"""Maximum turn of a hinge in one correction, rad. Chosen."""
+"""Maximum turn of a hinge, rad, in one round of correcting the curve of a fold on a table, as the
+correction is linearised. Larger values need fewer rounds but may overshoot. Chosen."""
 CURVE_CHUNK_POINTS: Final = 256
-"""Maximum number of control points that are computed at once (memory). Chosen."""
+"""Maximum number of control points of the curve of a fold on a table whose module heights are
+computed at once. Larger values take more memory and a little less time; the curve is the same.
+Chosen."""
 
 
 class TableCurve(WindowCurve):

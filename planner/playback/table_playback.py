@@ -32,9 +32,13 @@ from planner.simulation.table_body import TableBody
 
 Array = NDArray[np.float64]
 TABLE_CHUNK_STEPS: Final = 512
-"""Maximum number of steps whose targets are computed at once (memory). Chosen."""
+"""Maximum number of simulation steps of a fold on a table whose target angles and torques are
+computed at once. Larger values take more memory and a little less time; the targets are the same.
+Chosen."""
 AT_LIMIT_SHARE: Final = 0.999
-"""Minimum torque, as a fraction of the limit, of a motor that counts as at its limit. Chosen."""
+"""Fraction of its torque limit above which a motor of a fold on a table is counted as at its limit,
+in the reported share of steps with saturated motors. Just below 1 because of rounding; smaller
+values report more saturation. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,22 +16,31 @@ from planner.playback.reference import Reference
 
 Array = NDArray[np.float64]
 MIN_PLAYBACK_STEPS: Final = 100
-"""Minimum number of steps of a playback. Chosen."""
+"""Minimum number of simulation steps of a playback along a planned curve; a shorter one is slowed
+down to it. Larger values make folds of a small motion take longer and need less torque. Chosen."""
 RAMP_SHARE: Final = 0.08
-"""Duration of the acceleration, and of the deceleration, of the smooth law as a fraction of its
-total. Smaller values need larger torques. Chosen."""
+"""Fraction of the duration in which a playback speeds up, and again in which it slows down, if its
+speed is even in between (kinematic, or paced by hinges, or preset ``direct``). Smaller values need
+larger torques at both ends. Chosen."""
 MAX_SPEED_RATIO: Final = 2.0
-"""Maximum speed of the torque-bounded law as a multiple of its mean speed. Chosen."""
+"""Maximum speed along the curve of a playback whose peak torque is minimised at a given duration,
+as a multiple of its mean speed. Larger values reach smaller torques, but move faster in sections
+that need little torque. Chosen."""
 MAX_CURVE_SPEED_RATIO: Final = 4.0
-"""Maximum speed along the curve of the hinge-bounded law as a multiple of its mean, where hinges
-rest. Chosen."""
+"""Maximum speed along the curve of a playback whose fastest hinge turns evenly, as a multiple of
+its mean speed, where hinges hardly turn but the chain's ends travel. Larger values spend less time
+in such sections. Chosen."""
 LAW_STEPS: Final = 4096
-"""Number of samples of the smooth time law along a kinematic playback. Chosen."""
+"""Number of equal time intervals in which the speed profile of a kinematic or hinge-paced playback
+is tabulated; times of frames are interpolated in the table. Larger values are more exact and take
+more time. Chosen."""
 TORQUE_CHUNK_SAMPLES: Final = 512
-"""Maximum number of samples whose torques are computed at once (memory). Chosen."""
+"""Maximum number of points of a playback's curve whose hinge torques are computed at once. Larger
+values take more memory and a little less time; the torques are the same. Chosen."""
 SMOOTHING_SAMPLES: Final = 8.0
-"""Standard deviation of the Gaussian filter that smooths the bounded law, samples. Larger values
-smooth more, and need more time. Chosen."""
+"""Standard deviation, in samples of the curve, of the Gaussian filter that smooths the speed
+profile of a playback. Larger values change torques more gently, but use the torque limit less:
+larger peaks at a given duration, or a slower fold. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -38,25 +38,36 @@ from planner.simulation.window_robot import RigidEnds
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 WINDOW_SAMPLES_PER_RAD: Final = 25
-"""Samples of the time law per radian of the curve's length. Larger values follow torque peaks more
-closely. Chosen."""
+"""Number of points at which hinge torques are computed to find the speed of a windowed playback (a
+short section of the chain moves at a time), for each radian that the fastest hinge turns. Larger
+values bound torque peaks more surely and take more time. Chosen."""
 MAX_WINDOW_SAMPLES: Final = 2**15
-"""Maximum number of samples of the time law of one curve (memory). Chosen."""
+"""Maximum number of points at which hinge torques are computed to find the speed of a windowed
+playback (a short section of the chain moves at a time). Larger values take more memory and time;
+with smaller ones long folds may have higher torque peaks. Chosen."""
 FRAME_RAD: Final = 0.04
-"""Turn of the fastest hinge between two frames of a windowed or kinematic playback, rad. Larger
-values keep fewer frames. Chosen."""
+"""Turn of the fastest hinge, rad, between two stored frames of a kinematic playback, or of a
+windowed one (a short section of the chain moves at a time). Larger values make smaller plans with a
+coarser motion. Chosen."""
 MODEL_JOINTS_MULTIPLE: Final = 16
-"""Multiple to which the number of joints of a model is rounded up, so that few are made. Chosen."""
+"""A windowed playback simulates only the section of the chain that moves; its number of joints is
+rounded up to a multiple of this value, so that MuJoCo's model is seldom recompiled. Larger values
+recompile less often and make steps slower. Chosen."""
 MIN_STRETCH_STEPS: Final = 48
-"""Minimum number of steps of a stretch. Larger values need larger models. Chosen."""
+"""A windowed playback simulates one section of the chain for some steps, then another one. Minimum
+number of simulation steps for each section. Larger values change sections less often, but simulate
+more joints in every step. Chosen."""
 MIN_SPARE_JOINTS: Final = 8
-"""Minimum number of joints of a stretch beyond those that move at its beginning. Larger values make
-stretches longer and models larger. Chosen."""
+"""A windowed playback simulates one section of the chain for some steps, then another one. Minimum
+number of joints of a section beyond those that move in its first ``MIN_STRETCH_STEPS`` steps.
+Larger values change sections less often, with slower steps. Chosen."""
 MAX_WINDOW_REFINEMENT: Final = 8
-"""Maximum factor of control points, frames and steps by which the curve is drawn closer to the
-record if modules come too close. Larger values cost time and memory. Chosen."""
+"""Maximum factor of the control points, frames and steps of a windowed playback (a short section of
+the chain moves at a time). The factor is doubled until the smooth curve keeps modules clear. Larger
+values save more plans and take more time and memory. Chosen."""
 SUPPORT_POINTS: Final = 4
-"""Number of control points that a point of the curve depends on: 4, as the spline is cubic."""
+"""Number of consecutive control points that a point of a uniform cubic B-spline depends on: the
+degree plus one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,9 +41,9 @@ MAX_EVALUATIONS: Final = 20_000
 """Maximum number of configurations of the chain whose clearance is checked to smooth one motion.
 Larger values smooth more and take more time. Chosen."""
 TORQUE_WEIGHTS: Final = ((0.6, 0.15), (1.0, 0.6))
-"""Stages of smoothing a motion, as pairs of (fraction of all clearance checks at which the stage
-ends, weight of torque relative to the motion's length in its cost). The weight is small at first,
-as a tangled motion gets shorter by way of more torque. Chosen."""
+"""Stages of smoothing a motion: (fraction of the budget of clearance checks at which the stage
+ends, weight of torque in the minimised cost; at 1 torque counts as much as path length at first).
+Larger weights give less torque, but shorten tangled motions less. Chosen."""
 TIGHT_SIZE: Final = 0.98
 """Module size, as a fraction of the pitch, at which a motion is smoothed unless its modules are
 larger: modules of this size come no closer than in the recorded motion. Larger values keep more

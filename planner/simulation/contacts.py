@@ -33,10 +33,13 @@ from planner.simulation.mujoco import mujoco
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 SPARE_BODIES: Final = 32
-"""Number of modules and boxes beyond those needed that a model of a window is compiled with. Larger
-values compile less often and cost a little in every step. Chosen."""
-CONTACT_STEPS: Final = 2.0
-"""Time constant of contacts, in steps: MuJoCo's limit of stability."""
+"""Number of modules, and of boxes (the folded rest of the chain), by which MuJoCo's contact model
+of a windowed playback exceeds the present need whenever it is compiled anew. Larger values compile
+less often, but each step costs a little more. Chosen."""
+CONTACT_TIME_CONSTANT_STEPS: Final = 2.0
+"""Time constant of the soft contacts of simulated robots (MuJoCo's ``solref[0]``), in simulation
+steps: the smallest that MuJoCo permits for stability, hence the hardest contacts. Larger values let
+modules sink deeper into each other."""
 TAIL: Final = "tail"
 
 
@@ -186,7 +189,7 @@ def robot_contacts(chain: Chain, *, geom_size: float, step_s: float) -> ContactF
         geom_size: Size of the colliding modules as a fraction of the pitch.
         step_s: Time step of the robots, s.
     """
-    contact_time_constant = CONTACT_STEPS * step_s
+    contact_time_constant = CONTACT_TIME_CONSTANT_STEPS * step_s
     return ContactFinder(
         chain, Material(geom_size=geom_size, contact_time_constant=contact_time_constant)
     )

@@ -36,14 +36,17 @@ from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
 LOCKED_ROTOR_INERTIA: Final = 1e12
-"""Rotor inertia of a locked hinge, module mass · pitch². With a smaller one hinges at their stops
-give, a larger one loses digits. Chosen."""
+"""Rotor inertia, module mass · pitch², of a hinge that its stop holds: so large that the hinge does
+not accelerate. With smaller values hinges move past their stops, with larger ones accelerations
+lose digits. Chosen."""
 MAX_STOP_ITERATIONS: Final = 3
-"""Maximum number of times that accelerations are computed anew to find the hinges that their stops
-lock. Larger values cost time where many hinges are at their stops. Chosen."""
+"""Maximum number of times that a step's accelerations are computed again to find which hinges at
+their stops are held and which turn back. Larger values give exact results in more steps, and are
+slower. Chosen."""
 MAX_DIRECT_CONTACTS: Final = 500
-"""Maximum number of contact points whose forces are computed exactly, at a cost that grows with its
-square; those of more are off by some per cent. Decision 0015."""
+"""Maximum number of contact points of a simulation step whose forces are solved exactly, at a cost
+that grows with the square of their number; with more, forces are approximate, off by some per cent.
+Larger values are more exact and slower. Decision 0015."""
 
 
 def build_chain_model(

@@ -22,19 +22,26 @@ from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
 SEGMENT_MODULES: Final = 8
-"""Number of modules of a segment. With 5 to 12 a step costs about the same, with 32 ten times as
-much. Measured."""
+"""Number of modules of a segment: in MuJoCo's model, a long chain consists of short trees
+(segments) that are welded end to end. With 5 to 12 a simulation step costs about the same, with 32
+ten times as much. Measured."""
 MIN_LIMITED_MEMORY_MODULES: Final = 1000
-"""Number of modules above which the memory of a model of separate trees is limited. By default
-MuJoCo allocates in proportion to its square, of which such a model needs little. Chosen."""
+"""Number of modules above which the memory of a MuJoCo model of separate bodies or segments is set
+explicitly, as MuJoCo's default grows with the square of the number. Larger values take more memory
+for long chains. Chosen."""
 MODULE_MEMORY_BYTES: Final = 2**19
-"""Memory of such a model for each module, bytes. With less, a step with many contacts fails.
-Chosen."""
+"""Memory for each module, bytes, in a MuJoCo model with more than ``MIN_LIMITED_MEMORY_MODULES``
+modules. With a smaller value a simulation step with many contacts fails; a larger one takes more
+memory. Chosen."""
 
 SOLIMP: Final = [0.95, 0.99, 0.005, 0.5, 2.0]
-"""MuJoCo's ``solimp`` of contacts: impedance as a function of depth. Chosen."""
-STIFF: Final = ([0.02, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
-"""MuJoCo's ``solref`` and ``solimp`` of stops and welds that hardly give. Chosen."""
+"""MuJoCo's ``solimp`` (dmin, dmax, width, midpoint, power) of contacts: their impedance rises from
+0.95 at first touch to 0.99 at a depth of 0.005 pitches. Larger impedances let modules sink less
+into each other and are harder to solve. Chosen."""
+STIFF_SOLREF_SOLIMP: Final = ([0.02, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
+"""MuJoCo's ``solref`` (time constant in s, damping ratio) and ``solimp`` of constraints that are to
+be nearly rigid: hinge stops, welds, motors and brakes. Impedances below 0.9999 let them yield more.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +190,7 @@ def _add_linked(
         hinge.axis = axis
         hinge.range = [-stop, stop]
         if material.stiff_stops:
-            hinge.solref_limit, hinge.solimp_limit = STIFF
+            hinge.solref_limit, hinge.solimp_limit = STIFF_SOLREF_SOLIMP
         hinge.stiffness[0] = material.stiffness
         hinge.armature = material.armature
         hinge.damping[0] = material.damping
@@ -296,6 +303,6 @@ def segment_spec(chain: Chain, material: Material, starts: list[int]) -> Any:
             weld.name1 = f"ghost_{stop}"
             weld.name2 = names[stop]
             weld.data[:11] = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1]
-            weld.solref, weld.solimp = STIFF
+            weld.solref, weld.solimp = STIFF_SOLREF_SOLIMP
     exclude(spec, names, pairwise(range(n)))
     return spec

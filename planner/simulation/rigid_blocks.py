@@ -33,7 +33,9 @@ from planner.simulation.reduced import Acceleration, State
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 MAX_ACCELERATION: Final = 1e10
-"""Acceleration, pitch/s² or rad/s², above which a simulation counts as diverged. Chosen."""
+"""Maximum acceleration of a hinge, rad/s², or of the chain's root, pitches/s² or rad/s²; above it
+the simulation of a chain of rigid blocks ends as diverged. Larger values detect a failure later.
+Chosen."""
 
 
 class Blocks:

@@ -36,8 +36,9 @@ from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
 MAX_SATURATION_ITERATIONS: Final = 8
-"""Maximum number of times that a step is computed to find the motors at their limit. Larger values
-cost time where many motors are at it. Chosen."""
+"""Maximum number of times that the accelerations of one simulation step are computed to find the
+motors that reach their torque limit. With smaller values more motors may exceed it for a step;
+larger ones take more time. Chosen."""
 
 
 class Faults:

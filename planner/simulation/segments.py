@@ -35,14 +35,17 @@ from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
 BIAS_STEP_S: Final = 1e-4
-"""Time step of the finite difference for J Ṡ q̇, s. A larger one is less exact, a smaller one loses
-digits. Chosen."""
+"""Step, s, of the finite difference for the acceleration of contact points at constant hinge rates
+(J Ṡ q̇: contact Jacobian J, map S from hinge rates to body velocities). A larger step is less
+exact, a smaller one loses digits. Chosen."""
 MIN_FREE_GAP_PITCH: Final = 1e-6
-"""Distance of two hulls, pitches, from which they are not in contact. Larger values call MuJoCo
-more often. Chosen."""
+"""Gap between the collision hulls of modules, pitches, from which on a simulation step omits
+MuJoCo's contact detection, as nothing touches. Larger values call it in more steps, which is
+slower; the contacts are the same. Chosen."""
 WELD_STIFFENING: Final = 1e-4
-"""Factor of the bodies' inverse weights in MuJoCo's regularisation of weld rows. With a larger one
-the welds give. Chosen."""
+"""Factor of the bodies' inverse weights in MuJoCo's regularisation of the welds that join the
+segments of a chain (short trees of modules). With larger values the welds yield and the segments
+drift apart. Chosen."""
 
 
 class Segments(SpringChain):

@@ -16,7 +16,7 @@ from planner.errors import SimulationError
 from planner.parameters.playback import TablePlaybackParameters
 from planner.simulation.model import (
     SOLIMP,
-    STIFF,
+    STIFF_SOLREF_SOLIMP,
     Material,
     add_module_geom,
     add_module_mesh,
@@ -193,5 +193,5 @@ def _spec(
             hinge = spec.joint(name)
             hinge.frictionloss = limit
             hinge.solref_friction = [2.0 * p.step, 1.0]
-            hinge.solimp_friction = [p.firmness, p.firmness, *STIFF[1][2:]]
+            hinge.solimp_friction = [p.firmness, p.firmness, *STIFF_SOLREF_SOLIMP[1][2:]]
     return spec

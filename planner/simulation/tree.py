@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
-from planner.simulation.model import STIFF, Material, compiled, tree_spec
+from planner.simulation.model import STIFF_SOLREF_SOLIMP, Material, compiled, tree_spec
 from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
 ROOT_DOFS: Final = 6
-"""Number of degrees of freedom of the free root."""
+"""Number of degrees of freedom of the root of a simulated chain that floats freely: 3 translations
+and 3 rotations, the first 6 entries of MuJoCo's velocities."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -286,4 +287,4 @@ def _add_rate_motors(spec: Any, chain: Chain, motors: RateMotors) -> None:
     for name in chain.joint_names:
         hinge = spec.joint(name)
         hinge.frictionloss = motors.torque_limit
-        hinge.solref_friction, hinge.solimp_friction = STIFF
+        hinge.solref_friction, hinge.solimp_friction = STIFF_SOLREF_SOLIMP

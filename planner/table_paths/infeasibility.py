@@ -23,9 +23,9 @@ REASON_RANKS: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
 reason with the lowest rank, of the side that comes closest to a path, is reported. Other reasons
 rank 1."""
 FALLING_EFFORT: Final = 1.5
-"""Budget of the solver for paths that only descend, for all sides of a shape together, in
-deterministic time units of about one second. Larger values decide more shapes, more slowly.
-Chosen."""
+"""Solver budget, in deterministic time units of about one second, for table paths that may go down,
+tried if no path was found that never goes down; shared among the shape's orientations on the table.
+Larger values find more paths, more slowly. Chosen."""
 NO_TABLE_PATH_REMEDY: Final = (
     "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
 )

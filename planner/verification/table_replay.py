@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.motion.motion import Motion
-from planner.simulation.model import STIFF, Material, compiled, tree_spec
+from planner.simulation.model import STIFF_SOLREF_SOLIMP, Material, compiled, tree_spec
 from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
@@ -47,9 +47,9 @@ REPLAY_DURATION: Final = 20.0
 """Duration of the simulation of one frame on a table, in √(pitch / gravity). Larger values detect
 slower sinking and take more time. Chosen."""
 MAX_SETTLING_PITCH: Final = 0.1
-"""Maximum distance, in pitches, that a module of a simulated frame on a table may move in all, as
-contacts close at first; a frame that moves further counts as not resting. Larger values accept
-weaker frames. Chosen."""
+"""A frame of a fold on a table is simulated under gravity with braked hinges. Maximum distance,
+pitches, between the first and last position of a module (gaps at contacts close at first); beyond
+it the frame counts as unstable. Larger values accept weaker frames. Chosen."""
 MAX_LATE_DRIFT_PITCH: Final = 0.02
 """Maximum distance, in pitches, that a module of a simulated frame on a table may move in the
 second half of the simulation; a frame that moves further counts as not resting. Larger values
@@ -175,9 +175,10 @@ def _model(chain: Chain, limit: float, friction: float) -> Any:
     weld.objtype = mujoco.mjtObj.mjOBJ_BODY
     weld.name1, weld.name2 = "holder", "module_0"
     weld.data[:11] = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1]
-    weld.solref, weld.solimp = STIFF
+    weld.solref, weld.solimp = STIFF_SOLREF_SOLIMP
     for name in chain.joint_names:
         brake = spec.joint(name)
         brake.frictionloss = limit
-        brake.solref_friction, brake.solimp_friction = [2.0 * REPLAY_STEP, 1.0], STIFF[1]
+        brake.solref_friction = [2.0 * REPLAY_STEP, 1.0]
+        brake.solimp_friction = STIFF_SOLREF_SOLIMP[1]
     return compiled(spec)

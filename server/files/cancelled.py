@@ -26,12 +26,14 @@ disk. Chosen."""
 MAX_CANCELLED_FOLDS: Final = 32
 """Maximum number of cancelled folds that are stored for one visitor; older ones are deleted. A
 larger value makes each cancellation slower. Chosen."""
-CANCELLED_BATCH_ROWS: Final = 500
-"""Maximum number of rows of the table of folds that one database query reads when cancelled folds
-are deleted. A larger value takes more memory; a smaller one needs more queries. Chosen."""
-MAX_CANCELLED_BATCHES: Final = 20
-"""Maximum number of batches of folds that one sweep deletes; later sweeps delete the rest. A larger
-value delays the worker's other duties. Chosen."""
+DELETION_BATCH_ROWS: Final = 500
+"""Maximum number of rows of the table of folds that one database query reads when cancelled or
+expired folds are deleted. A larger value takes more memory; a smaller one needs more queries.
+Chosen."""
+MAX_DELETION_BATCHES: Final = 20
+"""Maximum number of batches, of up to ``DELETION_BATCH_ROWS`` folds each, that one regular clean-up
+deletes of cancelled folds, and again of expired ones; the next one continues. A larger value delays
+the worker's other duties. Chosen."""
 log = logging.getLogger("foldback.janitor")
 _Row = sa.Row[str, int, float | None]
 _CANCELLED: Final = (FoldRow.status == "cancelled", FoldRow.pinned.is_(False))
@@ -48,14 +50,14 @@ def sweep_cancelled(store: Store, now: float) -> None:
         sa.select(FoldRow.id, FoldRow.bytes, FoldRow.seen_at)
         .where(*_CANCELLED, FoldRow.seen_at < now - CANCELLED_FOLD_S)
         .order_by(FoldRow.seen_at)
-        .limit(CANCELLED_BATCH_ROWS)
+        .limit(DELETION_BATCH_ROWS)
     )
-    for _ in range(MAX_CANCELLED_BATCHES):
+    for _ in range(MAX_DELETION_BATCHES):
         with store.reading() as session:
             rows = session.execute(old).all()
         for row in rows:
             _remove(store, row)
-        if len(rows) < CANCELLED_BATCH_ROWS:
+        if len(rows) < DELETION_BATCH_ROWS:
             return
 
 
@@ -70,7 +72,7 @@ def sweep_cancelled_of(store: Store, visitor: str) -> None:
         sa.select(FoldRow.id, FoldRow.bytes, FoldRow.seen_at)
         .where(*_CANCELLED, FoldRow.visitor == visitor)
         .order_by(FoldRow.seen_at.desc())
-        .limit(MAX_CANCELLED_FOLDS + CANCELLED_BATCH_ROWS)
+        .limit(MAX_CANCELLED_FOLDS + DELETION_BATCH_ROWS)
     )
     with store.reading() as session:
         rows = session.execute(newest_first).all()

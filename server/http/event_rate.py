@@ -40,9 +40,9 @@ MIN_BURST_EVENTS: Final = 1000.0
 """Minimum capacity of the token bucket that limits protocol events, in events, so that a low rate
 does not stop ordinary page loads. A larger value permits longer bursts. Chosen."""
 CONNECTION_FRACTION: Final = 0.25
-"""Limit of protocol events of one connection, as a fraction of the limit of its visitor: 1000
-events per second by default, 2.5 times the messages that a robot may send. Requests count for the
-visitor only. A larger value lets one connection use up the visitor's limit. Chosen."""
+"""Limit of protocol events (HTTP chunks, websocket frames) of one connection, as a fraction of its
+visitor's limit: 1000 of 4000 per second by default. A robot may send 400 messages per second. A
+larger value lets one connection use up the visitor's limit. Chosen."""
 VISITORS_AT_FULL_RATE: Final = 4
 """Limit of protocol events of all visitors together, as a multiple of the limit of one visitor. A
 larger value lets floods from many addresses take more processor time. Chosen."""

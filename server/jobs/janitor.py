@@ -22,7 +22,7 @@ import sqlalchemy as sa
 from sqlalchemy.orm import aliased
 
 from planner.files import remove_temporary
-from server.files.cancelled import CANCELLED_BATCH_ROWS, MAX_CANCELLED_BATCHES, sweep_cancelled
+from server.files.cancelled import DELETION_BATCH_ROWS, MAX_DELETION_BATCHES, sweep_cancelled
 from server.files.derived import count_apart, derived_bytes, drop_derived
 from server.settings import Settings
 from server.store.folds import DAY_S, Store
@@ -152,10 +152,10 @@ class Janitor:
     def _forget_unseen(self, since: float) -> int:
         """Forget folds that nobody has looked at since then; the number of them."""
         gone = 0
-        for _ in range(MAX_CANCELLED_BATCHES):
+        for _ in range(MAX_DELETION_BATCHES):
             batch = self._oldest(since)
             gone += sum(self._forget(fold_id, seen) for fold_id, seen, _ in batch)
-            if len(batch) < CANCELLED_BATCH_ROWS:
+            if len(batch) < DELETION_BATCH_ROWS:
                 break
         return gone
 
@@ -193,7 +193,7 @@ class Janitor:
                     *whose,
                 )
                 .order_by(FoldRow.seen_at)
-                .limit(CANCELLED_BATCH_ROWS)
+                .limit(DELETION_BATCH_ROWS)
             ).all()
 
     def sweep_orphans(self) -> None:
