@@ -22,7 +22,7 @@ from planner.pathfinding.lattice import surface
 from planner.pathfinding.loose_blocks import loose_block_path
 from planner.pathfinding.sat_paths import circuit
 from planner.pathfinding.snake import snake_path
-from planner.plan.formats import write_path
+from planner.plan.shape_files import write_path
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

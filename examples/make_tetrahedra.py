@@ -16,7 +16,7 @@ from planner.chain.honeycomb import dodecahedron_pairs
 from planner.chain.trail import Trail
 from planner.pathfinding.tetrahedra import find_trails
 from planner.pathfinding.trails import circuit, opened
-from planner.plan.formats import write_chain
+from planner.plan.shape_files import write_chain
 from planner.shapes.shape import Shape
 
 HERE = Path(__file__).parent

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from planner.chain.module import Module
 from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
-from planner.compiler import may_compile
 from planner.kernels.module import Joint
+from planner.may_compile import may_compile
 
 Array = NDArray[np.float64]
 

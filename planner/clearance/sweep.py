@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
-from planner.kernels.bodies import BODY_COLUMNS, ROTATION, VELOCITY
 from planner.kernels.clearance import least_separation
+from planner.kernels.motion_bounds import BODY_COLUMNS, ROTATION, VELOCITY
 from planner.kernels.pairs import near_pairs
 from planner.kernels.sweep import Angles, Shape, SweepResult, rigid_clearances, sweep_frames
 from planner.motion.motion import Motion, as_motion

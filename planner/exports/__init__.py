@@ -50,7 +50,7 @@ EXPORTS: Final = (
         hint="CSV: joint angles in radians, root pose in metres",
         media_type="text/csv; charset=utf-8",
         filename="plan.csv",
-        write=_by("table"),
+        write=_by("csv_table"),
         moving=True,
     ),
     Export(
@@ -83,7 +83,7 @@ EXPORTS: Final = (
         hint="MCAP with ROS 2 joint states and one joint trajectory, for Foxglove and rosbag",
         media_type="application/octet-stream",
         filename="joints.mcap",
-        write=_by("log"),
+        write=_by("mcap_log"),
         moving=True,
     ),
     Export(

@@ -15,12 +15,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL, ZERO
-from planner.kernels.approach import (
+from planner.kernels.clearance import pair_separation, separation_along
+from planner.kernels.clearance_bounds import (
     RELATIVE_COLUMNS,
     directional_motion_bound,
     relative_motion_bound,
 )
-from planner.kernels.bodies import (
+from planner.kernels.kinematics import copy_vector
+from planner.kernels.module import Hull, Joint
+from planner.kernels.motion_bounds import (
     ANGULAR_SPEED_BOUND,
     BODY_COLUMNS,
     DISPLACEMENT_BOUND,
@@ -31,9 +34,6 @@ from planner.kernels.bodies import (
     move_bodies,
     rod_body,
 )
-from planner.kernels.clearance import pair_separation, separation_along
-from planner.kernels.kinematics import copy_vector
-from planner.kernels.module import Hull, Joint
 from planner.kernels.pairs import append_pair, near_pairs
 
 Array = NDArray[np.float64]

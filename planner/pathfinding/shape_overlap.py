@@ -9,7 +9,7 @@ import numpy as np
 from planner.chain.honeycomb import tetrahedra_at
 from planner.errors import checked_fraction
 from planner.pathfinding.filling import Filled
-from planner.shapes.sampling import sample
+from planner.shapes.inside import sample
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import Voxels
 

@@ -15,8 +15,8 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.files import directory_or_aside
 from planner.pipeline.attempt import Candidates
+from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.job import Job, Search, Watch
-from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
 from planner.pipeline.retry_policy import RetryPolicy
@@ -24,8 +24,8 @@ from planner.pipeline.search import Explode, next_step, with_choice
 from planner.pipeline.stages import run_stages
 from planner.pipeline.steps import advance, finish, read_plan, read_shape, rest, with_joint_errors
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain, write_path
 from planner.progress import Report, naming, silent
 
 

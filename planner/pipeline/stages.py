@@ -16,9 +16,9 @@ from typing import Any, Final
 
 from planner.pipeline import manifest
 from planner.pipeline.attempt import Attempt
+from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.fold_layout import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
 from planner.pipeline.job import Search, Watch, is_smoothing
-from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import (

@@ -23,8 +23,8 @@ from planner.motion.timeline import TimelineWriter
 from planner.parameters.explosion import TableParameters
 from planner.parameters.parameters import Parameters
 from planner.pipeline.attempt import Attempt, Candidates, Trial
+from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.job import Job, Result, Search, Watch, is_smoothing
-from planner.pipeline.parallel import AttemptPool
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import PATH_SEED_MODULUS, Request

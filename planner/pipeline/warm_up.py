@@ -37,7 +37,7 @@ from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up_paths import WARM_UP_CELLS, warm_up_chains, warm_up_paths
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_path
+from planner.plan.shape_files import write_path
 from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
 from planner.simulation.contacts import robot_contacts

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from planner.errors import InputError, checked_fraction
 from planner.kernels.crossings import block_sums, window_histograms, window_sums
 from planner.shapes.bridges import Bridged, bridged, parts_of
+from planner.shapes.inside import Sampling, grid_of, sample
 from planner.shapes.mesh_repair import welded
-from planner.shapes.sampling import Sampling, grid_of, sample
 from planner.shapes.solid import Solid, signed_volume
 
 OFFSETS: Final = 4

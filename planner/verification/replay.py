@@ -6,7 +6,7 @@ No kinematics or collision of foldback's own is used here, so that the two can b
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,20 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.exports.mjcf import named_bodies
+from planner.plan.differences import Differences
 from planner.plan.plan import Plan
 from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
+POSITION_TOLERANCE_PITCH: Final = 1e-6
+"""Maximum distance, in pitches, between a module of the plan's MuJoCo model and its position in the
+plan: rounding. Larger values would accept an altered model."""
+OVERLAP_ROUNDING_PITCH: Final = 1e-9
+"""Maximum overlap of two modules, in pitches, that counts as contact when MuJoCo replays a plan:
+rounding in double precision. Larger values would accept real collisions."""
+MAX_REPLAYED_MODULES: Final = 5_000_000
+"""Maximum number of module poses (frames × modules) that MuJoCo replays to verify a plan; of a
+longer plan every n-th frame is replayed. Larger values check more frames, more slowly. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +46,11 @@ class Replay:
     pose_difference: float
     overlap: float
     overlap_frame: float | None
+
+
+def stride_of(plan: Plan) -> int:
+    """Return the step from frame to frame in the replay of a plan: 1 unless the plan is long."""
+    return -(-len(plan.motion) * len(plan.chain) // MAX_REPLAYED_MODULES)
 
 
 def replay(plan: Plan, xml: str, *, stride: int = 1) -> Replay:
@@ -167,3 +182,14 @@ def _configurations(plan: Plan, stride: int) -> Any:
         yield float(start), angles[0], positions[0], wxyzs[0]
         if len(angles) > 1:
             yield start + 0.5, angles.mean(axis=0), positions.mean(axis=0), wxyzs[0]
+
+
+def replay_differs(found: Replay) -> Differences:
+    """Yield the differences of a replay from the plan, and overlaps."""
+    if not found.pose_difference <= POSITION_TOLERANCE_PITCH:
+        yield f"model.xml: poses differ from the plan's by {found.pose_difference:.2g} pitch"
+    if not found.overlap <= OVERLAP_ROUNDING_PITCH:
+        yield (
+            f"plan.npz: MuJoCo finds an overlap of {found.overlap:.2g} pitch at frame "
+            f"{found.overlap_frame:g}"
+        )

@@ -27,7 +27,7 @@ from planner.verification.own_parameters import own_parameters, request_differs
 from planner.verification.plan_reasons import reason_of
 from planner.verification.playback_kinds import kind_differs
 from planner.verification.reasons import ReasonCheck
-from planner.verification.replay import Replay, replay
+from planner.verification.replay import Replay, replay, replay_differs, stride_of
 from planner.verification.stage_files import stage_files_differ
 from planner.verification.timelines import (
     chain_differs,
@@ -38,15 +38,6 @@ from planner.verification.timelines import (
     with_other_robots,
 )
 
-POSITION_TOLERANCE_PITCH: Final = 1e-6
-"""Maximum distance, in pitches, between a module of the plan's MuJoCo model and its position in the
-plan: rounding. Larger values would accept an altered model."""
-OVERLAP_ROUNDING_PITCH: Final = 1e-9
-"""Maximum overlap of two modules, in pitches, that counts as contact when MuJoCo replays a plan:
-rounding in double precision. Larger values would accept real collisions."""
-MAX_REPLAYED_MODULES: Final = 5_000_000
-"""Maximum number of module poses (frames × modules) that MuJoCo replays to verify a plan; of a
-longer plan every n-th frame is replayed. Larger values check more frames, more slowly. Chosen."""
 MAX_DIFFERENCES: Final = 8
 """Maximum number of differences of one kind that a verification lists; further ones are only
 counted. Larger values make longer reports. Chosen."""
@@ -190,7 +181,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
     found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
     replayed = None
     if len(plan.time_s):
-        stride = -(-len(plan.motion) * len(plan.chain) // MAX_REPLAYED_MODULES)
+        stride = stride_of(plan)
         try:
             replayed = replay(plan, model, stride=stride)
         except InputError as error:
@@ -198,7 +189,8 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
         else:
             where = "" if stride == 1 else f" at one frame in {stride}"
             found.look(
-                f"plain MuJoCo has the same poses and finds no overlap{where}", _replayed(replayed)
+                f"plain MuJoCo has the same poses and finds no overlap{where}",
+                replay_differs(replayed),
             )
     changed = manifest.changed_fields(directory)
     if changed is None and not earlier:
@@ -265,16 +257,6 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
             yield f"model.xml: {difference}"
     except InputError as error:
         raise named(error, "model.xml") from None
-
-
-def _replayed(found: Replay) -> Differences:
-    if not found.pose_difference <= POSITION_TOLERANCE_PITCH:
-        yield f"model.xml: poses differ from the plan's by {found.pose_difference:.2g} pitch"
-    if not found.overlap <= OVERLAP_ROUNDING_PITCH:
-        yield (
-            f"plan.npz: MuJoCo finds an overlap of {found.overlap:.2g} pitch at frame "
-            f"{found.overlap_frame:g}"
-        )
 
 
 def _text(path: FilePath) -> str:

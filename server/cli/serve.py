@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from planner.compiler import forbid_compiling
+from planner.may_compile import forbid_compiling
 from server.errors import READ_ONLY_WORDS
 from server.ops.logs import set_up_logs
 from server.ops.starting import settings_of, starting, warn_of_unknown_names

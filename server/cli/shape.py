@@ -18,7 +18,7 @@ from planner.files import write_whole
 from planner.pathfinding.options import table_warning
 from planner.pipeline.prepare import Preparation, prepare_in_any_order
 from planner.pipeline.request import PATH_SEED_MODULUS, Request
-from planner.plan.formats import write_chain, write_path
+from planner.plan.shape_files import write_chain, write_path
 from server.cli.inputs import read_input, refuse
 from server.cli.options import (
     AsJson,

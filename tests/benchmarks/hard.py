@@ -26,8 +26,8 @@ from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_path
 from planner.verification.plan_reasons import reason_of
 from tests.benchmarks.held_out import HELD_OUT, tube
 from tests.benchmarks.meshes import Mesh

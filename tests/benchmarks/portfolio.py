@@ -20,8 +20,8 @@ from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain
 from tests.benchmarks.tables import Section
 from tests.planner.chains import knotted
 

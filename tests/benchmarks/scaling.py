@@ -20,7 +20,7 @@ from rich.console import Console
 from planner.chain.path import Path
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.warm_up import warm_up
-from planner.plan.formats import write_path
+from planner.plan.shape_files import write_path
 from tests.benchmarks.command import fold
 from tests.benchmarks.machine import machine
 from tests.benchmarks.tables import Section

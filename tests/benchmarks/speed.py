@@ -28,7 +28,7 @@ from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, run_stage
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_path
+from planner.plan.shape_files import write_path
 from planner.playback.playback import play_back
 from server.store.gallery import Gallery
 from tests.benchmarks.command import Run, fold

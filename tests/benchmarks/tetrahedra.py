@@ -16,8 +16,8 @@ from planner.chain.honeycomb import ring_pairs
 from planner.clearance.largest_size import largest_size
 from planner.pathfinding.tetrahedra import find_trails
 from planner.pathfinding.trails import circuit
-from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain
 from planner.shapes.shape import Shape
 from server.store.gallery import gallery
 from tests.benchmarks.command import Run, fold

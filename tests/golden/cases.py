@@ -17,8 +17,8 @@ from planner.chain.path import Path
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain, write_path
 from tests.planner.chains import COIL, SQUARE, coil, knotted
 
 SHAPES: Final = FilePath(__file__).parents[2] / "examples" / "shapes"

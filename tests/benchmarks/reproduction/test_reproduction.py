@@ -12,7 +12,7 @@ from PIL import Image
 
 from planner.chain.path import Path as CellPath
 from planner.pipeline.request import Request
-from planner.plan.formats import write_path
+from planner.plan.shape_files import write_path
 from tests.benchmarks.reproduction.__main__ import DOCUMENT, PAPER
 from tests.benchmarks.reproduction.different import CHOSEN, different_shapes, features, measured
 from tests.benchmarks.reproduction.document import document

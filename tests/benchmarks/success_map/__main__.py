@@ -29,7 +29,7 @@ from planner.pathfinding.candidates import find_paths
 from planner.pathfinding.lattice import neighbours
 from planner.pipeline.request import Request
 from planner.pipeline.warm_up import warm_up
-from planner.plan.formats import write_path
+from planner.plan.shape_files import write_path
 from planner.shapes.shape import Shape
 from tests.benchmarks.success_map.picture import Shares, picture
 from tests.benchmarks.success_map.stored import judge, run_missing

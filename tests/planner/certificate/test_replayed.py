@@ -16,8 +16,8 @@ from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_path
 from planner.readers import read
 from tests.planner.conftest import SHAPES
 from tests.planner.outsider import Outsider, moment_at, moments

@@ -21,8 +21,8 @@ from planner.pipeline.manifest import Digests, digests_of
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_path
 from planner.verification import verify
 from tests.planner.tampering import Change, Random, Tampered, says_nothing
 

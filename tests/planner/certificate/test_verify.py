@@ -25,8 +25,8 @@ from planner.pipeline.manifest import write_manifest
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_path
 from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.planner.chains import COIL
@@ -116,7 +116,7 @@ def test_an_untouched_fold_is_verified_again(directory: FilePath) -> None:
 
 
 def test_what_was_left_out_is_said(directory: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.verification.verify.MAX_REPLAYED_MODULES", 148 * 24 // 2)
+    monkeypatch.setattr("planner.verification.replay.MAX_REPLAYED_MODULES", 148 * 24 // 2)
     checked = verify(directory).checked
     assert "plain MuJoCo has the same poses and finds no overlap at one frame in 2" in checked
     assert any("except simulated torques" in line for line in checked)

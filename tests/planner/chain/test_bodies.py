@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.kernels.approach import (
+from planner.kernels.clearance_bounds import (
     RELATIVE_COLUMNS,
     directional_motion_bound,
     relative_motion_bound,
 )
-from planner.kernels.bodies import (
+from planner.kernels.motion_bounds import (
     ACCELERATION,
     ANGULAR_ACCELERATION,
     ANGULAR_VELOCITY,

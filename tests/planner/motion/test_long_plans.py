@@ -36,8 +36,8 @@ from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan import plan as plan_module
-from planner.plan.formats import write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_path
 from planner.playback.playback import Playback
 from planner.shapes.shape import Shape
 from planner.verification.replay import replay

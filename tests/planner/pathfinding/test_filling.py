@@ -10,7 +10,7 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding.options import PathOptions
 from planner.pipeline.prepare import Preparation, prepare
-from planner.plan.formats import write_path
+from planner.plan.shape_files import write_path
 
 U = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0], [0, 2, 0]]
 VOXELS = b'{"format": "foldback-voxels/1", "cells": [[0,0,0],[1,0,0],[1,1,0],[5,5,5]]}'

@@ -17,7 +17,7 @@ from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.pathfinding.tetrahedra import find_trails
 from planner.pipeline.fold import fold
-from planner.plan.formats import write_chain
+from planner.plan.shape_files import write_chain
 from planner.readers import read
 from planner.readers.angle_strings import read_angle_string
 from planner.shapes.shape import Shape

@@ -21,17 +21,18 @@ from planner.explosion.diagnosis import Diagnosis, Kind
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import preset
-from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from planner.pipeline.attempt import Attempt, Trial
+from planner.pipeline.attempt_pool import SPECULATION_PULSES, AttemptPool
 from planner.pipeline.fold_layout import TIMELINE, TRIALS_DIR
 from planner.pipeline.job import Watch
-from planner.pipeline.parallel import SPECULATION_PULSES, AttemptPool
 from planner.pipeline.request import Request
 from planner.pipeline.retry_policy import RetryPolicy
+from planner.pipeline.search_limits import MAX_EXPLOSIONS
 from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.steps import explode
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain, write_path
 from planner.progress import Progress, never, silent
 from tests.planner.chains import COIL, SQUARE, knotted
 
@@ -60,7 +61,7 @@ def beside() -> list[psutil.Process]:
     return [
         child
         for child in psutil.Process().children()
-        if "planner.pipeline.parallel_process" in _command(child)
+        if "planner.pipeline.attempt_process" in _command(child)
     ]
 
 
@@ -183,7 +184,7 @@ def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(
     def none_left(*_: Any, **__: Any) -> None:
         raise BlockingIOError("no more processes")
 
-    monkeypatch.setattr("planner.pipeline.parallel.subprocess.Popen", none_left)
+    monkeypatch.setattr("planner.pipeline.attempt_pool.subprocess.Popen", none_left)
     with AttemptPool(fold, 2) as pool:
         pool.schedule(CHOICE, [], FIRST)
         told = pool.with_speculation(silent)
@@ -203,7 +204,7 @@ def test_no_more_are_begun_than_a_fold_may_have(
         begun.append(trial)
         return Running()
 
-    monkeypatch.setattr("planner.pipeline.parallel._AttemptProcess", begin)
+    monkeypatch.setattr("planner.pipeline.attempt_pool._AttemptProcess", begin)
     many = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
     with AttemptPool(fold, 64) as pool:
         pool.schedule(many, [], Trial(0, 3, "peel"))
@@ -293,7 +294,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the backgrou
 from pathlib import Path
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.parallel import AttemptPool
+from planner.pipeline.attempt_pool import AttemptPool
 with AttemptPool(Path(sys.argv[1]), 3) as pool:
     choice = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
     pool.schedule(choice, [Attempt(trial=Trial(0, 3, "peel"), status="stalled")],

@@ -11,7 +11,7 @@ from planner.pathfinding.feasibility import feasibility
 from planner.pathfinding.fill_cubes import doubled
 from planner.pathfinding.options import PathOptions
 from planner.pipeline.prepare import prepare
-from planner.plan.formats import write_chain
+from planner.plan.shape_files import write_chain
 from planner.shapes.shape import Shape
 from tests.planner.chains import coil
 from tests.planner.conftest import SHAPES

@@ -22,8 +22,8 @@ from planner.pipeline.fold_layout import result
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, next_stage, run_stage, run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_path
 from planner.progress import Progress
 from planner.simulation.anchored import Anchored
 from planner.simulation.engine import SpringChain

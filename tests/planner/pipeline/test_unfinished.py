@@ -16,7 +16,7 @@ from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_path
+from planner.plan.shape_files import write_path
 from tests.planner.peels import snake
 
 CHAIN = snake((2, 2, 3))

@@ -25,7 +25,7 @@ IMPORTS = """
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 import trimesh
-from planner.plan.formats import write_path
+from planner.plan.shape_files import write_path
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.workspace import Workspace
 from planner.chain.path import Path

@@ -33,8 +33,8 @@ from planner.pipeline.fold_layout import (
 from planner.pipeline.request import Request
 from planner.pipeline.stages import next_stage, run_stage, run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_path
 from tests.planner.chains import COIL
 
 pytestmark = pytest.mark.slow

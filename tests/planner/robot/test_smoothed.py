@@ -22,8 +22,8 @@ from planner.pipeline.fold import refold, smooth_plan
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain
 from planner.playback.playback import Playback
 from planner.robot import RECORDED, SMOOTHED, SOFTENED
 from planner.robot.smoothed import check_smoothable, smoothed_record

@@ -17,7 +17,7 @@ from planner.chain.module import CUBE
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.names import MAX_NAME_LENGTH
-from planner.plan.formats import write_chain, write_path
+from planner.plan.shape_files import write_chain, write_path
 from planner.readers import read
 from tests.planner.lattice import walks
 from tests.planner.shapes.test_readers_fuzz import mutated

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from planner.errors import InputError
-from planner.plan.formats import write_shape
+from planner.plan.shape_files import write_shape
 from planner.readers import read
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid

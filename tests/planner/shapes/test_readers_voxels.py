@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.plan.formats import write_shape
+from planner.plan.shape_files import write_shape
 from planner.readers import read
 from planner.shapes.shape import Shape
 from tests.planner.solids_made import VOXEL_WRITERS, as_binvox, as_vox, chunk, vox_file, vox_model

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from planner.errors import InputError
-from planner.shapes.sampling import sample
+from planner.shapes.inside import sample
 from planner.shapes.solid import MAX_VERTEX_COORDINATE, Solid, signed_volume
 from tests.planner.solids_made import box, solid_of, torus
 

@@ -14,8 +14,8 @@ from scipy import ndimage
 
 from planner.errors import InputError, checked_fraction
 from planner.shapes.bridges import bridged
+from planner.shapes.inside import sample
 from planner.shapes.layers import has_whole_layers
-from planner.shapes.sampling import sample
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import Voxels, voxelise
 from tests.conftest import examples

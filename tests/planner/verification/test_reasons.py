@@ -22,8 +22,8 @@ from planner.pathfinding.lattice import neighbours
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.formats import write_path
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_path
 from planner.verification.plan_reasons import reason_of
 from planner.verification.reasons import check_reason
 from planner.verification.verify import verify

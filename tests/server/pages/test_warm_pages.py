@@ -21,7 +21,7 @@ class Refused:
 
 sys.meta_path.insert(0, Refused())
 from fastapi.testclient import TestClient
-from planner.compiler import forbid_compiling
+from planner.may_compile import forbid_compiling
 from server.app import create_app
 from server.cli.serve import _fold_first
 from server.settings import Settings

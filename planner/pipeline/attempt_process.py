@@ -1,6 +1,6 @@
 """Process of a trial: makes one beside the fold's own process, in the folder that it is started in.
 
-``planner.pipeline.parallel.AttemptPool`` starts it. It ends when its standard input does:
+``planner.pipeline.attempt_pool.AttemptPool`` starts it. It ends when its standard input does:
 its result is not needed any more, or the fold's process is gone.
 """
 
@@ -16,9 +16,9 @@ from pathlib import Path as FilePath
 
 from planner.files import write_json
 from planner.pipeline.attempt import Attempt, Trial
+from planner.pipeline.attempt_pool import ATTEMPT_STOP_GRACE_S, write_made
 from planner.pipeline.fold_layout import TIMELINE
 from planner.pipeline.job import Watch
-from planner.pipeline.parallel import ATTEMPT_STOP_GRACE_S, write_made
 from planner.pipeline.steps import explode
 from planner.pipeline.workspace import Workspace
 from planner.progress import Progress

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL
-from planner.kernels.bodies import (
+from planner.kernels.motion_bounds import (
     ACCELERATION,
     ANGULAR_ACCELERATION,
     ANGULAR_ACCELERATION_BOUND,
@@ -84,7 +84,7 @@ def relative_motion_bound(
     """Bound how near body b gets to body a: lemmas 5 and 6.
 
     Args:
-        a, b: (BODY_COLUMNS,) bodies, see ``planner.kernels.bodies``.
+        a, b: (BODY_COLUMNS,) bodies, see ``planner.kernels.motion_bounds``.
         half: h: the interval is |s| ≤ h.
         radius: ρ, of the ball about a module.
         links: k, links between the two that move against each other.

@@ -21,9 +21,10 @@ from typing import Any, Final
 
 from planner.files import write_json
 from planner.motion.record import Record
-from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIALS_DIR
 from planner.pipeline.retry_policy import RetryPolicy
+from planner.pipeline.search_limits import MAX_EXPLOSIONS
 from planner.progress import Cancelled, Progress, Report
 
 SPECULATION_PULSES: Final = 2
@@ -153,7 +154,7 @@ class AttemptPool:
 
 
 class _AttemptProcess:
-    """One try in a process of its own (``planner/pipeline/parallel_process.py`` is its other side).
+    """One try in a process of its own (``planner/pipeline/attempt_process.py`` is its other side).
 
     When its standard input ends, nobody wants it any more, or this process is gone.
     """
@@ -168,7 +169,7 @@ class _AttemptProcess:
                 sys.executable,
                 "-P",
                 "-m",
-                "planner.pipeline.parallel_process",
+                "planner.pipeline.attempt_process",
                 json.dumps(asdict(trial)),
             ],
             cwd=self.place,
