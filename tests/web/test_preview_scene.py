@@ -10,7 +10,7 @@ from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from tests.web.test_scene_bundle import refused
 from web.pictures.camera import framing
-from web.pictures.colours import LARGEST_ERROR_RGB, NO_ERROR_RGB
+from web.pictures.colours import MAX_ERROR_RGB, NO_ERROR_RGB
 from web.timeline.columns import decode
 from web.viser.preview_scene import SCENE_SIZE, preview_scene_of
 
@@ -73,7 +73,7 @@ def test_cells_without_a_path_show_what_is_wrong_and_what_would_be_added() -> No
     corners = np.array(header["corners"])
     assert np.ptp(corners[:, 0]) + np.ptp(hull_of(header)[:, 0]) == pytest.approx(SCENE_SIZE)
     assert arrays["colours"].tolist() == [
-        list(c) for c in (NO_ERROR_RGB, NO_ERROR_RGB, LARGEST_ERROR_RGB, NO_ERROR_RGB)
+        list(c) for c in (NO_ERROR_RGB, NO_ERROR_RGB, MAX_ERROR_RGB, NO_ERROR_RGB)
     ]
 
 

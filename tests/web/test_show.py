@@ -23,7 +23,7 @@ from planner.progress import Progress
 from tests.planner.peels import snake
 from tests.web.conftest import ERROR_AT_END
 from web.pictures.colours import (
-    LARGEST_ERROR_RGB,
+    MAX_ERROR_RGB,
     NO_ERROR_RGB,
     SELECTED_RGB,
     UNKNOWN_ERROR_RGB,
@@ -103,7 +103,7 @@ def test_colours_tell_joint_errors_or_where_a_module_is(shown: Shown, chain: Cha
         colours(shown)[carries].tolist()
         == instance_colours(error_colours(np.array([ERROR_AT_END]), 5e-3))[0].tolist()
     )
-    assert colours(shown)[carries - 2].tolist() == linear(NO_ERROR_RGB) != linear(LARGEST_ERROR_RGB)
+    assert colours(shown)[carries - 2].tolist() == linear(NO_ERROR_RGB) != linear(MAX_ERROR_RGB)
     assert "0.003 rad" in shown._text.content
     shown._colours.value = COLOUR_ALONG_CHAIN
     ramp = instance_colours(ramp_colours(np.linspace(0.0, 1.0, len(chain))))

@@ -18,7 +18,7 @@ NO_ERROR_RGB: Final[Rgb] = (206, 208, 212)
 """Colour of a module whose joint angle has no error, sRGB. Chosen."""
 UNKNOWN_ERROR_RGB: Final[Rgb] = (168, 172, 179)
 """Colour of a module whose joint error was not recorded, sRGB. Chosen."""
-LARGEST_ERROR_RGB: Final[Rgb] = (208, 10, 18)
+MAX_ERROR_RGB: Final[Rgb] = (208, 10, 18)
 """Colour of a module whose joint error is at the upper end of the colour scale or above, sRGB.
 Chosen."""
 SELECTED_RGB: Final[Rgb] = (10, 84, 240)
@@ -59,7 +59,7 @@ def instance_colours(srgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def error_ramp(steps: int = RAMP_COLOURS) -> NDArray[np.uint8]:
     """(steps, 3) sRGB bytes from no error to the end of the scale, even in linear light."""
-    start, end = (linear_from_srgb(np.array(c) / 255.0) for c in (NO_ERROR_RGB, LARGEST_ERROR_RGB))
+    start, end = (linear_from_srgb(np.array(c) / 255.0) for c in (NO_ERROR_RGB, MAX_ERROR_RGB))
     t = np.linspace(0.0, 1.0, steps)[:, None]
     return np.rint(srgb_from_linear(start + (end - start) * t) * 255.0).astype(np.uint8)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from planner.chain.module import CUBE, Module, module_named
 from web.pictures.camera import FIELD_OF_VIEW_RAD
 from web.pictures.colours import (
-    LARGEST_ERROR_RGB,
+    MAX_ERROR_RGB,
     NO_ERROR_RGB,
     SELECTED_RGB,
     Rgb,
@@ -180,7 +180,7 @@ class _PreviewScene:
         bad = [cell for problem in state.get("problems", ()) for cell in problem["cells"]]
         for cell in [*bad, *self._dropped]:
             if (k := index.get(tuple(cell))) is not None:
-                self.colours[k] = LARGEST_ERROR_RGB
+                self.colours[k] = MAX_ERROR_RGB
         self._show_added()
 
     def _show_added(self) -> None:

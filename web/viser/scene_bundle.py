@@ -25,8 +25,8 @@ from planner.chain.rotations import wxyz_from_matrix
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, ORBIT_SPEED_RAD_S
 from web.pictures.colours import (
     FIRST_MODULE_RGB,
-    LARGEST_ERROR_RGB,
     LAST_MODULE_RGB,
+    MAX_ERROR_RGB,
     NO_ERROR_RGB,
     RAMP_COLOURS,
     SELECTED_RGB,
@@ -101,7 +101,7 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
         "colours": {
             "neutral": NO_ERROR_RGB,
             "unknown": UNKNOWN_ERROR_RGB,
-            "error": LARGEST_ERROR_RGB,
+            "error": MAX_ERROR_RGB,
             "selected": SELECTED_RGB,
             "stuck": STALLED_RGB,
             "first": FIRST_MODULE_RGB,

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from web.pictures.colours import (
-    LARGEST_ERROR_RGB,
+    MAX_ERROR_RGB,
     NO_ERROR_RGB,
     UNKNOWN_ERROR_RGB,
     error_colours,
@@ -42,11 +42,11 @@ def test_more_error_is_more_red() -> None:
     colours = error_colours(np.linspace(0.0, 2e-3, 50), 2e-3)
     assert (np.diff(redness(colours)) > 0).all()
     assert tuple(colours[0]) == NO_ERROR_RGB
-    assert tuple(colours[-1]) == LARGEST_ERROR_RGB
+    assert tuple(colours[-1]) == MAX_ERROR_RGB
 
 
 def test_beyond_the_scale_is_fully_red() -> None:
-    assert tuple(error_colours(np.array([5.0]), 1e-3)[0]) == LARGEST_ERROR_RGB
+    assert tuple(error_colours(np.array([5.0]), 1e-3)[0]) == MAX_ERROR_RGB
 
 
 def test_no_error_recorded_is_grey() -> None:

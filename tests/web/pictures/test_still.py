@@ -7,7 +7,7 @@ import pytest
 
 from planner.chain.module import CUBE, MODULES, Module
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD
-from web.pictures.colours import LARGEST_ERROR_RGB, NO_ERROR_RGB, STALLED_RGB
+from web.pictures.colours import MAX_ERROR_RGB, NO_ERROR_RGB, STALLED_RGB
 from web.pictures.still import still
 
 POSITIONS = np.array([(x, 0.0, 0.0) for x in range(6)])
@@ -33,7 +33,7 @@ def test_only_modules_are_drawn_and_none_is_cut_off(module: Module) -> None:
 
 def test_colours_are_those_of_the_modules_and_a_part_is_seen_larger() -> None:
     colours = np.tile(np.array(NO_ERROR_RGB, np.uint8), (6, 1))
-    colours[2], colours[3] = STALLED_RGB, LARGEST_ERROR_RGB
+    colours[2], colours[3] = STALLED_RGB, MAX_ERROR_RGB
     whole = pixels(colours)
     near = pixels(colours, around=POSITIONS[2:4])
     orange, red = (
