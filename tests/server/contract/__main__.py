@@ -27,8 +27,8 @@ def main() -> int:
         before, after = known.get(name, ""), current.get(name, "")
         if before != after:
             changed = True
-            lines = (text.splitlines() for text in (before, after))
-            print("\n".join(difflib.unified_diff(*lines, f"stored/{name}", name, lineterm="", n=1)))
+            old, new = before.splitlines(), after.splitlines()
+            print("\n".join(difflib.unified_diff(old, new, "stored", name, lineterm="", n=1)))
     if arguments.store:
         store(current)
         return 0
