@@ -110,7 +110,7 @@ faults: $(STAMP) tools ## Make mistakes on purpose: which test finds which (ARGS
 	@$(BIN)/python -m tests.faults $(ARGS)
 
 load: $(STAMP) tools ## Crowds, attacks and faults: a table, and JSON in out/
-	@$(BIN)/python -m tests.load
+	@$(BIN)/python -m bench.load
 
 audit: $(STAMP) ## Known faults in code and dependencies
 	@$(BIN)/bandit -q -c pyproject.toml -r server web planner foldback_client
@@ -120,13 +120,13 @@ deploy-check: $(STAMP) ## Build the image's steps for real (root, Debian, minute
 	@$(BIN)/python tests/deploy/build.py
 
 bench: $(STAMP) ## The figures: a table, and JSON in out/ (ARGS="--only first")
-	@$(BIN)/python -m tests.benchmarks $(ARGS)
+	@$(BIN)/python -m bench $(ARGS)
 
 success-map: $(STAMP) ## The map of the page /benchmarks: runs what is missing, draws it
-	@$(BIN)/python -m tests.benchmarks.success_map
+	@$(BIN)/python -m bench.success_map
 
 reproduction: $(STAMP) ## The paper's experiments: runs what is missing, tells all (ARGS="--only ID …")
-	@$(BIN)/python -m tests.benchmarks.reproduction $(ARGS)
+	@$(BIN)/python -m bench.reproduction $(ARGS)
 
 docs: $(STAMP) ## The Python library's reference, as pages in out/reference
 	@$(BIN)/python -m docs.make_reference

@@ -49,7 +49,7 @@ def test_no_folder_is_forgotten() -> None:
     assert named == set(ROOMS)
 
 
-@pytest.mark.parametrize("folder", ["tests", "examples", "docs", "web/static/js"])
+@pytest.mark.parametrize("folder", ["tests", "bench", "examples", "docs", "web/static/js"])
 def test_other_folders_are_no_larger(folder: str) -> None:
     for path in (ROOT / folder, *(ROOT / folder).rglob("*")):
         if path.is_dir() and path.name not in ("__pycache__", "shapes", "snapshots"):
