@@ -102,7 +102,7 @@ coverage: $(STAMP) tools ## Lines and branches that `make test` runs, for each p
 	@rm -rf out/coverage && mkdir -p out/coverage
 	@$(BIN)/python -m coverage run -m pytest -q $(PARALLEL) -o timeout=0 $(ARGS)
 	@$(BIN)/python -m coverage combine -q
-	@for package in planner web server foldback_client; do \
+	@for package in planner web words cli server foldback_client; do \
 		printf '%-16s ' $$package; \
 		$(BIN)/python -m coverage report --include="$$package/*" | tail -n 1; done
 
@@ -113,7 +113,7 @@ load: $(STAMP) tools ## Crowds, attacks and faults: a table, and JSON in out/
 	@$(BIN)/python -m bench.load
 
 audit: $(STAMP) ## Known faults in code and dependencies
-	@$(BIN)/bandit -q -c pyproject.toml -r server web planner foldback_client
+	@$(BIN)/bandit -q -c pyproject.toml -r server cli words web planner foldback_client
 	@$(BIN)/pip-audit -r constraints.txt --no-deps
 
 deploy-check: $(STAMP) ## Build the image's steps for real (root, Debian, minutes)

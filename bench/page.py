@@ -19,7 +19,7 @@ from planner.chain.path import Path as CellPath
 from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.snake import snake_path
-from server.store.gallery import Gallery
+from planner.readers.gallery import Gallery
 from tests.browser.conftest import FLAGS
 from tests.server.service import Service
 from tests.tools import CHROMIUM

@@ -36,7 +36,7 @@ from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
 from planner.plan.shape_files import write_path
 from planner.playback.playback import play_back
-from server.store.gallery import Gallery
+from planner.readers.gallery import Gallery
 
 RUNS: Final = 3
 ODE_R: Final = 267.0

@@ -20,8 +20,8 @@ from planner.pathfinding.tetrahedra import find_trails
 from planner.pathfinding.trails import circuit
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
+from planner.readers.gallery import gallery
 from planner.shapes.shape import Shape
-from server.store.gallery import gallery
 
 SEEDS = (0, 1, 2)
 LARGE = (5, 5, 4)

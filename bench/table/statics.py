@@ -23,8 +23,8 @@ from planner.chain.statics import static_torque
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.fold import fold
 from planner.readers import read
+from planner.readers.gallery import Gallery
 from planner.statics.balance import Balance
-from server.store.gallery import Gallery
 
 Array = NDArray[np.float64]
 STEPS: Final = 30

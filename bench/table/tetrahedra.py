@@ -27,12 +27,12 @@ from planner.motion.motion import Motion
 from planner.pathfinding.options import PathOptions
 from planner.pipeline.fold import fold
 from planner.pipeline.prepare import prepare
+from planner.readers.gallery import Gallery
 from planner.simulation.model import SOLIMP, Material, compiled, tree_spec
 from planner.simulation.mujoco import mujoco
 from planner.statics.balance import Balance
 from planner.statics.contacts import floor_clearances
 from planner.statics.stable_poses import resting_poses
-from server.store.gallery import Gallery
 
 Array = NDArray[np.float64]
 SEEDS: Final = 12

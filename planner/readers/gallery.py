@@ -113,15 +113,15 @@ class Gallery:
 
 def shapes_directory() -> Traversable:
     """Return the directory with the path files of the example shapes."""
-    package = files("server")
+    package = files("planner")
     checkout = Path(str(package)).parent / "examples" / "shapes"
-    return checkout if checkout.is_dir() else package / "shapes"
+    return checkout if checkout.is_dir() else package / "examples"
 
 
 def _resting() -> dict[str, float]:
     """Shapes that were found to rest on a table, and the torque in w·p that each asks."""
     directory = shapes_directory()
-    for file in (files("server") / TABLE_RESULTS, Path(str(directory)).parent / TABLE_RESULTS):
+    for file in (files("planner") / TABLE_RESULTS, Path(str(directory)).parent / TABLE_RESULTS):
         if file.is_file():
             shapes = json.loads(file.read_bytes())["shapes"]
             return {

@@ -15,17 +15,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from planner.chain.module import module_named
-from planner.cores import cores
-from planner.errors import InputError
-from planner.pathfinding.options import table_warning
-from planner.pipeline.request import Request
-from planner.pipeline.stages import STAGES, run_stage, run_stages
-from planner.pipeline.workspace import Workspace
-from planner.progress import Progress as StageProgress
-from planner.progress import Report
-from server.cli.inputs import make_directory, read_input, refuse
-from server.cli.options import (
+from cli.inputs import make_directory, read_input, refuse
+from cli.options import (
     AsJson,
     AsVoxels,
     Ends,
@@ -46,9 +37,18 @@ from server.cli.options import (
     World,
     settings_text_of,
 )
-from server.pages import certificate_words
-from server.pages.choice_words import PLAN_COLUMNS, Choice, choice_of
-from server.pages.quantities import sentence
+from planner.chain.module import module_named
+from planner.cores import cores
+from planner.errors import InputError
+from planner.pathfinding.options import table_warning
+from planner.pipeline.request import Request
+from planner.pipeline.stages import STAGES, run_stage, run_stages
+from planner.pipeline.workspace import Workspace
+from planner.progress import Progress as StageProgress
+from planner.progress import Report
+from words import certificate as certificate_words
+from words.choice import PLAN_COLUMNS, Choice, choice_of
+from words.quantities import sentence
 
 STAGE_VERBS = {
     "explode": "Exploding",

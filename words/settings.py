@@ -17,7 +17,7 @@ from planner.parameters.settings import (
     value_of,
     value_text,
 )
-from server.pages.quantities import quantity
+from words.quantities import quantity
 
 SETTING_DIGITS: Final = 6
 """Maximum number of significant digits of a displayed setting's value, enough to show any default

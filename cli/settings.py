@@ -9,9 +9,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.options import AsJson
 from planner.parameters.settings import NO_LIMIT
-from server.cli.options import AsJson
-from server.pages.setting_words import PAPER_ROWS, ROBOT_ROWS, SOURCE_LABELS, TABLE_ROWS
+from words.settings import PAPER_ROWS, ROBOT_ROWS, SOURCE_LABELS, TABLE_ROWS
 
 
 def settings(as_json: AsJson = False) -> None:

@@ -12,15 +12,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from planner.chain.path import Path as CellPath
-from planner.errors import InputError
-from planner.files import write_whole
-from planner.pathfinding.options import table_warning
-from planner.pipeline.prepare import Preparation, prepare_in_any_order
-from planner.pipeline.request import PATH_SEED_MODULUS, Request
-from planner.plan.shape_files import write_chain, write_path
-from server.cli.inputs import read_input, refuse
-from server.cli.options import (
+from cli.inputs import read_input, refuse
+from cli.options import (
     AsJson,
     AsVoxels,
     Ends,
@@ -32,6 +25,13 @@ from server.cli.options import (
     Start,
     World,
 )
+from planner.chain.path import Path as CellPath
+from planner.errors import InputError
+from planner.files import write_whole
+from planner.pathfinding.options import table_warning
+from planner.pipeline.prepare import Preparation, prepare_in_any_order
+from planner.pipeline.request import PATH_SEED_MODULUS, Request
+from planner.plan.shape_files import write_chain, write_path
 
 if TYPE_CHECKING:
     from planner.table_paths.offers import Offer

@@ -8,16 +8,16 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.fold import compute, finish
+from cli.inputs import make_directory, refuse
+from cli.options import AsJson, FoldDirectory, PlanDirectory, Seed
 from planner.errors import InputError
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
-from server.cli.fold import compute, finish
-from server.cli.inputs import make_directory, refuse
-from server.cli.options import AsJson, FoldDirectory, PlanDirectory, Seed
-from server.pages.properties import smoothing_note, smoothing_rows
+from words.smoothing import smoothing_note, smoothing_rows
 
 
 def smooth(

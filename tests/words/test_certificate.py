@@ -8,8 +8,9 @@ import pytest
 
 from planner.certificate.table import table_certificate
 from planner.parameters.explosion import Base
-from server.pages import certificate_words
-from server.pages.certificate_words import (
+from tests.planner.certificate.test_table import LIFTED, line, moving
+from words import certificate as certificate_words
+from words.certificate import (
     clearance,
     headline,
     linked,
@@ -18,7 +19,6 @@ from server.pages.certificate_words import (
     rows,
     torque,
 )
-from tests.planner.certificate.test_table import LIFTED, line, moving
 
 EXEMPT = {
     "apart": 2,

@@ -9,17 +9,9 @@ from typing import Annotated
 
 import typer
 
-from planner.chain.chain import Chain
-from planner.errors import InputError
-from planner.motion.timeline import chain_from_attributes
-from planner.pipeline.request import Request
-from planner.pipeline.stages import STAGES, run_stage
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
-from server.cli.fold import compute, finish
-from server.cli.inputs import make_directory, read_input, refuse
-from server.cli.options import (
+from cli.fold import compute, finish
+from cli.inputs import make_directory, read_input, refuse
+from cli.options import (
     AsJson,
     ModuleSize,
     PlanDirectory,
@@ -30,7 +22,15 @@ from server.cli.options import (
     Workers,
     settings_text_of,
 )
-from server.store.gallery import Gallery
+from planner.chain.chain import Chain
+from planner.errors import InputError
+from planner.motion.timeline import chain_from_attributes
+from planner.pipeline.request import Request
+from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain
+from planner.readers.gallery import Gallery
 
 FIRST_FOLD_DIR = "start"
 """Subdirectory of the output directory in which the start shape is folded, if the user gives a

@@ -12,8 +12,8 @@ from planner.parameters.settings import SETTINGS
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
 from server.cli.command_line import application
-from server.pages.setting_words import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
 from tests.server.service import STAIRS
+from words.settings import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
 
 
 def cli(*arguments: object) -> tuple[int, str]:

@@ -11,9 +11,9 @@ from rich.console import Console
 
 from planner.errors import InputError
 from planner.readers.angle_strings import HEADING
+from planner.readers.gallery import Gallery
 from planner.readers.limits import megabytes
 from planner.readers.text import READ_AS_VOXELS
-from server.store.gallery import Gallery
 
 if TYPE_CHECKING:
     from planner.plan.plan import Plan

@@ -10,14 +10,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.inputs import refuse
+from cli.options import AsJson
 from planner.certificate.table import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.errors import InputError
 from planner.files import write_whole
 from planner.parameters.explosion import Base
 from planner.plan.plan import Plan
-from server.cli.inputs import refuse
-from server.cli.options import AsJson
 
 TABLE_FILE = "table.json"
 MM_PER_M = 1000.0

@@ -12,6 +12,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.inputs import read_plan, refuse
+from cli.options import AsJson, FoldDirectory
 from planner.certificate.figures import CertificateFigures
 from planner.chain.statics import GRAVITY_M_S2
 from planner.clearance.sweep import Sweep
@@ -26,9 +28,7 @@ from planner.exports.trajectory import (
 from planner.files import write_whole
 from planner.robot.motors import Build, MotorTable, motor_table
 from planner.robot.retiming import retime as retime_plan
-from server.cli.inputs import read_plan, refuse
-from server.cli.options import AsJson, FoldDirectory
-from server.pages import certificate_words
+from words import certificate as certificate_words
 
 MAX_LISTED_JOINTS = 10
 """Maximum number of joints in the printed table of motor torques: those with the largest peak

@@ -12,8 +12,8 @@ from planner.errors import DamagedError
 from planner.pipeline.fold_layout import CHAIN, PLANS_DIR
 from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
 from planner.verification.integrity import check
-from server.pages.certificate_words import rounded_down
-from server.pages.quantities import STRATEGY_LABELS, number, quantity, sentence
+from words.certificate import rounded_down
+from words.quantities import STRATEGY_LABELS, number, quantity, sentence
 
 PLAN_COLUMNS: Final = (
     "Plan",

@@ -14,7 +14,7 @@ from planner.motion.record import TableRecord
 from planner.robot.casings import CASINGS
 from planner.robot.servos import Servo, servos
 from planner.robot.sizing import at_which_pitch, who_would_do
-from server.pages.quantities import length_m, quantity, sentence
+from words.quantities import length_m, quantity, sentence
 
 CERTIFICATE_DIGITS: Final = 2
 """Number of significant digits of a certificate's figures, such as joint errors, on pages.

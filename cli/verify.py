@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from cli.inputs import refuse
+from cli.options import AsJson, FoldDirectory
 from planner.certificate.certificate import followed
 from planner.clearance.largest_size import largest_size as find_largest
 from planner.errors import InputError, TimelineError
@@ -17,9 +19,7 @@ from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.verification.verify import Verification
 from planner.verification.verify import verify as verify_files
-from server.cli.inputs import refuse
-from server.cli.options import AsJson, FoldDirectory
-from server.pages import certificate_words
+from words import certificate as certificate_words
 
 
 def verify(

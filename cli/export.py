@@ -10,12 +10,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.inputs import make_directory, refuse
+from cli.options import AsJson, FoldDirectory
 from planner.errors import InputError
 from planner.exports import EXPORTS, Export, export_named, exports_of
 from planner.files import write_whole
 from planner.plan.plan import Plan
-from server.cli.inputs import make_directory, refuse
-from server.cli.options import AsJson, FoldDirectory
 
 
 def export(

@@ -5,7 +5,7 @@ import pytest
 from planner.errors import InputError
 from server.errors import Unusable
 from server.http.problems import Problem
-from server.messages import message_for_people
+from words.messages import message_for_people
 
 
 @pytest.mark.parametrize(

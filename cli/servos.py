@@ -11,6 +11,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.inputs import read_plan, refuse
+from cli.options import AsJson
 from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError
 from planner.robot.casings import CASINGS, Casing, casing_named
@@ -25,8 +27,6 @@ from planner.robot.sizing import (
     turned_rad,
     who_would_do,
 )
-from server.cli.inputs import read_plan, refuse
-from server.cli.options import AsJson
 
 
 def servos(

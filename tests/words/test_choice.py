@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from cli.fold import show_choice
 from planner.pipeline.preference import PREFERENCES, Preference
-from server.cli.fold import show_choice
-from server.pages.choice_words import PLAN_COLUMNS, PREFERENCE_WORDS, choice_of, superlative
+from words.choice import PLAN_COLUMNS, PREFERENCE_WORDS, choice_of, superlative
 
 FIGURES = {"frames": 100, "seconds": 3.0}
 SLOW = {"fold_time_s": 100.0, "peak_torque_nm": 0.0001, "clearance_bound": 0.04}
