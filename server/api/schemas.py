@@ -13,10 +13,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
+from planner.readers.gallery import GalleryShape
 from server.jobs.remaining import EtaEstimator
 from server.store.estimates import Expected, plain_fold
 from server.store.folds import FoldRow, Store
-from server.store.gallery import GalleryShape
 from server.store.leases import Preparing
 from server.store.shown import ShownFold
 
