@@ -23,6 +23,7 @@ from server.api.submit import Submission
 from server.files.uploads import Upload
 from server.processes.scratch import Scratch
 from server.store.folds import Store, new_id
+from server.store.owner import Owner
 from server.store.tables import CounterRow, FoldRow
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str |
         seed=about["summary"]["seed"],
         module_size=None,
         visitor=SERVICE_VISITOR,
-        token="",
+        owner=Owner(""),
     )
     return asked.content_key
 

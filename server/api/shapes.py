@@ -19,7 +19,6 @@ from planner.pipeline.request import MAX_SEED
 from planner.pipeline.request import Request as Asked
 from server.api.folds import (
     OPTIONAL_ID,
-    Bearer,
     GalleryShape,
     Here,
     PathOptions,
@@ -27,13 +26,13 @@ from server.api.folds import (
     checked,
     input_of,
     problems,
-    token_of,
 )
+from server.api.owners import OptionalOwner
 from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
 from server.errors import NotFound, Unusable
 from server.files.previews import ShapeOptions
-from server.store.folds import hash_of
 from server.store.owned import note_preview
+from server.store.owner import Owner
 from server.store.tables import PreviewRow
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
@@ -57,7 +56,7 @@ async def post_preview(
     *,
     request: Request,
     context: Here,
-    credentials: Bearer,
+    owner: OptionalOwner,
     options: PathOptions,
     file: Uploaded = None,
     shape: GalleryShape = None,
@@ -86,7 +85,7 @@ async def post_preview(
     settings = context.settings
     options = bounded(replace(options, seed=seed, path=path), settings.max_modules)
 
-    visitor, token = context.visitor(request), token_of(credentials)
+    visitor = context.visitor(request)
 
     def reported(gone: Callable[[], bool]) -> Preview:
         known = preview
@@ -97,8 +96,8 @@ async def post_preview(
         report = context.previews.report(
             known, options, context.preparer, visitor=visitor, gone=gone
         )
-        if token is not None:
-            row = preview_row(known, token, options, report)
+        if owner is not None:
+            row = preview_row(known, owner, options, report)
             keep_s = settings.preview_keep_s
             note_preview(context.store, row, sent=known != preview, keep_s=keep_s)
         times = ExpectedTimes.of(report, options.world, context.estimates.total_s)
@@ -157,7 +156,7 @@ def bounded(options: ShapeOptions, max_modules: int) -> ShapeOptions:
 
 
 def preview_row(
-    preview_id: str, token: str, options: ShapeOptions, report: dict[str, Any]
+    preview_id: str, owner: Owner, options: ShapeOptions, report: dict[str, Any]
 ) -> PreviewRow:
     """Return a preview's row for its list, as its owner accesses it now."""
     now = time.time()
@@ -167,7 +166,7 @@ def preview_row(
     told = {k: "true" if v is True else v for k, v in asked.items()}
     return PreviewRow(
         id=preview_id,
-        owner=hash_of(token),
+        owner=owner.digest,
         name=str(report["name"])[:MAX_FOLD_NAME],
         modules=int(report["modules"]),
         module=str(report["module"]),

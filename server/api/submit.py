@@ -31,7 +31,8 @@ from server.processes.children import ChildError
 from server.processes.read_task import MAX_STORED_CELLS
 from server.settings import Settings
 from server.store.fold_files import size_of, sync
-from server.store.folds import cost_of, hash_of, new_id
+from server.store.folds import cost_of, new_id
+from server.store.owner import Owner
 from server.store.tables import FoldRow
 
 
@@ -47,8 +48,8 @@ class Submission:
     seed: int
     module_size: float | None
     visitor: str
-    token: str
-    """Of who asks: he owns what is made for him."""
+    owner: Owner
+    """Owner of the new fold."""
     options: ShapeOptions = field(default_factory=ShapeOptions)
     cells: list[list[int]] | None = None
     """For a drawing until there is a chain; those that a preview has found."""
@@ -88,7 +89,7 @@ class Submission:
 
         One that is not public has its owner in it, so that nobody learns what others have sent.
         """
-        return self.key_of(hash_of(self.token))
+        return self.key_of(self.owner.digest)
 
     def key_of(self, owner: str | None) -> str:
         """Return its content key, also if it belongs to a visitor."""
@@ -111,10 +112,10 @@ class Submission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """Answer to a submission; it holds a token only for a fold of the visitor's own."""
+    """Answer to a submission; ``own`` is True if the fold belongs to the owner who submitted it."""
 
     row: FoldRow
-    token: str | None
+    own: bool
     existing: bool
 
 
@@ -165,7 +166,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             bytes=size,
         )
         try:
-            added = _add(context, row, submission.token)
+            added = _add(context, row, submission.owner)
         except Exception:  # it was not acknowledged, and nothing of it stays
             with contextlib.suppress(Exception):
                 context.store.folders.remove(fold_id)
@@ -182,7 +183,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
     finally:
         shutil.rmtree(aside, ignore_errors=True)
     context.jobs.enqueue(fold_id, row.turn, row.cost_s)
-    return Receipt(row=row, token=submission.token, existing=False)
+    return Receipt(row=row, own=True, existing=False)
 
 
 def input_noted(directory: Path) -> tuple[BinaryIO, str | None]:
@@ -251,13 +252,12 @@ def _known(context: Context, submission: Submission) -> Receipt | None:
     key, again = submission.content_key, submission.again
     if again is not None and again.content_key == (theirs := submission.key_of(again.owner)):
         key = theirs
-    row = context.store.ask(key, submission.token)
+    row = context.store.ask(key, submission.owner)
     if row is None:
         return None
     if row.status == "queued":  # if its job was lost in a crash, this brings it back
         context.jobs.enqueue(row.id, row.turn, row.cost_s)
-    own = row.owner == hash_of(submission.token)
-    return Receipt(row=row, token=submission.token if own else None, existing=True)
+    return Receipt(row=row, own=submission.owner.owns(row.owner), existing=True)
 
 
 def _check_room(context: Context, submission: Submission) -> None:
@@ -271,7 +271,7 @@ def _waiting(context: Context) -> list[Waiting]:
     return [Waiting(visitor, cost_s) for visitor, cost_s in context.store.waiting()]
 
 
-def _add(context: Context, row: FoldRow, token: str) -> bool:
+def _add(context: Context, row: FoldRow, owner: Owner) -> bool:
     """Add a fold that the queue has room for; False if its content key is taken.
 
     Raises:
@@ -282,7 +282,7 @@ def _add(context: Context, row: FoldRow, token: str) -> bool:
     _check_limits(cost, context.settings)
     with context.store.admitting:
         check_room(_waiting(context), Waiting(row.visitor, cost.expected_s), context.settings)
-        return context.store.add(row, token)
+        return context.store.add(row, owner)
 
 
 def _check_limits(cost: ExpectedCost, settings: Settings) -> None:

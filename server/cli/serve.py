@@ -168,7 +168,7 @@ def _fold_first(context: Context, name: str) -> str:
     from io import BytesIO
 
     from server.api.submit import Submission, submit
-    from server.store.folds import new_token
+    from server.store.owner import Claim
 
     shape = context.gallery.shape(name)
     if shape is None:
@@ -184,7 +184,7 @@ def _fold_first(context: Context, name: str) -> str:
                 seed=0,
                 module_size=None,
                 visitor="the service itself",
-                token=new_token(),
+                owner=Claim.new().owner,
             ),
         )
     return receipt.row.id

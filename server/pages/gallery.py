@@ -28,6 +28,7 @@ from server.pages.cards import (
 )
 from server.pages.page import origin_of, page
 from server.pages.problem_page import not_found_page
+from server.store.owner import Claim
 from words.messages import message_for_people
 
 router = APIRouter(include_in_schema=False)
@@ -67,7 +68,7 @@ def fold_shape(
         accepted = post_fold(
             request=request,
             context=context_of(request),
-            credentials=None,
+            claim=Claim.new(),
             options=ShapeOptions(world=world),
             shape=name,
         )

@@ -21,7 +21,8 @@ from server.jobs.runner import MAX_CRASHES, STAGES, Runner
 from server.jobs.slices import Slice
 from server.processes.children import Child, ChildError
 from server.processes.fork_server import ForkServer
-from server.store.folds import Store, new_token
+from server.store.folds import Store
+from server.store.owner import new_token
 from tests.server.here import FORKS, ServiceHere
 from tests.server.processes.test_fork_server import before_others
 from tests.server.service import PATIENCE_S, SNAKE, STAIRS, Service, over, owner

@@ -14,10 +14,10 @@ from server.files.derived import MIN_DERIVED_AGE_S
 from server.jobs.janitor import DAY_S, MIN_ORPHAN_AGE_S, Janitor
 from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
-from server.store.folds import NoSuchFoldError, Store, new_id, new_token
+from server.store.folds import NoSuchFoldError, Store, new_id
 from server.store.tables import FoldRow
 from tests.server.bucket import Bucket
-from tests.server.rows import a_movie, statements
+from tests.server.rows import SOMEBODY, a_movie, statements
 
 MIB = 2**20
 GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
@@ -48,7 +48,7 @@ def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
         "summary": {},
     }
     row = FoldRow(**{**values, **more})
-    store.add(row, new_token())
+    store.add(row, SOMEBODY)
     place = store.folders.place(row.id)
     place.mkdir()
     (place / "plan.json").write_text("{}")

@@ -15,7 +15,7 @@ from server.cli.command_line import COMMANDS
 from server.ops.metrics import Metrics
 from server.settings import Settings
 from server.store.folds import Store
-from tests.server.rows import a_fold
+from tests.server.rows import SOMEBODY, a_fold
 
 DOCS = Path(__file__).parents[3] / "docs"
 
@@ -59,7 +59,7 @@ def test_the_commands_are_there(page: str) -> None:
 def test_a_backup_of_a_running_database_is_whole(tmp_path: Path) -> None:
     """As the page says: SQLite's own backup, while the service has the database open."""
     store = Store(Settings(data_dir=tmp_path / "data"))
-    store.add(a_fold("kept"), "token")
+    store.add(a_fold("kept"), SOMEBODY)
     (tmp_path / "again").mkdir()
     with (
         sqlite3.connect(tmp_path / "data" / "foldback.db") as running,
@@ -68,10 +68,10 @@ def test_a_backup_of_a_running_database_is_whole(tmp_path: Path) -> None:
         running.backup(backup)
     running.close()
     backup.close()
-    store.add(a_fold("later"), "token")
+    store.add(a_fold("later"), SOMEBODY)
     store.close()
     restored = Store(Settings(data_dir=tmp_path / "again"))
     assert restored.fold("kept").id == "kept"
-    assert restored.owns("kept", "token")
+    assert restored.owns("kept", SOMEBODY)
     assert len(restored.list_owned("token")) == 1
     restored.close()

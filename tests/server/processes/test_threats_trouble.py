@@ -17,7 +17,7 @@ from server.errors import NoRoom, ServiceError, Unavailable
 from server.http.problems import of_trouble
 from server.processes.children import Child
 from server.processes.limits import ChildLimits, environment_of_child
-from server.store.folds import new_token
+from server.store.owner import new_token
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service, bearer
 
