@@ -41,7 +41,7 @@ from planner.chain.module import module_named
 from planner.cores import cores
 from planner.errors import InputError
 from planner.pathfinding.options import table_warning
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import STAGES, run_stage, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.progress import Progress as StageProgress
@@ -91,7 +91,7 @@ def fold(
 ) -> None:
     """Explode, fold and verify a chain or a shape; exits 0, 3 (not verified) or 2 (bad input)."""
     try:
-        request = Request.of(
+        request = FoldRequest.of(
             preset=preset,
             settings=settings_text_of(settings, robot),
             seed=seed,

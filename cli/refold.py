@@ -25,7 +25,7 @@ from cli.options import (
 from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.motion.timeline import chain_from_attributes
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import STAGES, run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -65,7 +65,7 @@ def refold(
     begins: Chain | None = None
     first = out / FIRST_FOLD_DIR
     try:
-        request = Request.of(
+        request = FoldRequest.of(
             preset=preset,
             settings=settings_text_of(settings, robot),
             seed=seed,
@@ -105,7 +105,7 @@ def _plan(name: str) -> Plan | None:
     return Plan.load(Path(name) / "plan.npz") if Path(name).is_dir() else None
 
 
-def _second(name: str, request: Request, begins: Chain) -> tuple[Request, bytes]:
+def _second(name: str, request: FoldRequest, begins: Chain) -> tuple[FoldRequest, bytes]:
     """Return the options and the bytes of the second shape."""
     request = replace(request, refold=True)
     plan = _plan(name)

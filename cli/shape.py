@@ -30,7 +30,7 @@ from planner.errors import InputError
 from planner.files import write_whole
 from planner.pathfinding.options import table_warning
 from planner.pipeline.prepare import Preparation, prepare_in_any_order
-from planner.pipeline.request import PATH_SEED_MODULUS, Request
+from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.plan.shape_files import write_chain, write_path
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def shape(
 ) -> None:
     """Find a path through a shape. Exits 0 with a path, 3 when there is none, 2 for bad input."""
     try:
-        request = Request.of(
+        request = FoldRequest.of(
             module=module,
             modules=modules,
             method=method,
@@ -106,7 +106,7 @@ def print_no_path(prepared: Preparation, offers: Sequence[Offer]) -> None:
     Console(stderr=True, soft_wrap=True, highlight=False).print(text, markup=False)
 
 
-def offers_for(data: bytes, filename: str, request: Request) -> list[Offer]:
+def offers_for(data: bytes, filename: str, request: FoldRequest) -> list[Offer]:
     """Return versions of a shape that have a path for a table; none for another world."""
     from planner.chain.chain import Chain
     from planner.readers import read

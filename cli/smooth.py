@@ -12,7 +12,7 @@ from cli.fold import compute, finish
 from cli.inputs import make_directory, refuse
 from cli.options import AsJson, FoldDirectory, PlanDirectory, Seed
 from planner.errors import InputError
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import STAGES, run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -34,7 +34,7 @@ def smooth(
 ) -> None:
     """Make a motion shorter and smoother without losing clearance; exits like `fold`."""
     try:
-        request = Request.of(seed=seed, module_size=module_size)
+        request = FoldRequest.of(seed=seed, module_size=module_size)
         request.check()
         plan = Plan.load(fold / "plan.npz")
         make_directory(out)
@@ -44,7 +44,7 @@ def smooth(
                 f"got {out} for the smoothed plan, expected another directory: this one holds the "
                 "original plan.",
             )
-        request = Request.smoothing(plan, seed=request.seed, module_size=request.module_size)
+        request = FoldRequest.smoothing(plan, seed=request.seed, module_size=request.module_size)
         Workspace(out).write_request(request, write_chain(plan.chain), recorded=plan)
         run_stage(STAGES[0], out)
     except InputError as error:

@@ -22,7 +22,7 @@ from bench.success_map.stored import version_of
 from examples.run_gallery import SHAPES
 from planner.errors import InputError
 from planner.files import write_whole
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
@@ -284,11 +284,11 @@ def _overlap(
 
 def _ask(directory: Path, experiment: Experiment) -> None:
     shape = SHAPES / f"{experiment.shape}.json"
-    values = {name: getattr(experiment.request, name) for name in Request.__dataclass_fields__}
+    values = {name: getattr(experiment.request, name) for name in FoldRequest.__dataclass_fields__}
     asked = {**values, "filename": shape.name, "refold": experiment.start is not None}
     if experiment.start is not None:
         Workspace(directory).write_start(_start(experiment))
-    Workspace(directory).write_request(Request(**asked), shape.read_bytes())
+    Workspace(directory).write_request(FoldRequest(**asked), shape.read_bytes())
 
 
 def _start(experiment: Experiment) -> Plan:

@@ -18,7 +18,7 @@ from planner.pipeline.attempt import Candidates
 from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.job import Job, Search, Watch
 from planner.pipeline.preference import COMPUTING
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import Explode, next_step, with_choice
 from planner.pipeline.stages import run_stages
@@ -61,7 +61,7 @@ def fold(
     Raises:
         InputError: An unknown preset, or a seed, module size or setting out of range.
     """
-    request = Request(
+    request = FoldRequest(
         filename=shape.name, preset=preset, seed=seed, module_size=module_size, settings=settings
     )
     return _plan_of(request, _data(shape), directory, progress, workers=workers)
@@ -92,7 +92,7 @@ def refold(
         InputError: ``refold-differs`` when the modules or their number do, ``refold-not-folded``
             when ``start`` does not lead from straight to folded, or as ``planner.fold``.
     """
-    request = Request(
+    request = FoldRequest(
         filename=shape.name,
         preset=preset,
         seed=seed,
@@ -124,7 +124,7 @@ def smooth_plan(
     Raises:
         InputError: See ``planner.robot.smoothed.check_smoothable``; or a seed or size out of range.
     """
-    request = Request.smoothing(plan, seed=seed, module_size=module_size)
+    request = FoldRequest.smoothing(plan, seed=seed, module_size=module_size)
     return _plan_of(request, write_chain(plan.chain), directory, progress, recorded=plan)
 
 
@@ -133,7 +133,7 @@ def _data(shape: Path | Chain) -> bytes:
 
 
 def _plan_of(
-    request: Request,
+    request: FoldRequest,
     data: bytes,
     directory: str | FilePath | None,
     progress: Report,
@@ -153,7 +153,7 @@ def _plan_of(
 
 
 def _plan_in_memory(
-    request: Request,
+    request: FoldRequest,
     data: bytes,
     *,
     start: Plan | None,
@@ -163,7 +163,7 @@ def _plan_in_memory(
     """Search until a plan is verified or nothing is left to try; return the best attempt's plan.
 
     Args:
-        request: Request of the fold.
+        request: FoldRequest of the fold.
         data: Bytes of the shape.
         start: Plan that a refold begins with; None for other folds.
         recorded: Plan that is smoothed; None for other folds.
@@ -198,7 +198,7 @@ def _plan_in_memory(
 
 
 @contextmanager
-def _pool(request: Request, candidates: Candidates, workers: int) -> Generator[AttemptPool]:
+def _pool(request: FoldRequest, candidates: Candidates, workers: int) -> Generator[AttemptPool]:
     """Yield what makes explosions beside; it has a directory of its own if it has processes."""
     if workers == 1:
         yield AttemptPool(None)

@@ -44,7 +44,7 @@ fits into a signed integer of 32 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
+class FoldRequest:
     """Options of a fold, apart from its shape.
 
     Attributes:
@@ -82,13 +82,13 @@ class Request:
     world: World = "floating"
 
     @classmethod
-    def smoothing(cls, plan: Plan, *, seed: int, module_size: float | None) -> Request:
+    def smoothing(cls, plan: Plan, *, seed: int, module_size: float | None) -> FoldRequest:
         """Return the request to smooth a plan, at its own module size when that is None."""
         size = plan.certificate.module_size if module_size is None else module_size
         return cls(filename=f"{plan.chain.name}.json", seed=seed, module_size=size, smooth=True)
 
     @classmethod
-    def of(cls, **given: Any) -> Request:
+    def of(cls, **given: Any) -> FoldRequest:
         """Return a request of typed values: numbers and the cell may still be texts.
 
         Raises:
@@ -117,7 +117,7 @@ class Request:
         try:
             self.parameters()
             self.path_options().check()
-            plain = Request()
+            plain = FoldRequest()
             preference_named(self.prefer)
             if self.prefer != plain.prefer and self._one_plan:
                 raise InputError(
@@ -144,7 +144,7 @@ class Request:
         Raises:
             InputError: ``unsuited-world``.
         """
-        plain = Request()
+        plain = FoldRequest()
         for name, what in (
             ("preset", "preset"),
             ("module", "module"),
@@ -182,11 +182,11 @@ class Request:
         """Option that leaves only one plan to choose from; None if there may be several."""
         if self.smooth:
             return "smoothing of a plan"
-        if self.preset != Request().preset:
+        if self.preset != FoldRequest().preset:
             return f"preset {self.preset}"
         return f"strategy {self.strategy}" if self.strategy == BASELINE else None
 
-    def canonical(self) -> Request:
+    def canonical(self) -> FoldRequest:
         """Return the same request with its settings in the canonical form that is compared.
 
         Raises:

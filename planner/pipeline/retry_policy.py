@@ -17,7 +17,7 @@ from planner.parameters.parameters import BASELINE
 from planner.pipeline.attempt import Attempt, Candidates, Reason, Trial
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.preference import COMPUTING
-from planner.pipeline.request import MAX_SEED, Request
+from planner.pipeline.request import MAX_SEED, FoldRequest
 from planner.pipeline.search_limits import MAX_EXPLOSIONS, MAX_SEEDS
 from planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
@@ -73,7 +73,7 @@ class RetryPolicy:
     retries_refused: bool = True
 
     @classmethod
-    def of(cls, request: Request, candidates: Candidates) -> RetryPolicy:
+    def of(cls, request: FoldRequest, candidates: Candidates) -> RetryPolicy:
         """Return the policy of a fold."""
         if request.smooth:
             return cls(strategies=(SMOOTHING_WAYS,), seed=request.seed, seeds=1)

@@ -27,7 +27,7 @@ from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.job import Job, Result, Search, Watch, is_smoothing
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.prepare import prepare
-from planner.pipeline.request import PATH_SEED_MODULUS, Request
+from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.pipeline.search import Explode, PlayBack, Step, before_playback
 from planner.pipeline.stage_results import Reading
 from planner.plan.plan import Plan
@@ -61,7 +61,7 @@ def read_plan(recorded: Plan) -> Reading:
 
 
 def read_shape(
-    request: Request,
+    request: FoldRequest,
     data: bytes,
     *,
     start: Chain | None = None,
@@ -70,7 +70,7 @@ def read_shape(
     """Return the chains that fold into a shape, and how they were found.
 
     Args:
-        request: Request of the fold.
+        request: FoldRequest of the fold.
         data: Bytes of the shape.
         start: Chain as it is folded at the beginning of a refold; None for other folds.
         prepared: Chains that a preview has found with the same request; None to search for them.
@@ -318,7 +318,7 @@ def rest(pool: AttemptPool, record: Record | None, attempts: int, prefer: Prefer
 
 
 def finish(
-    request: Request,
+    request: FoldRequest,
     result: Result,
     history: Sequence[Attempt],
     *,
@@ -328,7 +328,7 @@ def finish(
     """Return the plan of a fold that is over, with all that was tried.
 
     Args:
-        request: Request of the fold.
+        request: FoldRequest of the fold.
         result: Result of the best attempt.
         history: All attempts.
         start: Chain as it is folded at the beginning of a refold; None for other folds.

@@ -19,8 +19,7 @@ from planner.parameters.settings import MAX_TEXT_CHARS, SETTINGS, TABLE_SETTINGS
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pathfinding.starts import TEXT as START
 from planner.pathfinding.starts import cell_of
-from planner.pipeline.request import MAX_SEED, MODULE_SIZE_RANGE
-from planner.pipeline.request import Request as Asked
+from planner.pipeline.request import MAX_SEED, MODULE_SIZE_RANGE, FoldRequest
 from planner.readers.limits import quote
 from server.api.base_folds import beginning_noted, beginning_of
 from server.api.context import Context, context_of, in_list_rate
@@ -223,7 +222,7 @@ def post_fold(
     The same request with the same token returns the same fold. A gallery shape with default
     options is folded once for everyone.
     """
-    asked = Asked(
+    asked = FoldRequest(
         preset=preset,
         settings=settings,
         strategy=strategy,
@@ -424,7 +423,7 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
     return Response(status_code=204)
 
 
-def checked(asked: Asked, options: ShapeOptions) -> None:
+def checked(asked: FoldRequest, options: ShapeOptions) -> None:
     """Refuse an invalid request with the planner's error.
 
     Raises:

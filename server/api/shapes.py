@@ -15,8 +15,7 @@ from fastapi import APIRouter, Form, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
-from planner.pipeline.request import MAX_SEED
-from planner.pipeline.request import Request as Asked
+from planner.pipeline.request import MAX_SEED, FoldRequest
 from server.api.folds import (
     OPTIONAL_ID,
     Bearer,
@@ -152,7 +151,7 @@ def bounded(options: ShapeOptions, max_modules: int) -> ShapeOptions:
             "too-many-modules",
             f"got {options.modules} modules, expected at most {max_modules}.",
         )
-    checked(Asked(), options)
+    checked(FoldRequest(), options)
     return options
 
 

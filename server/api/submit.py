@@ -18,7 +18,7 @@ from planner.files import json_of
 from planner.parameters.parameters import AUTO
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.preference import COMPUTING, Preference
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.plan.prepared import PREPARED
 from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
@@ -43,7 +43,7 @@ class Submission:
     shape: str | None
     preset: str
     settings: str = ""
-    """As ``planner.pipeline.request.Request.canonical`` writes them."""
+    """As ``planner.pipeline.request.FoldRequest.canonical`` writes them."""
     seed: int
     module_size: float | None
     visitor: str
@@ -63,7 +63,7 @@ class Submission:
     @property
     def public(self) -> bool:
         """True if everyone may find it: a gallery shape, folded with the default options."""
-        plain = Request()
+        plain = FoldRequest()
         return (
             self.shape is not None
             and self.beginning is None

@@ -118,13 +118,13 @@ def _begins(directory: Path) -> Chain:
 
 def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
     """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
-    from planner.pipeline.request import Request
+    from planner.pipeline.request import FoldRequest
     from planner.plan.plan import Plan
     from planner.robot import RECORDED_PLAN
     from planner.robot.smoothed import check_smoothable
 
     wishes = {name: request[name] for name in ("preset", "strategy", "prefer")}
-    Request(**wishes, smooth=True).check()
+    FoldRequest(**wishes, smooth=True).check()
     plan = Plan.load(directory / RECORDED_PLAN)
     check_smoothable(plan)
     chain = plan.chain

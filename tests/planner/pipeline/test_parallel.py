@@ -25,7 +25,7 @@ from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.attempt_pool import SPECULATION_PULSES, AttemptPool
 from planner.pipeline.fold_layout import TIMELINE, TRIALS_DIR
 from planner.pipeline.job import Watch
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search_limits import MAX_EXPLOSIONS
 from planner.pipeline.stages import run_stage, run_stages
@@ -51,7 +51,7 @@ PUSHED = Progress(stage="explode", fraction=0.5, pushes=SPECULATION_PULSES)
 
 def read(directory: FilePath, data: bytes, **values: Any) -> FilePath:
     directory.mkdir()
-    Workspace(directory).write_request(Request(**values), data)
+    Workspace(directory).write_request(FoldRequest(**values), data)
     run_stage("read", directory)
     return directory
 
@@ -235,7 +235,7 @@ FOLDS: dict[str, Callable[[FilePath], FilePath]] = {
 
 def asked(directory: FilePath, data: bytes, **values: Any) -> FilePath:
     directory.mkdir()
-    Workspace(directory).write_request(Request(**values), data)
+    Workspace(directory).write_request(FoldRequest(**values), data)
     return directory
 
 
