@@ -20,10 +20,10 @@ from planner.cores import cores
 from planner.errors import InputError
 from planner.pathfinding.options import table_warning
 from planner.pipeline.request import Request
-from planner.pipeline.stages import STAGES, run_stage, run_stages
+from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
+from planner.progress import STAGES, Report
 from planner.progress import Progress as StageProgress
-from planner.progress import Report
 from server.cli.inputs import make_directory, read_input, refuse
 from server.cli.options import (
     AsJson,
