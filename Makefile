@@ -102,7 +102,7 @@ coverage: $(STAMP) tools ## Lines and branches that `make test` runs, for each p
 	@rm -rf out/coverage && mkdir -p out/coverage
 	@$(BIN)/python -m coverage run -m pytest -q $(PARALLEL) -o timeout=0 $(ARGS)
 	@$(BIN)/python -m coverage combine -q
-	@for package in planner web server foldback_client; do \
+	@for package in planner web words cli server foldback_client; do \
 		printf '%-16s ' $$package; \
 		$(BIN)/python -m coverage report --include="$$package/*" | tail -n 1; done
 
@@ -110,23 +110,23 @@ faults: $(STAMP) tools ## Make mistakes on purpose: which test finds which (ARGS
 	@$(BIN)/python -m tests.faults $(ARGS)
 
 load: $(STAMP) tools ## Crowds, attacks and faults: a table, and JSON in out/
-	@$(BIN)/python -m tests.load
+	@$(BIN)/python -m bench.load
 
 audit: $(STAMP) ## Known faults in code and dependencies
-	@$(BIN)/bandit -q -c pyproject.toml -r server web planner foldback_client
+	@$(BIN)/bandit -q -c pyproject.toml -r server cli words web planner foldback_client
 	@$(BIN)/pip-audit -r constraints.txt --no-deps
 
 deploy-check: $(STAMP) ## Build the image's steps for real (root, Debian, minutes)
 	@$(BIN)/python tests/deploy/build.py
 
 bench: $(STAMP) ## The figures: a table, and JSON in out/ (ARGS="--only first")
-	@$(BIN)/python -m tests.benchmarks $(ARGS)
+	@$(BIN)/python -m bench $(ARGS)
 
 success-map: $(STAMP) ## The map of the page /benchmarks: runs what is missing, draws it
-	@$(BIN)/python -m tests.benchmarks.success_map
+	@$(BIN)/python -m bench.success_map
 
 reproduction: $(STAMP) ## The paper's experiments: runs what is missing, tells all (ARGS="--only ID …")
-	@$(BIN)/python -m tests.benchmarks.reproduction $(ARGS)
+	@$(BIN)/python -m bench.reproduction $(ARGS)
 
 docs: $(STAMP) ## The Python library's reference, as pages in out/reference
 	@$(BIN)/python -m docs.make_reference

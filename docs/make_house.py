@@ -37,6 +37,8 @@ FLOORS: Final = (
     ("web.timeline",),
     ("web.viser",),
     ("web.movies",),
+    ("words",),
+    ("cli",),
     ("server.errors", "server.settings"),
     ("server.limits",),
     ("server.store",),
@@ -56,7 +58,15 @@ FLOOR_OF: Final = {room: floor for floor, rooms in enumerate(FLOORS) for room in
 ELSEWHERE: Final = ("server.migrations",)
 """Folders that are laid out as alembic wants them."""
 WIDTH, COLUMN, STEP, BOX = 1020, 340, 58, 38
-COLOURS: Final = {"planner": "#2f6fb2", "web": "#3a8a5c", "server": "#b06a2c"}
+COLOURS: Final = {
+    "planner": "#2f6fb2",
+    "web": "#3a8a5c",
+    "words": "#8a5a9c",
+    "cli": "#8a5a9c",
+    "server": "#b06a2c",
+}
+COLUMNS: Final = {"planner": ("planner",), "web": ("web", "words"), "server": ("cli", "server")}
+"""Columns of the picture, with the packages that each shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +79,7 @@ class Import:
 
 @cache
 def modules() -> dict[str, Path]:
-    """All modules of the three packages by their dotted names."""
+    """All modules of the packages by their dotted names."""
     paths = (path for package in COLOURS for path in (ROOT / package).rglob("*.py"))
     named = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in paths}
     return {name.removesuffix(".__init__"): path for name, path in sorted(named.items())}
@@ -94,7 +104,7 @@ def room_of(module: str) -> str | None:
 
 @cache
 def imports() -> tuple[Import, ...]:
-    """All imports between modules of the three packages, those inside of functions too."""
+    """All imports between modules of the packages, those inside of functions too."""
     found: list[Import] = []
     known = modules()
     for module, path in known.items():
@@ -149,12 +159,12 @@ def with_table(page: str) -> str:
 def drawn() -> str:
     """The picture: a column for each package, a box for each room, a line for what it imports."""
     columns = {
-        package: [
+        column: [
             rooms
-            for rooms in ([r for r in floor if r.split(".")[0] == package] for floor in FLOORS)
+            for rooms in ([r for r in floor if r.split(".")[0] in packages] for floor in FLOORS)
             if rooms
         ]
-        for package in COLOURS
+        for column, packages in COLUMNS.items()
     }
     height = STEP * max(map(len, columns.values())) + 60
     at: dict[str, tuple[float, float, float]] = {}
@@ -180,14 +190,15 @@ def drawn() -> str:
         )
     for room, (x, y, wide) in at.items():
         package, _, name = room.partition(".")
+        name = name or ("ground" if package in COLUMNS else package)
         count = len(files_of(room))
-        words = f"{name or 'ground'} · {count}" if count > 1 else name or "ground"
+        words = f"{name} · {count}" if count > 1 else name
         parts.append(
             f'<rect x="{x - wide / 2:.0f}" y="{y - BOX / 2:.0f}" width="{wide:.0f}" '
             f'height="{BOX}" rx="6" fill="#fff" stroke="{COLOURS[package]}"/>'
             f'<text x="{x:.0f}" y="{y + 4:.0f}" text-anchor="middle" fill="#222">{words}</text>'
         )
-    for column, package in enumerate(COLOURS):
+    for column, package in enumerate(COLUMNS):
         parts.append(
             f'<text x="{(column + 0.5) * COLUMN:.0f}" y="{height - 10}" text-anchor="middle" '
             f'font-weight="600" fill="{COLOURS[package]}">{package}</text>'

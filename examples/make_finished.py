@@ -28,8 +28,8 @@ from planner.pipeline.workspace import Workspace
 from planner.plan.packed import CLEARANCE_STEP_PITCH, ROOT_STEPS, pack, torque_step, unpack
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
+from planner.readers.gallery import Gallery
 from server.api.finished import FINISHED_FOLDS_DIR
-from server.store.gallery import Gallery
 
 SHAPES = Path(__file__).parent / "shapes"
 FOLDS: tuple[tuple[str, str | None], ...] = (

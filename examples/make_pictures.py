@@ -10,8 +10,8 @@ from functools import partial
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from planner.chain.chain import Chain
+from planner.readers.gallery import GalleryShape, gallery
 from server.pages.shape_drawings import chain_of
-from server.store.gallery import GalleryShape, gallery
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.shipped import ARCHIVE
 from web.pictures.social_picture import social_picture

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import Final
+from typing import Final, Literal, get_args
 
-STAGES: Final = ("read", "explode", "play_back", "certify", "export")
+Stage = Literal["read", "explode", "play_back", "certify", "export"]
+STAGES: Final[tuple[Stage, ...]] = get_args(Stage)
 """Stages of a fold, in their order. A fold can be stopped after each and go on with the next."""
 COMPILING: Final = "compiling"
 """Message of a progress report while kernels (numba functions) are compiled, which happens once on

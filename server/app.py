@@ -13,6 +13,7 @@ from typing import Final
 
 from fastapi import FastAPI
 
+from planner.readers.gallery import Gallery
 from server.api import artifacts, folds, frames, health, mine, movies, robot, shapes
 from server.api.context import Context
 from server.api.finished import import_finished
@@ -71,7 +72,6 @@ from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.estimates import Estimates
 from server.store.folds import Store
-from server.store.gallery import Gallery
 from server.store.leases import Leases
 from server.store.stats import Stats
 from web.timeline.views import TimelineViews

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from fastapi import Request
 
+from planner.readers.gallery import Gallery
 from server.api.fold_states import FoldStates
 from server.api.frame_waits import FrameWaits
 from server.errors import TooMany
@@ -32,7 +33,6 @@ from server.processes.fork_server import ForkServer
 from server.settings import Settings
 from server.store.estimates import Estimates
 from server.store.folds import Store
-from server.store.gallery import Gallery
 from server.store.leases import Leases
 
 if TYPE_CHECKING:

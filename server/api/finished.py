@@ -26,8 +26,8 @@ from server.store.folds import Store, new_id
 from server.store.tables import CounterRow, FoldRow
 
 if TYPE_CHECKING:
+    from planner.readers.gallery import Gallery
     from server.settings import Settings
-    from server.store.gallery import Gallery
 
 FINISHED_FOLDS_DIR: Final = Path(str(files("server"))) / "finished"
 SERVICE_VISITOR: Final = "the service itself"

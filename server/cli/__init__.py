@@ -1,1 +1,1 @@
-"""The command line: one file for each command, and shared code."""
+"""Commands of ``foldback`` that need the service, and the entry point of all commands."""

@@ -39,6 +39,10 @@ COMMANDS: Final = {
 """Commands of ``foldback`` with the first line of their help; the list of commands is printed
 without importing their modules."""
 
+SERVICE_COMMANDS: Final = frozenset(("serve", "worker", "play", "movie", "doctor", "admin"))
+"""Commands that need the web service's code or its processes: modules of ``server.cli``. All others
+are modules of the package ``cli``, which imports nothing of the service."""
+
 OPENGL_COMMANDS: Final = frozenset(("serve", "worker", "movie", "doctor"))
 """Commands that draw or start processes that draw. For all others MuJoCo's OpenGL is not loaded,
 which makes their start faster."""
@@ -85,7 +89,9 @@ def _not_imported() -> None:
 
 def _imported(name: str) -> Command:
     """Return the command of this name, from the module of this name."""
-    found: typer.Typer | Callable[..., None] = getattr(import_module(f"server.cli.{name}"), name)
+    found: typer.Typer | Callable[..., None] = getattr(
+        import_module(f"{'server.cli' if name in SERVICE_COMMANDS else 'cli'}.{name}"), name
+    )
     if isinstance(found, typer.Typer):
         return get_command(found)
     alone = typer.Typer(add_completion=False)

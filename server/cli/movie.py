@@ -13,10 +13,10 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from cli.inputs import refuse
+from cli.options import AsJson, FoldDirectory
 from planner.errors import InputError
 from planner.pipeline.fold_layout import TIMELINE, result
-from server.cli.inputs import refuse
-from server.cli.options import AsJson, FoldDirectory
 from server.ops.starting import settings_of
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits

@@ -37,8 +37,8 @@ from server.errors import (
     read_only,
 )
 from server.http.access_log import request_id_of
-from server.messages import message_for_people
 from server.store.object_store import StorageError
+from words.messages import message_for_people
 
 PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
 DISK_ERRNOS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})

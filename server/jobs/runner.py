@@ -18,6 +18,7 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.fold_layout import TIMELINE, any_verified, result
 from planner.playback.unfolding import START_CHAIN
 from planner.progress import COMPILING
+from planner.readers.gallery import Gallery
 from server.files.cancelled import sweep_cancelled_of
 from server.jobs.progress import REPEATED_STAGES, STAGES, JobProgress
 from server.jobs.queue import place_of
@@ -29,7 +30,6 @@ from server.processes.limits import ChildLimits
 from server.settings import Settings
 from server.store.fold_files import frames_promised
 from server.store.folds import NoSuchFoldError, Store
-from server.store.gallery import Gallery
 from server.store.object_store import StorageError
 
 UPLOAD_INTERVAL_S: Final = 0.7

@@ -14,8 +14,8 @@ from server.store.shown import ShownFold, shown_name
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from planner.readers.gallery import Gallery
     from server.store.folds import FoldRow, Store
-    from server.store.gallery import Gallery
 
 TAG_LABELS: Final = {
     "tool": "Tools",

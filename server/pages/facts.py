@@ -27,10 +27,6 @@ from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words
 from server.jobs.progress import STAGES
-from server.messages import message_for_people
-from server.pages import certificate_words
-from server.pages.certificate_words import TableWords
-from server.pages.choice_words import PREFERENCE_WORDS, Choice, choice_of, superlative
 from server.pages.failures import (
     AttemptWords,
     Failure,
@@ -40,18 +36,20 @@ from server.pages.failures import (
     reason_for_people,
 )
 from server.pages.properties import (
-    BeforeAfter,
     Properties,
     properties,
-    smoothing_note,
-    smoothing_rows,
 )
-from server.pages.quantities import PRESET_LABELS, sentence
-from server.pages.setting_words import in_a_line
 from server.pages.table_check import ruled_out_on_table
 from server.store.estimates import Expected, expected_of_cost, plain_fold
 from server.store.fold_files import frames_promised
 from server.store.shown import RUNNING_STATUSES, Found, ShownFold, has_motion
+from words import certificate as certificate_words
+from words.certificate import TableWords
+from words.choice import PREFERENCE_WORDS, Choice, choice_of, superlative
+from words.messages import message_for_people
+from words.quantities import PRESET_LABELS, sentence
+from words.settings import in_a_line
+from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
 
 RECORD: Final = "record.npz"
 SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)

@@ -13,7 +13,6 @@ from server.api.folds import post_fold
 from server.errors import ServiceError
 from server.files.previews import ShapeOptions
 from server.http.problems import Problem
-from server.messages import message_for_people
 from server.pages.cards import (
     CARD_STATUS_LABELS,
     CHAIN_LABELS,
@@ -29,6 +28,7 @@ from server.pages.cards import (
 )
 from server.pages.page import origin_of, page
 from server.pages.problem_page import not_found_page
+from words.messages import message_for_people
 
 router = APIRouter(include_in_schema=False)
 

@@ -26,7 +26,7 @@ from web.static_files import STATIC
 from web.viser.scene_bundle import bundle_of
 
 if TYPE_CHECKING:
-    from server.store.gallery import Gallery
+    from planner.readers.gallery import Gallery
 
 router = APIRouter(include_in_schema=False)
 

@@ -15,9 +15,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from markupsafe import Markup
 
 from server.http.security import INDEXED_HEADERS
-from server.pages.choice_words import PREFERENCE_WORDS
-from server.pages.setting_words import PAPER_ROWS, SOURCE_LABELS, TABLE_ROWS
 from web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
+from words.choice import PREFERENCE_WORDS
+from words.settings import PAPER_ROWS, SOURCE_LABELS, TABLE_ROWS
 
 THEME_SCRIPT: Final = "js/theme.js"
 """Script that sets the light or dark theme before the page is painted; the only inline script of

@@ -7,9 +7,9 @@ from typing import Final
 from fastapi.responses import Response
 
 from server.http.problems import Problem
-from server.messages import message_for_people
 from server.pages.page import page
 from web.pictures.isometric import isometric_svg
+from words.messages import message_for_people
 
 PROBLEM_HEADINGS: Final = {
     404: "Page not found",

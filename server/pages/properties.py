@@ -17,7 +17,6 @@ from planner.certificate.figures import (
     ExplosionFigures,
     FoldSummary,
     PlaybackFigures,
-    SmoothingFigures,
 )
 from planner.chain.module import CUBE, MODULES
 from planner.errors import UNREADABLE, TimelineError
@@ -26,22 +25,20 @@ from planner.motion.timeline import Timeline
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, preference_named
-from planner.robot import RECORDED, SOFTENED
 from planner.verification.integrity import damaged_among
-from server.pages import certificate_words
-from server.pages.choice_words import PREFERENCE_WORDS
 from server.pages.failures import reason_for_people
-from server.pages.quantities import (
+from server.store.shown import RUNNING_STATUSES, ShownFold
+from words import certificate as certificate_words
+from words.choice import PREFERENCE_WORDS
+from words.quantities import (
     PRESET_LABELS,
     STRATEGY_LABELS,
     length_m,
-    number,
     quantity,
     sentence,
 )
-from server.pages.quantities import parameters as parameters_in_words
-from server.pages.setting_words import changed
-from server.store.shown import RUNNING_STATUSES, ShownFold
+from words.quantities import parameters as parameters_in_words
+from words.settings import changed
 
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
 PLAN_MEMBER: Final = "plan.npy"
@@ -82,25 +79,6 @@ joints."""
 EXPLOSION_STRATEGIES: Final = ("simultaneous", "blocks")
 """Explosion strategies (ways to let the folded chain come loose in simulation) whose parameters a
 fold's page lists as those of the explosion; the strategy ``peel`` has its own."""
-SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
-    "frames": ("Frames", "", 3),
-    "fold_time_s": ("Folding time", "s", 3),
-    "length_rad": ("Path length", "rad", 3),
-    "hinges_moving_mean": ("Hinges moving at once, mean", "", 3),
-    "hinges_moving_most": ("Hinges moving at once, maximum", "", 3),
-    "peak_speed_rad_s": ("Fastest hinge", "rad/s", 2),
-    "peak_torque_nm": ("Largest torque", "N·m", 2),
-    "tail_way": ("Distance travelled by an end", "pitch", 3),
-    "tail_speed": ("Fastest end", "pitch/s", 2),
-    "clearance": ("Clearance", "pitch", 2),
-}
-"""Label, unit and number of significant digits of each figure of a plan that is compared before and
-after its smoothing."""
-SMOOTHING_NOTES: Final = {
-    SOFTENED: "More smoothing would have left too little clearance.",
-    RECORDED: "Any shorter motion would have left too little clearance, so only the timing is new.",
-}
-
 Rows = list[tuple[str, object]]
 Values = Mapping[str, Any]
 
@@ -117,15 +95,6 @@ class Properties(TypedDict):
 
     heading: str
     rows: list[Property]
-
-
-class BeforeAfter(TypedDict):
-    """One figure before and after smoothing, in words; the ratio of two numbers."""
-
-    label: str
-    before: str
-    after: str
-    ratio: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,28 +236,6 @@ def used_parameters(
         heading = "Simulated robots (torques relative to the largest planned)"
         groups.append((heading, robot))
     return groups
-
-
-def smoothing_rows(smoothing: SmoothingFigures) -> list[BeforeAfter]:
-    """Return figures of a plan before and after smoothing; none when smoothing changed nothing."""
-    before, after = smoothing["before"], smoothing["after"] or {}
-    return [
-        {
-            "label": label,
-            "before": str(quantity(before[key], unit, digits)),
-            "after": str(quantity(after[key], unit, digits)),
-            "ratio": f"× {after[key] / before[key]:.2f}" if before[key] else "",
-        }
-        for key, (label, unit, digits) in SMOOTHING_FIGURES.items()
-        if key in after
-    ]
-
-
-def smoothing_note(smoothing: SmoothingFigures) -> str:
-    """Return the folding time at which both plans are compared, and the limit of smoothing."""
-    seconds = number(smoothing["seconds"], 3)
-    text = f"Speeds and torques are compared at the same folding time, {seconds} s."
-    return f"{SMOOTHING_NOTES.get(smoothing['way'], '')} {text}".strip()
 
 
 def _joints(row: ShownFold) -> int | None:

@@ -19,7 +19,7 @@ from web.pictures.isometric_modules import chain_svg
 from web.pictures.shipped import shipped_pictures
 
 if TYPE_CHECKING:
-    from server.store.gallery import Gallery, GalleryShape
+    from planner.readers.gallery import Gallery, GalleryShape
 
 router = APIRouter(include_in_schema=False)
 

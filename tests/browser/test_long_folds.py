@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
+from bench.command import playing
 from planner.chain.kinematics import forward_kinematics
 from planner.motion.motion import Motion
-from tests.benchmarks.command import playing
 from tests.browser.conftest import bytes_fetched, keep
 from tests.planner import peels
 from tests.web import long_folds

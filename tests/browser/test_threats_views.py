@@ -15,7 +15,7 @@ import zstandard
 from playwright.sync_api import Frame, Page, expect
 from viser import _messages as messages
 
-from tests.benchmarks.command import playing
+from bench.command import playing
 from tests.server.files.test_preview import stl
 from tests.server.service import Service
 

@@ -134,8 +134,11 @@ def test_wheel_built_from_the_copied_files_has_everything(context: Path, tmp_pat
         for name in files_below(ROOT / package)
         if not name.endswith(".d.ts") and not re.search(r"(^|/)\.", name)
     }
-    shapes = {name.replace("examples", "server") for name in files_below(ROOT / "examples/shapes")}
-    needed |= shapes | {"server/table_results.json"}
+    shapes = {
+        name.replace("examples/shapes", "planner/examples")
+        for name in files_below(ROOT / "examples/shapes")
+    }
+    needed |= shapes | {"planner/table_results.json"}
     assert needed <= set(wheel.namelist())
     wheel.extractall(tmp_path / "installed")
     loaded = subprocess.run(
@@ -151,7 +154,7 @@ def test_wheel_built_from_the_copied_files_has_everything(context: Path, tmp_pat
 
 GALLERY = """
 import server
-from server.store.gallery import gallery
+from planner.readers.gallery import gallery
 print(len(gallery()), any(shape.rests_within for shape in gallery()))
 print("installed" in server.__file__)
 """

@@ -9,7 +9,7 @@ from examples import make_tetrahedra
 from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from planner.readers import read
-from server.store.gallery import gallery
+from planner.readers.gallery import gallery
 
 SHAPES = Path(make_tetrahedra.__file__).parent / "shapes"
 CHAINS = [shape for shape in gallery() if shape.module == TETRAHEDRON.name]

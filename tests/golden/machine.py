@@ -7,7 +7,7 @@ from hashlib import sha256
 from importlib.metadata import version
 from typing import Final
 
-from tests.benchmarks.machine import processor
+from bench.machine import processor
 
 PACKAGES: Final = ("highspy", "mujoco", "numba", "numpy", "scipy")
 """Packages whose versions may change the last digits of a result."""

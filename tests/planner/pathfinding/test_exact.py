@@ -14,6 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from bench.feasible_sets import FeasibleSet, feasible_sets
+from bench.hard_sets import hard_sets
+from bench.paths import HARD_RESULTS, RESULTS, check_stored
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding.circuit_solver import CircuitSolver
@@ -22,9 +25,6 @@ from planner.pathfinding.infeasibility import obstacles
 from planner.pathfinding.lattice import neighbours, spread, surface
 from planner.pathfinding.sat_paths import circuit
 from planner.shapes.shape import Shape
-from tests.benchmarks.feasible_sets import FeasibleSet, feasible_sets
-from tests.benchmarks.hard_sets import hard_sets
-from tests.benchmarks.paths import HARD_RESULTS, RESULTS, check_stored
 from tests.conftest import examples
 from tests.planner.lattice import walks
 

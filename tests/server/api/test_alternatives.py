@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from planner.pipeline.fold_layout import ATTEMPTS, PLANS_DIR, PLAYABLE
-from server.pages.choice_words import choice_of
 from tests.server.service import Service
+from words.choice import choice_of
 
 
 @pytest.fixture

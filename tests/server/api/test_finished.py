@@ -10,13 +10,13 @@ import sqlalchemy as sa
 
 from planner.pipeline import manifest
 from planner.plan.packed import unpack
+from planner.readers.gallery import Gallery
 from planner.verification.integrity import damaged_among
 from planner.verification.verify import verify
 from server.api.finished import FINISHED_FOLDS_DIR, import_finished
 from server.pages.cards import included_folds
 from server.settings import Settings
 from server.store.folds import Store
-from server.store.gallery import Gallery
 from server.store.tables import CounterRow
 from tests.server.bucket import Bucket
 

@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 from websockets.sync.client import connect
 
 from planner.plan.plan import Plan
+from planner.readers.gallery import Gallery
 from planner.verification.verify import verify
 from server.cli.command_line import application
-from server.store.gallery import Gallery
 from tests.planner.plans import changed
 from tests.server.service import SNAKE, SPIRAL, Service, bearer, owner
 

@@ -12,6 +12,7 @@ import sqlalchemy as sa
 from click.testing import Result
 from typer.testing import CliRunner
 
+from planner.readers.gallery import Gallery
 from server.api.finished import import_finished
 from server.cli.admin import admin
 from server.cli.admin_tasks import AdminTasks
@@ -19,7 +20,6 @@ from server.files.cancelled import sweep_cancelled
 from server.jobs.queue import prepare
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store, hash_of
-from server.store.gallery import Gallery
 from server.store.tables import FoldRow, MovieRow
 from tests.server.rows import a_fold, a_movie
 from tests.server.service import SNAKE, Service, over, owner

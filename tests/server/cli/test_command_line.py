@@ -13,12 +13,13 @@ import pytest
 from numba import njit
 from typer.testing import CliRunner
 
+from cli import fold
 from planner.pipeline import stages
-from server.cli import fold
+from planner.readers.gallery import Gallery
 from server.cli.command_line import COMMANDS, application
-from server.store.gallery import Gallery
 
-COMMANDS_DIR = Path(__file__).parents[3] / "server" / "cli"
+ROOT = Path(__file__).parents[3]
+COMMAND_DIRS = (ROOT / "cli", ROOT / "server" / "cli")
 SHARED = {"__init__", "command_line", "inputs", "options", "admin_tasks"}
 
 
@@ -31,7 +32,7 @@ def foldback(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_every_command_is_offered() -> None:
-    files = {path.stem for path in COMMANDS_DIR.glob("*.py")} - SHARED
+    files = {path.stem for folder in COMMAND_DIRS for path in folder.glob("*.py")} - SHARED
     assert set(COMMANDS) == files
     listed = foldback("--help")
     assert listed.returncode == 0

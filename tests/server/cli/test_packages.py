@@ -95,7 +95,7 @@ def test_the_wheel_carries_everything_that_is_not_code(wheel: Path) -> None:
         for path in (ROOT / package).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts and not path.name.endswith(TYPES)
     }
-    shapes = {f"server/shapes/{p.name}" for p in (ROOT / "examples" / "shapes").glob("*.json")}
+    shapes = {f"planner/examples/{p.name}" for p in (ROOT / "examples" / "shapes").glob("*.json")}
     assert len(shapes) >= 7
     assert (wanted | shapes) <= carried, sorted((wanted | shapes) - carried)
     assert not [name for name in carried if name.startswith(("tests", "examples"))]
@@ -136,6 +136,6 @@ assert isinstance(show, Show)
 
 def test_the_installed_gallery_is_that_of_the_checkout(installed: Path) -> None:
     """The gallery is found without a checkout around the packages."""
-    code = "from server.store.gallery import gallery; print(*(s.name for s in gallery()))"
+    code = "from planner.readers.gallery import gallery; print(*(s.name for s in gallery()))"
     names = said(installed, code).split()
     assert sorted(names) == sorted(p.stem for p in (ROOT / "examples" / "shapes").glob("*.json"))

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from planner.readers.gallery import Gallery
 from server.processes.read_task import check
 from server.store.folds import new_token
-from server.store.gallery import Gallery
 from tests.server.service import SNAKE, Service
 
 TOKEN = new_token()

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from planner.readers.gallery import Gallery
 from server.pages.cards import (
     CHAIN_LABELS,
     FEATURED_SHAPES,
@@ -20,7 +21,6 @@ from server.pages.cards import (
     selected,
 )
 from server.store.folds import Store
-from server.store.gallery import Gallery
 from tests.server.rows import a_fold
 from tests.server.store.test_rows import row
 

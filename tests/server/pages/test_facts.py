@@ -21,10 +21,8 @@ from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.parameters.published import PaperExplosionParameters
 from server.api.schemas import Fold
 from server.jobs.remaining import EtaEstimator
-from server.pages import quantities
 from server.pages.facts import fold_facts
 from server.pages.properties import used_parameters
-from server.pages.quantities import length_m, number, parameters, quantity
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
@@ -33,6 +31,8 @@ from server.store.worker_identity import WorkerIdentities
 from tests.server.rows import a_fold
 from tests.server.service import SNAKE, Service
 from tests.web.conftest import unfolding
+from words import quantities
+from words.quantities import length_m, number, parameters, quantity
 
 
 @pytest.mark.parametrize(

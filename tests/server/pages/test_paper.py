@@ -11,8 +11,8 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
+from bench.reproduction.experiments import STATEMENTS
 from server.pages import paper, static
-from tests.benchmarks.reproduction.experiments import STATEMENTS
 from web.timeline.columns import decode
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from planner.readers.gallery import Gallery
 from server.pages import landing
-from server.store.gallery import Gallery
 
 PROGRAM = """
 import sys

@@ -9,7 +9,7 @@ from PIL import Image
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.readers import read
-from server.store.gallery import Gallery
+from planner.readers.gallery import Gallery
 from web.pictures.lighting import THEMES
 from web.pictures.social_picture import SOCIAL_PICTURE_PX, social_picture
 

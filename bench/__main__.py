@@ -1,0 +1,90 @@
+"""``python -m bench [--only NAME …]``: prints the figures and writes them as JSON."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from bench.baselines import direct, paper
+from bench.first import first
+from bench.folds import folds, gallery
+from bench.hard import hard
+from bench.long_folds import long_folds
+from bench.machine import machine
+from bench.meshes import meshes
+from bench.page import page
+from bench.paths import paths
+from bench.peeling import peeling
+from bench.plan_files import plan_files
+from bench.portfolio import portfolio
+from bench.scaling import scaling
+from bench.service.compiling import compiling
+from bench.service.dropped import dropped
+from bench.service.movies import movies
+from bench.service.remaining import remaining
+from bench.service.views import views
+from bench.service.weights import weights
+from bench.smoothing import smoothing
+from bench.speed import speed
+from bench.success_map.published import published
+from bench.success_map.seeds import seeds
+from bench.sweeps import sweeps
+from bench.table.folds import table_folds, table_long_folds
+from bench.table.offers import table_offers_section
+from bench.table.paths import table_path_section
+from bench.table.playback import table_playback
+from bench.table.statics import statics
+from bench.table.tetrahedra import table_tetrahedra
+from bench.tables import write_sections
+from bench.tetrahedra import tetrahedra
+
+SECTIONS = {
+    "first": first,
+    "folds": folds,
+    "gallery": gallery,
+    "seeds": seeds,
+    "meshes": meshes,
+    "paths": paths,
+    "peeling": peeling,
+    "scaling": scaling,
+    "speed": speed,
+    "portfolio": portfolio,
+    "hard": hard,
+    "sweeps": sweeps,
+    "table-folds": table_folds,
+    "table-long-folds": table_long_folds,
+    "table-offers": table_offers_section,
+    "table-paths": table_path_section,
+    "table-playback": table_playback,
+    "table-tetrahedra": table_tetrahedra,
+    "tetrahedra": tetrahedra,
+    "smoothing": smoothing,
+    "statics": statics,
+    "plan-files": plan_files,
+    "page": page,
+    "long-folds": long_folds,
+    "compiling": compiling,
+    "dropped": dropped,
+    "movies": movies,
+    "remaining": remaining,
+    "weights": weights,
+    "views": views,
+    "direct": direct,
+    "paper": paper,
+    "published": published,
+}
+
+
+def main() -> None:
+    """Runs the asked-for sections, one after the other."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", nargs="*", choices=list(SECTIONS), default=list(SECTIONS))
+    parser.add_argument("--out", type=Path, default=Path("out/bench.json"))
+    arguments = parser.parse_args()
+    about = machine()
+    sections = (SECTIONS[name](about["reference_seconds"]) for name in arguments.only)
+    write_sections(sections, about, arguments.out)
+
+
+if __name__ == "__main__":
+    main()

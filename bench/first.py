@@ -1,0 +1,169 @@
+"""The first minutes: from a fresh clone to an own fold that is verified, as a stranger sees it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+import httpx
+import psutil
+from playwright.sync_api import Page, sync_playwright
+
+from bench.page import HERO, MOVING
+from bench.tables import Section
+from tests.browser.conftest import FLAGS
+from tests.tools import CHROMIUM
+
+ROOT: Final = Path(__file__).parents[1]
+OWN_SHAPE: Final = ROOT / "examples" / "shapes" / "wrench-24.json"
+"""A chain of 24 cubes, which is uploaded as a stranger's own, so that no finished fold is it."""
+PORT: Final = "18099"
+PATIENCE_S: Final = 900.0
+MAX_INSTALL_CPU_S: Final = 45.0
+"""Bar for the installation, in seconds of the processor."""
+POLL_S: Final = 0.2
+
+
+class _Watch:
+    """Wall time since the start, and processor time of a process and all below it."""
+
+    def __init__(self, process: psutil.Process) -> None:
+        self._process = process
+        self._spent: dict[tuple[int, float], float] = {}
+        self._began = time.monotonic()
+
+    def seconds(self) -> tuple[float, float]:
+        """Return wall seconds and processor seconds so far; ended processes count as last seen."""
+        with psutil.Process().oneshot():
+            family = [self._process, *self._process.children(recursive=True)]
+        for one in family:
+            try:
+                used = one.cpu_times()
+                own = used.user + used.system + used.children_user + used.children_system
+                # Those that still run are counted by themselves; their parent has not reaped them.
+                self._spent[one.pid, one.create_time()] = own
+            except psutil.Error:
+                continue
+        return time.monotonic() - self._began, sum(self._spent.values())
+
+
+def first(reference_seconds: float) -> Section:
+    """Clone, install, start, look, and fold 24 cubes; all that a new user waits for."""
+    del reference_seconds
+    section = Section(name="first")
+    with tempfile.TemporaryDirectory(prefix="foldback-first-") as folder:
+        clone = Path(folder) / "foldback"
+        subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
+        wall, cpu = _installed(clone)
+        bar = f"< {MAX_INSTALL_CPU_S:.0f} s of the processor"
+        _add(section, "installation", wall, cpu, bar=bar, met=cpu < MAX_INSTALL_CPU_S)
+        told = subprocess.run(
+            ["du", "-sm", clone / ".venv"], check=True, capture_output=True, text=True
+        )
+        size = int(told.stdout.split()[0])
+        section.add("size of the environment, du -sm", f"{size} MB", "≤ 650 MB", size <= 650)
+        with _serving(clone, Path(folder)) as (watch, address):
+            _watched(section, watch, address)
+    return section
+
+
+def _add(
+    section: Section, name: str, wall: float, cpu: float, *, bar: str = "", met: bool | None = None
+) -> None:
+    section.rows.append({"what": name, "wall_s": wall, "processor_s": cpu})
+    section.add(name, f"{wall:.1f} s, {cpu:.1f} s of the processor", bar, met)
+
+
+def _installed(clone: Path) -> tuple[float, float]:
+    """Install as `make run` does; return wall seconds and processor seconds."""
+    began, before = time.monotonic(), os.times()
+    subprocess.run(["make", "--silent", ".venv/.runs"], cwd=clone, check=True, env=_environment())
+    after = os.times()
+    cpu = after.children_user + after.children_system - before.children_user
+    return time.monotonic() - began, cpu - before.children_system
+
+
+def _environment() -> dict[str, str]:
+    """Return an environment without this project's own settings and without compiled kernels."""
+    dropped = ("FOLDBACK_", "NUMBA_", "PYTHONPATH", "VIRTUAL_ENV", "MAKE", "MFLAGS")
+    return {k: v for k, v in os.environ.items() if not k.startswith(dropped)}
+
+
+@contextmanager
+def _serving(clone: Path, folder: Path) -> Generator[tuple[_Watch, str]]:
+    """Run the service of a clone on an empty data directory until the context ends."""
+    settings = {"FOLDBACK_PORT": PORT, "FOLDBACK_DATA_DIR": str(folder / "data")}
+    process = subprocess.Popen(
+        ["make", "--silent", "run"],
+        cwd=clone,
+        env={**_environment(), **settings},
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        watch = _Watch(psutil.Process(process.pid))
+        assert process.stdout is not None
+        for line in process.stdout:
+            if line.startswith("foldback is at "):
+                yield watch, line.removeprefix("foldback is at ").strip()
+                return
+        raise RuntimeError(f"the service ended with {process.wait()} before it was ready.")
+    finally:
+        for child in psutil.Process(process.pid).children(recursive=True):
+            child.send_signal(signal.SIGTERM)
+        process.wait(60)
+
+
+def _watched(section: Section, watch: _Watch, address: str) -> None:
+    _add(section, "address printed", *watch.seconds())
+    with sync_playwright() as playwright, httpx.Client(base_url=address, timeout=120) as http:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM.get(), args=FLAGS)
+        page = browser.new_page()
+        page.goto(address)
+        _add(section, "page complete", *watch.seconds())
+        page.wait_for_function(HERO, timeout=1000 * PATIENCE_S)
+        _add(section, "first motion, on the first page", *watch.seconds())
+        finished = http.get("/api/folds").json()["folds"]
+        section.add("finished folds", str(len(finished)), "5", len(finished) == 5)
+        _open_finished(section, page, f"{address}{finished[-1]['links']['page']}", watch)
+        browser.close()
+        own = _own_fold(http)
+        while http.get("/api/preparing").json()["preparing"] is not None:
+            watch.seconds()
+            time.sleep(POLL_S)
+        wall, cpu = watch.seconds()
+        _add(section, "solvers ready, all processes", wall, cpu)
+        _wait_over(http, own, watch)
+        _add(section, "own fold of 24 cubes verified", *watch.seconds())
+
+
+def _open_finished(section: Section, page: Page, address: str, watch: _Watch) -> None:
+    page.goto(address)
+    page.wait_for_function(MOVING, timeout=1000 * PATIENCE_S)
+    _add(section, "a finished fold in motion", *watch.seconds())
+
+
+def _own_fold(http: httpx.Client) -> str:
+    """Ask for a fold of one's own; return its id."""
+    shape = json.loads(OWN_SHAPE.read_bytes()) | {"name": "my own"}
+    answer = http.post("/api/folds", files={"file": ("own.json", json.dumps(shape))})
+    answer.raise_for_status()
+    return answer.json()["id"]
+
+
+def _wait_over(http: httpx.Client, fold: str, watch: _Watch) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while (status := http.get(f"/api/folds/{fold}").json()["status"]) != "verified":
+        if status in ("failed", "cancelled") or time.monotonic() > deadline:
+            raise RuntimeError(f"got the status {status}, expected verified.")
+        watch.seconds()
+        time.sleep(POLL_S)

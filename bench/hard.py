@@ -1,0 +1,269 @@
+"""Hard paths: which fold, in which time, and how long a robot takes for them.
+
+``python -m bench.hard`` runs what is missing in ``out/hard-….jsonl``, a file for each
+version of the planner; it can be stopped at any time and goes on where it was. A fold is run to its
+end, files and all, with an explosion for each core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from rich.console import Console
+
+from bench.held_out import HELD_OUT, tube
+from bench.meshes import Mesh
+from bench.success_map.__main__ import path_of
+from bench.success_map.stored import run_missing, version_of
+from bench.tables import Section
+from planner.chain.path import Path as CellPath
+from planner.errors import InputError
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from planner.plan.shape_files import write_path
+from planner.verification.plan_reasons import reason_of
+
+OUT: Final = Path(__file__).parents[1] / "out"
+SIDES: Final = {
+    144: (4, 6, 6),
+    288: (6, 6, 8),
+    512: (8, 8, 8),
+    1000: (10, 10, 10),
+    1152: (8, 12, 12),
+    4096: (16, 16, 16),
+    9600: (20, 20, 24),
+}
+"""Boxes by their number of modules."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One fold.
+
+    Attributes:
+        group: The figure that it belongs to.
+        shape: The kind of path through a box, or a mesh.
+        modules: Of the box, or asked for.
+        seed: Of the path and of the fold.
+        prefer, strategy: Of the fold.
+    """
+
+    group: str
+    shape: str
+    modules: int
+    seed: int = 0
+    prefer: str = "computing"
+    strategy: str = "auto"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bar:
+    """What a group is held against.
+
+    Attributes:
+        least: Folds that are to be verified.
+        seconds: Each within so many seconds; None where that is only told.
+        robot_s: Each folding within so many seconds at the joints' speed limit; None likewise.
+    """
+
+    least: int
+    seconds: float | None = None
+    robot_s: float | None = None
+
+
+BARS: Final = {
+    "random 288": Bar(least=10, seconds=15.0),
+    "random 512": Bar(least=9, seconds=45.0),
+    "random 1152": Bar(least=0, seconds=300.0),
+    "block 1152": Bar(least=5, seconds=60.0),
+    "exact 1152": Bar(least=5, seconds=60.0),
+    "block 1000": Bar(least=5, seconds=60.0),
+    "all at once, 4096": Bar(least=0),
+    "knotted tubes": Bar(least=0),
+    "held-out meshes, 2000": Bar(least=10),
+    "layered, quickest for a robot": Bar(least=4, robot_s=6.0),
+    "layered, 4096 in parallel": Bar(least=1, robot_s=40.0),
+    "layered, 9600 in parallel": Bar(least=1, robot_s=90.0),
+}
+STRICT: Final = "peeled, whatever comes"
+"""Folds that may only be peeled, of which some are refused: are their reasons true?"""
+
+
+def cases() -> list[Case]:
+    """All of them, what takes least first."""
+    found = [
+        Case(group="layered, quickest for a robot", shape="snake", modules=n, prefer="time")
+        for n in (144, 288, 512, 1152)
+    ]
+    found += [Case(group="random 288", shape="random", modules=288, seed=s) for s in range(10)]
+    found += [Case(group="random 512", shape="random", modules=512, seed=s) for s in range(10)]
+    for seed in range(5):
+        for shape, modules in (("block", 1000), ("block", 1152), ("exact", 1152)):
+            group = f"{shape} {modules}"
+            found.append(Case(group=group, shape=shape, modules=modules, seed=seed))
+    for modules in (4096, 9600):
+        group = f"layered, {modules} in parallel"
+        found.append(Case(group=group, shape="snake", modules=modules, strategy="blocks"))
+    found += [
+        Case(group="knotted tubes", shape=name, modules=n) for n in (500, 1000) for name in KNOTS
+    ]
+    found += [Case(group="held-out meshes, 2000", shape=name, modules=2000) for name in HELD_OUT]
+    found += [Case(group="random 1152", shape="random", modules=1152, seed=s) for s in range(5)]
+    found += [
+        Case(group=STRICT, shape=shape, modules=modules, seed=seed, strategy="peel")
+        for shape, modules, seeds in (("random", 288, 5), ("random", 512, 2), ("block", 512, 3))
+        for seed in range(seeds)
+    ]
+    found += [
+        Case(group="all at once, 4096", shape=shape, modules=4096) for shape in ("block", "exact")
+    ]
+    return found
+
+
+def torus_knot(p: int, q: int) -> Callable[[], Mesh]:
+    """A tube along the knot that winds p times around and q times through a torus."""
+
+    def made() -> Mesh:
+        t = np.linspace(0.0, 2.0 * np.pi, 480, endpoint=False)
+        out = 2.0 + np.cos(q * t)
+        curve = np.column_stack([out * np.cos(p * t), out * np.sin(p * t), -np.sin(q * t)])
+        return tube(3.0 * curve, np.full(len(t), 1.1))
+
+    return made
+
+
+def figure_eight() -> Mesh:
+    """A tube along the knot of four crossings."""
+    t = np.linspace(0.0, 2.0 * np.pi, 480, endpoint=False)
+    out = 2.0 + np.cos(2 * t)
+    curve = np.column_stack([out * np.cos(3 * t), out * np.sin(3 * t), np.sin(4 * t)])
+    return tube(3.0 * curve, np.full(len(t), 1.0))
+
+
+KNOTS: Final[dict[str, Callable[[], Mesh]]] = {
+    "trefoil tube": torus_knot(2, 3),
+    "figure-eight tube": figure_eight,
+    "(2,5) torus knot tube": torus_knot(2, 5),
+}
+
+
+def run(case: Case) -> dict[str, Any]:
+    """What came of one case."""
+    data, more = _input(case)
+    begun, spent = time.perf_counter(), time.process_time()
+    with tempfile.TemporaryDirectory(prefix="foldback-hard-") as place:
+        directory = Path(place)
+        request = Request(
+            seed=case.seed,
+            prefer=case.prefer,
+            strategy=case.strategy,
+            **more,  # type: ignore[arg-type]
+        )
+        Workspace(directory).write_request(request, data)
+        try:
+            summary = run_stages(directory, workers=os.cpu_count() or 1)
+        except InputError as error:
+            return {**asdict(case), "verdict": f"refused: {error.code}", "attempts": []}
+        plan = Plan.load(directory / "plan.npz")
+        reason = reason_of(directory, plan, [])
+    certificate = plan.certificate
+    return {
+        **asdict(case),
+        "chain": len(plan.chain),
+        "verdict": certificate.verdict,
+        "reason": (summary.get("stuck") or {}).get("words", ""),
+        "kind": reason and reason.kind,
+        "confirmed": reason and reason.confirmed,
+        "seconds": round(time.perf_counter() - begun, 1),
+        "cpu_s": round(time.process_time() - spent, 1),
+        "fold_time_s": certificate.fold_time_s,
+        "clearance_bound": certificate.clearance_bound,
+        "attempts": [f"{a['strategy']} {a['status']}" for a in plan.attempts],
+    }
+
+
+def _input(case: Case) -> tuple[bytes, dict[str, Any]]:
+    mesh = {**KNOTS, **HELD_OUT}.get(case.shape)
+    if mesh is not None:
+        exported: Any = mesh().export(file_type="stl")
+        return exported, {"filename": f"{case.shape}.stl", "modules": case.modules}
+    cells = path_of(case.shape, SIDES[case.modules], case.seed)
+    assert cells is not None, f"a box has {case.shape} paths"
+    path = CellPath.from_cells([tuple(cell) for cell in cells.tolist()], name="box")
+    return write_path(path), {}
+
+
+def runs() -> Path:
+    """Where the runs of this version of the planner are stored."""
+    return OUT / f"hard-{version_of('planner')}.jsonl"
+
+
+def hard(reference_seconds: float) -> Section:
+    """All cases against their bars."""
+    warm_up()
+    return section_of(run_missing(runs(), cases(), run), reference_seconds)
+
+
+def section_of(rows: list[dict[str, Any]], reference_seconds: float) -> Section:
+    """The figures of some runs, seconds with their multiple of the reference."""
+    section = Section(name="hard")
+    section.rows = rows
+    for group, bar in BARS.items():
+        of_group = [row for row in rows if row["group"] == group]
+        if not of_group:
+            continue
+        verified = [row for row in of_group if row["verdict"].startswith("verified")]
+        slowest = max((row["seconds"] for row in verified), default=0.0)
+        robot = max((row["fold_time_s"] or 0.0 for row in verified), default=0.0)
+        in_time = bar.seconds is None or slowest <= bar.seconds
+        quick = bar.robot_s is None or robot <= bar.robot_s
+        section.add(
+            group,
+            f"{len(verified)} of {len(of_group)} verified, {slowest:.0f} s at most "
+            f"({slowest / reference_seconds:.0f} r), folds in {robot:.1f} s at most",
+            f"{bar.least}"
+            + ("" if bar.seconds is None else f", each within {bar.seconds:.0f} s")
+            + ("" if bar.robot_s is None else f", folding in {bar.robot_s:.0f} s"),
+            len(verified) >= bar.least and in_time and quick,
+        )
+    reasons = Counter(row["kind"] for row in rows if row.get("kind"))
+    if reasons:
+        confirmed = sum(bool(row.get("confirmed")) for row in rows)
+        section.add(
+            "reasons of refusals confirmed by other code",
+            f"{confirmed} of {reasons.total()}: "
+            + ", ".join(f"{count} {kind}" for kind, count in reasons.most_common()),
+            "all",
+            confirmed == reasons.total(),
+        )
+    return section
+
+
+def main() -> None:
+    """Runs what is missing, then prints all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=float("inf"))
+    parser.add_argument("--only", nargs="*", help="groups, by how they begin")
+    asked = parser.parse_args()
+    from bench.machine import machine  # late: it takes a second
+
+    warm_up()
+    wanted = [c for c in cases() if not asked.only or c.group.startswith(tuple(asked.only))]
+    rows = run_missing(runs(), wanted, run, minutes=asked.minutes)
+    section_of(rows, machine()["reference_seconds"]).show(Console(width=160))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,122 @@
+"""Sets of 94–300 cells that nobody knows a path of: what the search finds, proves or leaves open.
+
+Random growths, sponges, thin walls and sheets with holes. What falls apart, dangles or is plainly
+out of balance is mended, so that the easy tests alone do not answer; nothing else makes a path
+likely.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from bench.feasible_sets import FEWEST, MOST, Cell, FeasibleSet
+from planner.pathfinding.lattice import STEPS, colours
+
+SEED = 300
+EACH = 12
+
+
+def hard_sets() -> Iterator[FeasibleSet]:
+    """The same four dozen each time."""
+    for kind, make in enumerate((_growth, _sponge, _walls, _sheet)):
+        k = found = 0
+        while found < EACH:
+            rng = np.random.default_rng([SEED, kind, k])
+            k += 1
+            cells = _mended(make(rng), rng)
+            if FEWEST <= len(cells) <= MOST:
+                name = f"{make.__name__.removeprefix('_')}-{found}"
+                yield FeasibleSet(name=name, cells=np.array(sorted(cells), dtype=np.int64))
+                found += 1
+
+
+def _growth(rng: np.random.Generator) -> set[Cell]:
+    """Cells added at random where they touch two others or more."""
+    cells: set[Cell] = {(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)}
+    size = int(rng.integers(FEWEST, MOST - 20))
+    while len(cells) < size:
+        rim = sorted({c for cell in cells for c in _around(cell)} - cells)
+        cell = rim[int(rng.integers(len(rim)))]
+        if sum(c in cells for c in _around(cell)) >= 2 or rng.random() < 0.02:
+            cells.add(cell)
+    return cells
+
+
+def _sponge(rng: np.random.Generator) -> set[Cell]:
+    """What is left of a block of which each cell goes or stays by chance."""
+    sides = rng.integers(6, 9, size=3)
+    kept = np.argwhere(rng.random(sides) < rng.uniform(0.5, 0.7))
+    return {(x, y, z) for x, y, z in kept.tolist()}
+
+
+def _walls(rng: np.random.Generator) -> set[Cell]:
+    """Walls one cell thick, crossing each other."""
+    side = int(rng.integers(7, 10))
+    cells: set[Cell] = set()
+    for axis in (0, 1, 2)[: int(rng.integers(2, 4))]:
+        place = int(rng.integers(1, side - 1))
+        low, high = int(rng.integers(0, 2)), side - int(rng.integers(0, 2))
+        for a in range(low, high):
+            for b in range(low, high):
+                cell = [a, b]
+                cell.insert(axis, place)
+                cells.add((cell[0], cell[1], cell[2]))
+    return cells
+
+
+def _sheet(rng: np.random.Generator) -> set[Cell]:
+    """A sheet, one or two cells thick, with holes of one cell and of some."""
+    thick = int(rng.integers(1, 3))
+    a, b = (int(n) for n in rng.integers(12, 19, size=2))
+    if thick == 2:
+        a = int(rng.integers(7, 12))
+    cells = {(x, y, z) for x in range(a) for y in range(b) for z in range(thick)}
+    for _ in range(int(rng.integers(a * b // 20, a * b // 8))):
+        x, y, w, h = (int(n) for n in rng.integers([0, 0, 1, 1], [a, b, 3, 3]))
+        cells -= {(i, j, z) for i in range(x, x + w) for j in range(y, y + h) for z in range(thick)}
+    return cells
+
+
+def _mended(cells: set[Cell], rng: np.random.Generator) -> set[Cell]:
+    """The largest part, without dead ends, as many black cells as white ones."""
+    while True:
+        cells = _largest(cells)
+        ends = {c for c in cells if sum(n in cells for n in _around(c)) < 2}
+        if not cells or not ends:
+            break
+        cells -= ends
+    for _ in range(200):
+        order = sorted(cells)
+        shades = colours(np.array(order, dtype=np.int64).reshape(-1, 3)) if order else np.zeros(0)
+        excess = len(order) - 2 * int(shades.sum())
+        if abs(excess) <= 1:
+            return cells
+        more = 0 if excess > 0 else 1
+        # A cell of the rarer colour, where it is no dead end.
+        rim = sorted({n for c in cells for n in _around(c)} - cells)
+        fit = [
+            c for c in rim if sum(c) % 2 != more and sum(n in cells for n in _around(c)) >= 2
+        ] or [c for c in rim if sum(c) % 2 != more]
+        cells = cells | {fit[int(rng.integers(len(fit)))]}
+    return set()
+
+
+def _largest(cells: set[Cell]) -> set[Cell]:
+    best: set[Cell] = set()
+    left = set(cells)
+    while left:
+        part, heap = set[Cell](), [min(left)]
+        while heap:
+            cell = heap.pop()
+            if cell in left:
+                left.discard(cell)
+                part.add(cell)
+                heap += _around(cell)
+        best = max(best, part, key=len)
+    return best
+
+
+def _around(cell: Cell) -> list[Cell]:
+    return [(cell[0] + a, cell[1] + b, cell[2] + c) for a, b, c in STEPS]

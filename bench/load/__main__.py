@@ -1,0 +1,74 @@
+"""``python -m bench.load [--short] [--only NAME …]``: prints the figures, writes them as JSON."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from bench.load.disks import inside
+from bench.load.faults import FAULTS, SEED, faults, signals
+from bench.load.mutated import mutated_uploads
+from bench.load.scrubbing import scrubbing
+from bench.load.several import several
+from bench.load.strangers import strangers
+from bench.load.uploads import uploads
+from bench.load.viewers import viewers
+from bench.load.workers import workers
+from bench.machine import machine
+from bench.tables import Section, write_sections
+
+SHORT_FAULTS = ("worker killed", "server killed", "disk full")
+
+
+def _faults(short: bool, rounds: int | None, seed: int, only: list[str]) -> Section:
+    named = tuple(only) or (SHORT_FAULTS if short else tuple(FAULTS))
+    return faults(rounds or (3 if short else 120), seed=seed, only=named)
+
+
+def _several(short: bool, rounds: int | None, seed: int, only: list[str]) -> Section:
+    return several(rounds or (3 if short else 120), seed=seed, only=tuple(only))
+
+
+FAULTY = {"faults": _faults, "several": _several}
+
+
+SECTIONS: dict[str, Callable[[bool], Section]] = {
+    "scrubbing": scrubbing,
+    "strangers": strangers,
+    "uploads": uploads,
+    "mutated": mutated_uploads,
+    "viewers": viewers,
+    "workers": workers,
+}
+
+
+def main() -> int:
+    """Runs the asked-for sections, one after the other; 1 when a bar is not met."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    names = [*SECTIONS, *FAULTY]
+    parser.add_argument("--only", nargs="*", choices=names, default=names)
+    parser.add_argument("--short", action="store_true", help="as in `make test`")
+    parser.add_argument("--rounds", type=int, help="of the faults")
+    parser.add_argument("--seed", type=int, default=SEED, help="of the faults")
+    parser.add_argument("--faults", nargs="*", choices=list(FAULTS), default=[])
+    parser.add_argument("--out", type=Path, default=Path("out/load.json"))
+    arguments = parser.parse_args()
+    if FAULTY.keys() & set(arguments.only):
+        code = inside(["-m", "bench.load", *sys.argv[1:]])
+        if code is not None:
+            return code
+    signals()
+    sections = (
+        FAULTY[name](arguments.short, arguments.rounds, arguments.seed, arguments.faults)
+        if name in FAULTY
+        else SECTIONS[name](arguments.short)
+        for name in arguments.only
+    )
+    found = write_sections(sections, machine(), arguments.out)
+    return int(any(figure.met is False for section in found for figure in section.figures))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,370 @@
+"""Faults: a service is harmed at random moments, again and again, and must lose nothing.
+
+After each round and at the end it holds: a fold that was acknowledged is there and comes to its
+end; one that is verified is whole; its end, its figures and its plan never change; nothing is left
+of uploads that were broken off. The moments are drawn from a seed, which the table tells.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+import signal
+import socket
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+from urllib.parse import urlsplit
+
+import psutil
+
+from bench.load.site import ONE_MACHINE, NotReadyError, Setup, Site
+from bench.load.witness import Witness
+from bench.tables import Section
+from planner.progress import STAGES
+from tests.server.service import SNAKE
+
+OUT: Final = Path("out/load")
+PATIENCE_S: Final = 240.0
+SHAPES: Final = ("wrench-24", "wrench-24", "wrench-80", "tetra-ring", None)
+"""None is a path of 16 modules that is uploaded."""
+HOURS: Final = 3600
+SEED: Final = 7
+
+Fault = Callable[["Driver"], None]
+
+
+class Driver:
+    """Sends folds to a site, harms it, and has a witness look on."""
+
+    def __init__(self, site: Site, seed: int) -> None:
+        self.site = site
+        self.rng = random.Random(seed)
+        self.witness = Witness(lambda: site.address)
+        self.sent = 0
+        self.answers: Counter[int] = Counter()
+
+    def submit(self, count: int) -> None:
+        """Asks for folds, each of which has not been asked for before."""
+        for _ in range(count):
+            self.sent += 1
+            shape = self.rng.choice(SHAPES)
+            form = {"seed": str(self.sent)} if shape is None else self._form(shape)
+            files = None if shape else {"file": ("path.json", json.dumps(SNAKE))}
+            answer = self.site.answer("POST", "/api/folds", data=form, files=files)
+            if answer is None:
+                continue
+            self.answers[answer.status_code] += 1
+            if answer.status_code == 202:
+                self.witness.acknowledged(answer.json()["id"])
+
+    def _form(self, shape: str) -> dict[str, str]:
+        return {"shape": shape, "seed": str(self.sent)}
+
+    def moment(self) -> None:
+        """Waits for some moment: any, or one in which a fold is in a certain stage."""
+        if self.rng.random() < 0.4:
+            time.sleep(self.rng.uniform(0, 2.5))
+            return
+        stage = self.rng.choice(STAGES)
+        until = time.monotonic() + 3.0
+        while time.monotonic() < until:
+            for seen in self.witness.waiting():
+                answer = self.site.answer("GET", f"/api/folds/{seen.id}")
+                if answer is not None and answer.status_code == 200:
+                    state = answer.json()
+                    if state["status"] == "running" and state["stage"] == stage:
+                        time.sleep(self.rng.uniform(0, 0.1))
+                        return
+            time.sleep(0.01)
+
+    def one(self, kind: str) -> psutil.Process | None:
+        """Some process of a kind."""
+        found = self.site.processes(kind)
+        return self.rng.choice(found) if found else None
+
+    def settle(self) -> None:
+        """Waits until all folds are over and were looked into.
+
+        Raises:
+            AssertionError: When one does not come to its end.
+        """
+        deadline = time.monotonic() + PATIENCE_S
+        while left := self.witness.waiting():
+            assert not self.witness.problems, "\n".join(self.witness.problems)
+            stuck = ", ".join(f"{s.id} {s.statuses} after {sorted(s.faults)}" for s in left)
+            assert time.monotonic() < deadline, f"does not come to an end: {stuck}"
+            time.sleep(0.05)
+
+
+def worker_killed(driver: Driver) -> None:
+    if (worker := driver.one("worker")) is not None:
+        worker.kill()
+
+
+def server_killed(driver: Driver) -> None:
+    driver.site.kill_web()
+
+
+def everything_killed(driver: Driver) -> None:
+    driver.site.kill_everything()
+
+
+def child_killed(driver: Driver) -> None:
+    """As the machine does when it is out of memory."""
+    if (child := driver.one("stages")) is not None:
+        child.kill()
+
+
+def worker_stopped(driver: Driver) -> None:
+    """It stands still for longer than its lease, and then goes on as if nothing had been.
+
+    Alone, or with what it has started, as on a machine that is frozen.
+    """
+    worker = driver.one("worker")
+    if worker is None:
+        return
+    with suppress(psutil.Error):
+        frozen = [worker, *(worker.children() if driver.rng.random() < 0.5 else [])]
+        for process in frozen:
+            process.suspend()
+        time.sleep(driver.rng.uniform(2.5, 6.0))
+        for process in frozen:
+            process.resume()
+
+
+def upload_cut(driver: Driver) -> None:
+    """Half of a body has come; others come in at that moment, some through to the end."""
+    body = json.dumps([[x, 0, 0] for x in range(30_000)]).encode()
+    halves = [_half(driver.site.address, body) for _ in range(3)]
+    stopping = threading.Event()
+
+    def keep_sending() -> None:
+        while not stopping.is_set():
+            driver.submit(1)
+
+    sender = threading.Thread(target=keep_sending)
+    sender.start()
+    time.sleep(driver.rng.uniform(0, 0.3))
+    driver.site.kill_web()
+    stopping.set()
+    sender.join()
+    for half in halves:
+        half.close()
+
+
+def _half(address: str, body: bytes) -> socket.socket:
+    at = urlsplit(address)
+    assert at.hostname is not None
+    upload = socket.create_connection((at.hostname, at.port or 80), timeout=10)
+    head = (
+        b'--cut\r\nContent-Disposition: form-data; name="file"; filename="long.json"\r\n\r\n' + body
+    )
+    upload.sendall(
+        f"POST /api/folds HTTP/1.1\r\nHost: {at.netloc}\r\nContent-Length: {len(head) + 11}\r\n"
+        "Content-Type: multipart/form-data; boundary=cut\r\n\r\n".encode()
+        + head[: len(head) // 2]
+    )
+    return upload
+
+
+def restarted(driver: Driver) -> None:
+    """In good order."""
+    driver.site.end()
+
+
+def disk_full(driver: Driver) -> None:
+    driver.site.disk.fill()
+    _broken_storage(driver, "the disk was full")
+    driver.site.disk.free()
+    _mended(driver)
+
+
+def disk_failed(driver: Driver) -> None:
+    """Read-only from one moment to the next; then all is started anew on the repaired disk."""
+    if not driver.site.disk.real:
+        driver.site.kill_everything()
+    driver.site.disk.fail()
+    _broken_storage(driver, "the disk was read-only")
+    driver.witness.condition = "the disk was read-only"
+    driver.site.kill_everything()
+    driver.site.disk.come_back()
+    _mended(driver)
+
+
+def _broken_storage(driver: Driver, condition: str) -> None:
+    driver.witness.condition = condition
+    driver.submit(1)
+    time.sleep(driver.rng.uniform(0.5, 2.5))
+    driver.submit(1)
+
+
+def _mended(driver: Driver) -> None:
+    time.sleep(1.0)  # what was asked meanwhile is answered
+    driver.witness.condition = ""
+
+
+def clock_jumped(driver: Driver) -> None:
+    driver.site.clock.set(driver.rng.randint(-9, 9) * HOURS + driver.rng.randint(-1800, 1800))
+
+
+def _outage(driver: Driver, name: str) -> None:
+    """Something that all machines need does not answer for a while."""
+    driver.witness.condition = f"during {name}"
+    with driver.site.setup.outages[name]():
+        _broken_storage(driver, f"during {name}")
+    _mended(driver)
+
+
+FAULTS: Final[Mapping[str, Fault]] = {
+    "worker killed": worker_killed,
+    "server killed": server_killed,
+    "everything killed": everything_killed,
+    "child killed": child_killed,
+    "worker stopped": worker_stopped,
+    "upload cut": upload_cut,
+    "restarted": restarted,
+    "disk full": disk_full,
+    "disk failed": disk_failed,
+    "clock jumped": clock_jumped,
+}
+WORDS: Final[Mapping[str, frozenset[str]]] = {
+    "child killed": frozenset({"crashed"}),
+    "disk full": frozenset({"disk-full"}),
+    "disk failed": frozenset({"disk-full", "disk-failed"}),
+}
+"""The words that a fold may fail with after a fault; after all others it has to succeed."""
+
+
+def faults(
+    rounds: int = 120,
+    *,
+    seed: int = SEED,
+    setup: Setup = ONE_MACHINE,
+    only: tuple[str, ...] = tuple(FAULTS),
+) -> Section:
+    """Harms a service in so many rounds.
+
+    Args:
+        rounds: How many; one fault each.
+        seed: Of all that is random.
+        setup: How the service is laid out.
+        only: Names of faults; all are drawn equally often.
+    """
+    section = Section(name=f"faults, {setup.name}")
+    place = (OUT / f"faults-{time.strftime('%H%M%S')}-{seed}").absolute()
+    site = Site(place, setup)
+    driver = Driver(site, seed)
+    happened: Counter[str] = Counter()
+    harmed: Counter[str] = Counter()
+    broken: str | None = None
+    begun = time.monotonic()
+    try:
+        site.up()
+        names: list[str] = []
+        for number in range(rounds):
+            if not names:
+                names = list(only)
+                driver.rng.shuffle(names)
+            name = names.pop()
+            _round(driver, name, happened, harmed)
+            # A third of the faults hit while the service still recovers from the one before.
+            if driver.rng.random() < 0.67 or number == rounds - 1:
+                driver.settle()
+                assert site.left_uploads() == [], f"left of uploads: {site.left_uploads()}"
+            print(f"round {number + 1} of {rounds}: {name}, {time.monotonic() - begun:.0f} s")
+            assert not driver.witness.problems, "\n".join(driver.witness.problems)
+        driver.settle()
+        driver.submit(1)
+        driver.settle()
+        driver.witness.close()
+        driver.witness.look_again()
+        site.end()
+        assert not site.processes(), f"goes on after the end: {site.processes()}"
+    except (AssertionError, NotReadyError) as error:
+        broken = str(error)
+    except KeyboardInterrupt:
+        broken = "stopped before its end"
+    finally:
+        if driver.witness._thread.is_alive():
+            driver.witness.close()
+        orphans = _orphans(site, driver)
+        site.close()
+    _tell(section, driver, happened, harmed, broken, rounds, seed, place, orphans)
+    if not broken:
+        shutil.rmtree(place)
+    return section
+
+
+def _round(driver: Driver, name: str, happened: Counter[str], harmed: Counter[str]) -> None:
+    driver.submit(driver.rng.randint(1, 2))
+    driver.moment()
+    before = len(driver.witness.waiting())
+    driver.witness.happens(name)
+    if name in FAULTS:
+        FAULTS[name](driver)
+    else:
+        _outage(driver, name)
+    driver.witness.happens(name)  # to those, too, that came in meanwhile
+    happened[name] += 1
+    harmed[name] += before
+    driver.site.up()
+
+
+def _orphans(site: Site, driver: Driver) -> int:
+    """Directories of folds that nobody was told of."""
+    folder = site.data_dir / "folds"
+    there = {path.name for path in folder.iterdir()} if folder.exists() else set[str]()
+    return len(there - set(driver.witness.folds))
+
+
+def _tell(
+    section: Section,
+    driver: Driver,
+    happened: Counter[str],
+    harmed: Counter[str],
+    broken: str | None,
+    rounds: int,
+    seed: int,
+    place: Path,
+    orphans: int,
+) -> None:
+    witness = driver.witness
+    folds = list(witness.folds.values())
+    ends: Counter[str] = Counter()
+    unclear: list[str] = []
+    for seen in folds:
+        end = seen.end or {"status": "not over", "error": None}
+        word = (end["error"] or {}).get("code")
+        ends[f"{end['status']}{f', {word}' if word else ''}"] += 1
+        allowed = frozenset().union(*(WORDS.get(fault, frozenset()) for fault in seen.faults))
+        if end["status"] != "verified" and word not in allowed:
+            unclear.append(f"{seen.id}: {end} after {sorted(seen.faults)}")
+    for name in sorted(happened):
+        section.rows.append(
+            {"fault": name, "times": happened[name], "folds under way": harmed[name]}
+        )
+    lost = [problem for problem in witness.problems if "is lost" in problem]
+    twice = [p for p in witness.problems if "twice" in p or "goes on" in p or "changed" in p]
+    other = [p for p in witness.problems if p not in lost and p not in twice]
+    section.add("faults", f"{sum(happened.values())}, seed {seed}", f"≥ {rounds}", not broken)
+    section.add("folds acknowledged", f"{len(folds)}; {dict(ends)}")
+    section.add("lost", str(len(lost)), "0", not lost)
+    section.add("half-shown", str(len(other)), "0", not other)
+    section.add("done twice", str(len(twice)), "0", not twice)
+    section.add("failed without a word that fits", str(len(unclear)), "0", not unclear)
+    section.add("looks at folds", f"{witness.looks}; failed: {dict(witness.errors)}")
+    section.add("answers to uploads", f"{dict(sorted(driver.answers.items()))}")
+    section.add("directories that no visitor was told of", str(orphans))
+    for text in [*([broken] if broken else []), *witness.problems, *unclear]:
+        section.add("what went wrong", f"{text} (see {place})", "", False)
+
+
+def signals() -> None:
+    """Ends as by a key press when told to end, so that the disk is taken away."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)

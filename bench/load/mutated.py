@@ -1,0 +1,139 @@
+"""Mutated: thousands of broken files are sent as strangers would, to previews and to folds."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import time
+from collections import Counter
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+import httpx
+import psutil
+
+from bench.load.loopback import serving
+from bench.load.mutations import Upload, made, valid
+from bench.tables import Section
+from tests.server.service import Service
+
+OUT: Final = Path("out/load/mutated")
+AT_ONCE: Final = 4
+HANG_S: Final = 60.0
+MOST_MB: Final = 50.0
+FORMS: Final[tuple[dict[str, str], ...]] = (
+    *({}, {}, {}, {"modules": "40"}, {"module": "tetrahedron"}, {"method": "blocks"}),
+    *({"method": "exact", "modules": "24"}, {"as_voxels": "true"}, {"repair": "true"}),
+    *({"start": "0,0,0"}, {"modules": "999999999"}, {"seed": "-1"}, {"module_size": "nan"}),
+)
+
+
+def mutated_uploads(short: bool = False, *, first: int = 0) -> Section:
+    """Answers to the uploads of so many seeds, and the memory of who has read them."""
+    section = Section(name="mutated")
+    count = 150 if short else 10_000
+    answers: Counter[str] = Counter()
+    wrong: list[str] = []
+    with serving(
+        workers=0, largest_queue=10**6, largest_queue_of_visitor=10**6, previews_bytes=64 * 2**20
+    ) as service:
+        sender = _Sender(str(service.http.base_url), answers, wrong)
+        warm = count // 3 if short else 1000
+        begun = time.monotonic()
+        asyncio.run(sender.send(range(first, first + warm)))
+        before = _resident_mb(service)
+        asyncio.run(sender.send(range(first + warm, first + count)))
+        took_s = time.monotonic() - begun
+        after = _resident_mb(service)
+        alive = service.http.get("/health").status_code == 200
+        log = service.log.read_text()
+    for name, mb in before.items():
+        section.rows.append({"process": name, "before, MB": mb, "after, MB": after.get(name, 0.0)})
+    section.add(
+        f"{count} mutated uploads from seed {first} on, in {took_s:.0f} s",
+        json.dumps(dict(sorted(answers.items()))),
+    )
+    bad = [text for text in wrong if " answered 5" in text]
+    hung = [text for text in wrong if text not in bad]
+    section.add("answers of 500 and above", str(len(bad)), "0", not bad)
+    section.add("no answer", str(len(hung)), "0", not hung)
+    section.add("alive at the end", str(alive), "True", alive)
+    tracebacks = log.count("Traceback")
+    section.add("tracebacks in the log", str(tracebacks), "0", tracebacks == 0)
+    grown = max(after.get(name, 0.0) - mb for name, mb in before.items())
+    section.add(
+        f"memory after {count}, against that after {warm}",
+        f"{grown:+.0f} MB",
+        f"≤ {MOST_MB:.0f} MB",
+        grown <= MOST_MB,
+    )
+    for text in wrong[:20]:
+        section.add("what went wrong", text, "", False)
+    if tracebacks:
+        OUT.mkdir(parents=True, exist_ok=True)
+        (OUT / "service.log").write_text(log)
+    return section
+
+
+class _Sender:
+    def __init__(self, address: str, answers: Counter[str], wrong: list[str]) -> None:
+        self._address = address
+        self._answers = answers
+        self._wrong = wrong
+        self._files = valid()
+
+    async def send(self, seeds: range) -> None:
+        """A few at once."""
+        left = iter(seeds)
+
+        async def go_on() -> None:
+            for seed in left:
+                await self._one(http, seed)
+
+        async with httpx.AsyncClient(base_url=self._address, timeout=HANG_S) as http:
+            await asyncio.gather(*(go_on() for _ in range(AT_ONCE)))
+
+    async def _one(self, http: httpx.AsyncClient, seed: int) -> None:
+        upload = made(seed, self._files)
+        rng = random.Random(-seed)
+        route = "/api/folds" if rng.random() < 0.5 else "/api/shapes/preview"
+        form = rng.choice(FORMS)
+        try:
+            answer = await http.post(
+                route,
+                data=form,
+                files={"file": (upload.filename, upload.data, upload.media_type)},
+            )
+        except httpx.HTTPError as error:
+            self._keep(seed, upload, f"{route} {form}: no answer, {type(error).__name__}")
+            return
+        code = _code(answer)
+        self._answers[f"{answer.status_code} {code}".strip()] += 1
+        if answer.status_code >= 500:
+            self._keep(seed, upload, f"{route} {form} answered {answer.status_code} {code}")
+
+    def _keep(self, seed: int, upload: Upload, what: str) -> None:
+        OUT.mkdir(parents=True, exist_ok=True)
+        (OUT / f"{seed}.bin").write_bytes(upload.data)
+        (OUT / f"{seed}.txt").write_text(f"{what}\n{upload.filename!r} {upload.media_type!r}\n")
+        self._wrong.append(f"seed {seed}: {upload.filename!r} to {what}")
+
+
+def _code(answer: httpx.Response) -> str:
+    with suppress(ValueError, KeyError, TypeError):
+        body: Any = answer.json()
+        return str(body["code"])
+    return ""
+
+
+def _resident_mb(service: Service) -> dict[str, float]:
+    """Of the web process and of the children that read."""
+    assert service.process is not None
+    found = {"web": psutil.Process(service.process.pid).memory_info().rss / 1e6}
+    for kind in ("reader", "preparer"):
+        for child in service.children():
+            if kind in child.cmdline():
+                found[kind] = child.memory_info().rss / 1e6
+    return found

@@ -1,0 +1,109 @@
+"""Scrubbing: many visitors on one finished fold, some on others, while two more are computed."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from typing import Any
+
+import psutil
+
+from bench.load.loopback import serving
+from bench.load.visitors import Visits, percentile_ms
+from bench.tables import Section
+from tests.server.service import SNAKE, Service
+
+SHAPE = "wrench-160"
+PAGE_MS = 100
+SCRUB_MS = 150
+
+
+def scrubbing(short: bool = False) -> Section:
+    """Figures of pages, API and scrubs; in short, with fewer visitors for a few seconds."""
+    section = Section(name="scrubbing")
+    together, apart, seconds = (15, 3, 2.0) if short else (100, 20, 45.0)
+    with serving(
+        workers=1 if short else 2, niceness=19, largest_queue_of_visitor=apart + 5
+    ) as service:
+        main = service.fold(shape="wrench-24" if short else SHAPE)["id"]
+        count = 2 if short else apart
+        others = [service.fold(SNAKE, seed=str(k))["id"] for k in range(count)]
+        for fold in (main, *others):
+            assert service.wait_over(fold)["status"] == "verified"
+        for name, computing in (("nothing", 0), ("two folds", 2)):
+            if short and not computing:
+                continue
+            stopping = threading.Event()
+            threads = [
+                threading.Thread(target=_compute, args=(service, k, stopping))
+                for k in range(computing)
+            ]
+            for thread in threads:
+                thread.start()
+            web = _cpu_s(service)
+            visits = Visits(
+                address=str(service.http.base_url),
+                folds=[main] * together + [others[k % count] for k in range(apart)],
+                seconds=seconds,
+                streams=together,
+            )
+            found = visits.run()
+            web = _cpu_s(service) - web
+            stopping.set()
+            for thread in threads:
+                thread.join()
+            what = f"{together} + {apart} visitors, {name} computed"
+            _tell(section, what, found, web, judged=not short)
+    return section
+
+
+def _tell(
+    section: Section, where: str, found: dict[str, Any], web_cpu_s: float, *, judged: bool
+) -> None:
+    for when in ("arriving", "times"):
+        for kind, values in sorted(found[f"{when}_s"].items()):
+            section.rows.append(
+                {
+                    "what": where,
+                    "kind": f"{kind}, as all come within 3 s" if when == "arriving" else kind,
+                    "requests": len(values),
+                    "p50, ms": percentile_ms(values, 50),
+                    "p95, ms": percentile_ms(values, 95),
+                    "p99, ms": percentile_ms(values, 99),
+                    "most, ms": percentile_ms(values, 100),
+                }
+            )
+    times = found["times_s"]
+    pages = percentile_ms(times.get("page", []) + times.get("API", []), 95)
+    scrubs = percentile_ms(times.get("scrub", []) + times.get("batch", []), 95)
+    for name, measured, bar in (("page and API", pages, PAGE_MS), ("scrub", scrubs, SCRUB_MS)):
+        met = measured < bar if judged else None
+        section.add(f"{name} p95, {where}", f"{measured:.0f} ms", f"< {bar} ms", met)
+    section.add(f"errors, {where}", json.dumps(found["errors"]), "none", not found["errors"])
+    section.add(
+        f"cores, {where}",
+        f"web {web_cpu_s / found['wall_s']:.2f}, the visitors themselves "
+        f"{found['cpu_s'] / found['wall_s']:.2f}",
+    )
+
+
+def _cpu_s(service: Service) -> float:
+    assert service.process is not None
+    times = psutil.Process(service.process.pid).cpu_times()
+    return times.user + times.system
+
+
+def _compute(service: Service, number: int, stopping: threading.Event) -> None:
+    """Has a fold computed all the time, until told to stop."""
+    seed = 1000 * (number + 1)
+    while not stopping.is_set():
+        seed += 1
+        fold = service.fold(shape=SHAPE, seed=str(seed))
+        while not stopping.is_set():
+            if service.state(fold["id"])["status"] in ("verified", "failed", "cancelled"):
+                break
+            time.sleep(0.5)
+        else:
+            token = {"Authorization": f"Bearer {fold['owner_token']}"}
+            service.http.post(f"/api/folds/{fold['id']}/cancel", headers=token)

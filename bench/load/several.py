@@ -1,0 +1,40 @@
+"""Several machines: the faults with a real PostgreSQL, a real S3 server and two workers apart."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+
+from bench.load.faults import FAULTS, faults
+from bench.load.site import Setup
+from bench.tables import Section
+from tests.server.bucket import Bucket
+from tests.server.postgres import Postgres
+
+
+def several(rounds: int, *, seed: int, only: tuple[str, ...] = ()) -> Section:
+    """Harms a service on several machines, and what they share, in so many rounds."""
+    postgres, bucket = Postgres().start(), Bucket().start()
+
+    @contextmanager
+    def without_database() -> Generator[None]:
+        postgres.kill()
+        try:
+            yield
+        finally:
+            postgres.start()
+
+    setup = Setup(
+        name="several machines",
+        settings={"database_url": postgres.database(), "storage_url": bucket.bucket()},
+        environment=bucket.environment,
+        supervised=0,
+        hosts=2,
+        apart=True,
+        outages={"database killed": without_database, "storage silent": bucket.silent},
+    )
+    try:
+        return faults(rounds, seed=seed, setup=setup, only=only or (*FAULTS, *setup.outages))
+    finally:
+        bucket.stop()
+        postgres.remove()

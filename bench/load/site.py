@@ -1,0 +1,208 @@
+"""Site: a whole service under test, on a disk and with a clock of its own."""
+
+from __future__ import annotations
+
+import secrets
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import httpx
+import psutil
+
+from bench.load.clocks import Clock
+from bench.load.disks import MIB, Disk
+from bench.load.loopback import checked
+from tests.server.service import Service
+
+MARK: Final = "FOLDBACK_LOAD_SITE"
+PATIENCE_S: Final = 180.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """How a service is laid out.
+
+    Attributes:
+        name: In tables.
+        settings: Of all its processes, without ``FOLDBACK_``; a database or a storage elsewhere
+            is told here.
+        environment: Further variables of all its processes.
+        supervised: Workers that `serve` looks after; they end when it does.
+        hosts: Workers that are started by themselves, and again when they have ended.
+        apart: Whether those have data directories of their own, as on other machines.
+        outages: For how long something that it needs is away, by name.
+    """
+
+    name: str = "one machine"
+    settings: Mapping[str, object] = field(default_factory=dict)
+    environment: Mapping[str, str] = field(default_factory=dict)
+    supervised: int = 1
+    hosts: int = 1
+    apart: bool = False
+    outages: Mapping[str, Callable[[], AbstractContextManager[None]]] = field(default_factory=dict)
+
+
+ONE_MACHINE: Final = Setup()
+
+
+class NotReadyError(RuntimeError):
+    """The service did not come back in time."""
+
+
+class Site:
+    """Starts, harms and restarts a service. Nothing of it is left when it is closed."""
+
+    def __init__(self, place: Path, setup: Setup) -> None:
+        self.place = place
+        self.setup = setup
+        place.mkdir(parents=True, exist_ok=True)
+        self.disk = Disk(place)
+        self.clock = Clock(place)
+        self._mark = secrets.token_hex(8)
+        self._settings: dict[str, object] = {
+            "lease_s": 2,
+            "min_free_disk_bytes": 4 * MIB,
+            "largest_queue": 1000,
+            "largest_queue_of_visitor": 1000,
+            **setup.settings,
+        }
+        self.web = self._service("web", workers=setup.supervised)
+        self._hosts: list[subprocess.Popen[bytes] | None] = [None] * setup.hosts
+
+    @property
+    def data_dir(self) -> Path:
+        """Of the web process."""
+        return self.web.data_dir
+
+    @property
+    def address(self) -> str:
+        """Where it listens; empty while it does not."""
+        return str(self.web.http.base_url)
+
+    def _service(self, name: str, **settings: object) -> Service:
+        service = Service(self.disk.path / name, **{"prewarm": True, **self._settings, **settings})
+        service.log = self.place / f"{name}.log"
+        service.environment.update(
+            {**self.clock.environment, **self.setup.environment, MARK: self._mark}
+        )
+        return service
+
+    def up(self) -> None:
+        """Starts whatever is not running, and waits until it takes folds.
+
+        Raises:
+            NotReadyError: When it does not, in time.
+        """
+        if self.web.process is None or self.web.process.poll() is not None:
+            self.web.start()
+            checked(self.address)
+        for k, host in enumerate(self._hosts):
+            if host is None or host.poll() is not None:
+                self._hosts[k] = self._start_host(k)
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            with suppress(httpx.TransportError):
+                answer = self.web.http.get("/ready")
+                if answer.status_code == 200:
+                    return
+                if time.monotonic() > deadline:
+                    raise NotReadyError(f"{answer.text}; see {self.place}")
+            if time.monotonic() > deadline:
+                raise NotReadyError(f"it does not answer; see {self.place}")
+            time.sleep(0.05)
+
+    def _start_host(self, k: int) -> subprocess.Popen[bytes]:
+        service = self._service(f"host-{k}" if self.setup.apart else "web")
+        with open(self.place / f"host-{k}.log", "a") as log:
+            return subprocess.Popen(
+                [sys.executable, "-P", "-m", "server.cli.command_line", "worker"],
+                env=service.environment,
+                stderr=log,
+            )
+
+    def processes(self, *kinds: str) -> list[psutil.Process]:
+        """Its processes; kinds are ``web``, ``worker``, ``stages``, ``reader``, ``preparer``."""
+        found: list[psutil.Process] = []
+        for process in psutil.process_iter():
+            with suppress(psutil.Error):
+                if process.status() == psutil.STATUS_ZOMBIE:
+                    continue
+                if process.environ().get(MARK) != self._mark:
+                    continue
+                if not kinds or _kind(process.cmdline()) in kinds:
+                    found.append(process)
+        return found
+
+    def kill_web(self) -> None:
+        """The web process alone; what it started has to notice by itself."""
+        assert self.web.process is not None
+        self.web.process.kill()
+        self.web.process.wait()
+        self.web.http.close()
+
+    def kill_everything(self) -> None:
+        """All at once, as a power cut would."""
+        theirs = self.processes()
+        for process in theirs:
+            with suppress(psutil.Error):
+                process.send_signal(signal.SIGKILL)
+        for popen in (self.web.process, *self._hosts):
+            if popen is not None:
+                popen.wait()
+        self.web.http.close()
+        deadline = time.monotonic() + PATIENCE_S
+        while self.processes():
+            assert time.monotonic() < deadline, "a killed process is still there"
+            time.sleep(0.02)
+
+    def end(self) -> None:
+        """All in good order."""
+        for host in self._hosts:
+            if host is not None and host.poll() is None:
+                host.terminate()
+        if self.web.process is not None and self.web.process.poll() is None:
+            code = self.web.stop()
+            assert code == 0, f"the server ended with exit code {code}"
+        for host in self._hosts:
+            if host is not None:
+                host.wait(PATIENCE_S)
+
+    def close(self) -> None:
+        """Ends it, and takes its disk away."""
+        for process in self.processes("worker"):
+            with suppress(psutil.Error):
+                process.send_signal(signal.SIGCONT)
+        self.kill_everything()
+        self.disk.close()
+        shutil.rmtree(self.disk.path, ignore_errors=True)
+
+    def left_uploads(self) -> list[str]:
+        """Names of what lies under its uploads, but for the lock of the process that lives."""
+        folder = self.data_dir / "uploads"
+        return sorted(
+            path.relative_to(folder).as_posix()
+            for path in folder.rglob("*")
+            if path.is_file() and path.name != "lock"
+        )
+
+    def answer(self, method: str, path: str, **more: Any) -> httpx.Response | None:
+        """What it answers; None when it is not there."""
+        with suppress(httpx.TransportError, RuntimeError):
+            return self.web.http.request(method, path, **more)
+        return None
+
+
+def _kind(command: list[str]) -> str:
+    if "server.jobs.worker" in command or command[-1:] == ["worker"]:
+        return "worker"
+    if command and command[0].startswith("foldback "):
+        return command[0].removeprefix("foldback ")
+    return "web" if "serve" in command else ""

@@ -1,0 +1,171 @@
+"""Strangers: what a few of them can take from everybody else, by robots and by first views."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from typing import Final
+
+import httpx
+import numpy as np
+import psutil
+from websockets.exceptions import WebSocketException
+from websockets.sync.client import connect
+
+from bench.load.loopback import serving
+from bench.load.visitors import percentile_ms
+from bench.tables import Section
+from tests.planner.peels import snake
+from tests.server.service import SNAKE, Service
+
+PAGE_MS: Final = 200
+GROWTH_MB: Final = 300
+ADDRESSES, SOCKETS = 3, 8
+PLAN_MB: Final = 96
+"""Of a plan.json, as a simulated fold of 1000 modules once had."""
+LOOK_EVERY_S: Final = 0.05
+RETRY_S: Final = 0.2
+
+
+def strangers(short: bool = False) -> Section:
+    """How long others wait meanwhile, and how large the web process gets."""
+    section = Section(name="strangers")
+    side, seconds = (5, 3.0) if short else (10, 20.0)
+    with serving(largest_queue_of_visitor=32) as service:
+        cells = np.rint(snake((side, side, side)).folded_poses.positions).astype(int)
+        box = service.fold(cells.tolist())["id"]
+        small = [service.fold(SNAKE, seed=str(k))["id"] for k in range(4)]
+        for fold in (box, *small):
+            assert service.wait_over(fold)["status"] == "verified"
+        witness = _Witness(service, small[0])
+        what = f"{ADDRESSES} addresses with {SOCKETS} robots each on {side**3} modules"
+        with witness.looking(section, "nobody else", judged=False):
+            time.sleep(seconds / 4)
+        with witness.looking(section, what, judged=not short):
+            led = _drive(service, box, seconds)
+        section.add("robots that were led, in turns", f"{led} of {ADDRESSES * SOCKETS}")
+        padding = ",".join(["0.12345678"] * (2**10 if short else PLAN_MB * 10**6 // 11))
+        for fold in small:
+            path = service.directory(fold) / "plan.json"
+            whole = path.read_text()
+            path.write_text(f'{whole[:-1]},"padding":[{padding}]}}')
+        what = f"four first views of folds with a plan.json of {PLAN_MB} MB"
+        with witness.looking(section, what, judged=not short):
+            _view(service, small)
+            time.sleep(seconds / 4)
+    return section
+
+
+class _Witness:
+    """Asks for the health and a page all the time, from an address of its own."""
+
+    def __init__(self, service: Service, fold: str) -> None:
+        self._address = str(service.http.base_url)
+        assert service.process is not None
+        self._process = psutil.Process(service.process.pid)
+        self._paths = {"health": "/health", "page": f"/folds/{fold}"}
+
+    @contextmanager
+    def looking(self, section: Section, what: str, *, judged: bool) -> Generator[None]:
+        """Adds to a section how it was for others while the context lasted."""
+        over = threading.Event()
+        times: dict[str, list[float]] = {name: [] for name in self._paths}
+        before = self._mb()
+        sizes = [before]
+
+        def ask(name: str) -> None:
+            headers = {"X-Forwarded-For": "10.9.0.1"}
+            with httpx.Client(base_url=self._address, headers=headers, timeout=60.0) as http:
+                while not over.wait(LOOK_EVERY_S):
+                    begun = time.perf_counter()
+                    http.get(self._paths[name]).raise_for_status()
+                    times[name].append(time.perf_counter() - begun)
+                    sizes.append(self._mb())
+
+        threads = [threading.Thread(target=ask, args=(name,)) for name in self._paths]
+        for thread in threads:
+            thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            for thread in threads:
+                thread.join()
+        growth = sizes[-1] - before
+        for name, values in times.items():
+            section.rows.append(
+                {
+                    "what": what,
+                    "kind": name,
+                    "requests": len(values),
+                    "p50, ms": percentile_ms(values, 50),
+                    "p95, ms": percentile_ms(values, 95),
+                    "most, ms": percentile_ms(values, 100),
+                    "before, MB": before,
+                    "most, MB": max(sizes),
+                    "then, MB": sizes[-1],
+                }
+            )
+        page = percentile_ms(times["page"], 95)
+        section.add(
+            f"page p95, {what}",
+            f"{page:.0f} ms",
+            f"< {PAGE_MS} ms",
+            page < PAGE_MS if judged else None,
+        )
+        section.add(
+            f"memory, {what}",
+            f"{growth:+.0f} MB, at most {max(sizes) - before:+.0f} MB",
+            f"≤ {GROWTH_MB} MB",
+            max(sizes) - before <= GROWTH_MB if judged else None,
+        )
+
+    def _mb(self) -> float:
+        return self._process.memory_info().rss / 1e6
+
+
+def _drive(service: Service, fold: str, seconds: float) -> int:
+    """Robots that ask for bounds of their own and follow what they are told; how many were led."""
+    base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
+    over = threading.Event()
+    led: set[int] = set()
+
+    def drive(number: int) -> None:
+        address = f"{base}/api/folds/{fold}/play?max_speed={1 + number / 100}&rate_hz=100"
+        headers = {"X-Forwarded-For": f"10.8.0.{number // SOCKETS + 1}"}
+        while not over.is_set():
+            with (
+                suppress(WebSocketException, OSError),
+                connect(address, additional_headers=headers, max_size=None) as robot,
+            ):
+                while not over.is_set():
+                    with suppress(TimeoutError):
+                        if '"target"' in str(robot.recv(timeout=RETRY_S))[:100]:
+                            led.add(number)
+                        robot.send('{"do": "report", "error_rad": 0}')
+            over.wait(RETRY_S)
+
+    threads = [threading.Thread(target=drive, args=(k,)) for k in range(ADDRESSES * SOCKETS)]
+    for thread in threads:
+        thread.start()
+    time.sleep(seconds)
+    over.set()
+    for thread in threads:
+        thread.join()
+    return len(led)
+
+
+def _view(service: Service, folds: list[str]) -> None:
+    """All of them at once, each for the first time."""
+
+    def view(fold: str, number: int) -> None:
+        headers = {"X-Forwarded-For": f"10.7.0.{number}"}
+        httpx.get(str(service.http.base_url.join(f"/folds/{fold}")), headers=headers, timeout=60.0)
+
+    threads = [threading.Thread(target=view, args=(fold, k)) for k, fold in enumerate(folds, 1)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()

@@ -1,0 +1,75 @@
+"""Workers: the same folds by one worker and by two."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+
+import psutil
+
+from bench.load.loopback import serving
+from bench.tables import Section
+from tests.server.service import SNAKE, Service
+
+TIMES = 1.8
+
+
+def workers(short: bool = False) -> Section:
+    """Wall time and processor time of some folds."""
+    section = Section(name="workers")
+    count = 2 if short else 20
+    found = {number: _folds(number, count, short) for number in (1, 2)}
+    for number, (wall_s, cpu_s) in found.items():
+        section.rows.append(
+            {
+                "workers": number,
+                "folds": count,
+                "wall, s": wall_s,
+                "cores in use": cpu_s / wall_s,
+                "processor a fold, s": cpu_s / count,
+            }
+        )
+    faster = found[1][0] / found[2][0]
+    busy = found[2][1] / found[2][0] / (os.cpu_count() or 1)
+    section.add(
+        f"{count} folds, two workers against one",
+        f"{faster:.2f} ×, with {busy:.0%} of the cores in use",
+        f"≥ {TIMES} ×, or no core left",
+        None if short else faster >= TIMES or busy > 0.9,
+    )
+    return section
+
+
+def _folds(number: int, count: int, short: bool) -> tuple[float, float]:
+    """Wall and processor seconds from the first fold's upload to the last one's end."""
+    with serving(workers=number, largest_queue_of_visitor=count) as service:
+        service.wait_workers(number)
+        for k in range(number):  # everybody's first child is ready
+            service.fold(SNAKE, seed=str(10_000 + k))
+        _wait(service)
+        begun, cpu_s = time.monotonic(), _busy_s()
+        for k in range(count):
+            form = {"seed": str(k + 1)}
+            if short:
+                service.fold(SNAKE, **form)
+            else:
+                service.fold(shape="wrench-160", **form)
+        _wait(service)
+        return time.monotonic() - begun, _busy_s() - cpu_s
+
+
+def _wait(service: Service) -> None:
+    """Until nothing waits and nothing runs."""
+    folder = service.data_dir / "folds"
+    ids = [path.name for path in folder.iterdir()]
+    for fold in ids:
+        while (state := service.state(fold))["status"] in ("queued", "running"):
+            time.sleep(0.1)
+        assert state["status"] == "verified", json.dumps(state)
+
+
+def _busy_s() -> float:
+    """Seconds that all cores of this machine have worked."""
+    times = psutil.cpu_times()
+    return times.user + times.system + times.nice

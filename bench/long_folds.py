@@ -1,0 +1,108 @@
+"""Long folds in the page: ten thousand modules opened and played."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from playwright.sync_api import Browser, sync_playwright
+
+from bench.command import playing
+from bench.page import PLAY
+from bench.tables import Section
+from tests.browser.conftest import FLAGS, bytes_fetched
+from tests.planner import peels
+from tests.tools import CHROMIUM
+from tests.web.long_folds import fold, write
+
+SIDES = (20, 20, 25)
+WINDOW_HINGES = 140
+"""As peeled boxes of a thousand modules have on average."""
+STEP = 2.36
+WINDOWS = ((1280, 720), (390, 844))
+PLAYED_S = 8.0
+COMPUTED = 400
+REACHED = "() => window.foldback?.player.shown?.exact && window.foldback.timeline.complete"
+COMPUTE = """(count) => {
+  const { player, timeline } = window.foldback;
+  const first = Math.round(timeline.last * 0.1);
+  timeline.snapshot(first);
+  const begun = performance.now();
+  for (let k = 0; k < count; k++) {
+    player.shown = timeline.peek(first + 0.7 * k);
+    player.aim();
+    const colours = player.colours();
+    player.stage.modules(player.shown, colours);
+    player.sketch.numbers(player.shown, colours, player.rig.eye, null);
+  }
+  return (1000 * count) / (performance.now() - begun);
+}"""
+"""Poses, camera, colours and messages of frames that are here, without anybody who draws them."""
+HEAP = "() => { gc(); return performance.memory.usedJSHeapSize; }"
+
+
+def long_folds(reference_seconds: float) -> Section:
+    """Opens and plays a fold of ten thousand modules in Chromium with software GL."""
+    del reference_seconds
+    section = Section(name="long-folds")
+    chain = peels.snake(SIDES)
+    windows = fold(chain, width=WINDOW_HINGES, step=STEP)
+    chromium = CHROMIUM.get()
+    flags = [*FLAGS, "--enable-precise-memory-info", "--js-flags=--expose-gc"]
+    what = f"{len(chain)} modules, {len(windows)} frames"
+    with (
+        tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder,
+        sync_playwright() as playwright,
+    ):
+        write(Path(folder) / "timeline.zarr", chain, windows)
+        with playing(Path(folder)) as address:
+            for size in WINDOWS:
+                browser = playwright.chromium.launch(executable_path=chromium, args=flags)
+                row = _played(browser, address, size)
+                browser.close()
+                section.rows.append({"window": "×".join(map(str, size)), **row})
+    small = section.rows[-1]
+    section.add(
+        f"{what}: poses, camera, colours and messages, frames a second",
+        f"{small['computed a second']:.0f}",
+        "≥ 20",
+        small["computed a second"] >= 20,
+    )
+    for row in section.rows:
+        section.add(
+            f"{what}: played in a window of {row['window']}, software GL, pictures a second",
+            f"{row['pictures a second']:.1f}",
+            "≥ 20",
+            row["pictures a second"] >= 20,
+        )
+    section.add(
+        f"{what}: fetched to open it", f"{small['opened, kB']:.0f} kB", "≤ 1 MB",
+        small["opened, kB"] <= 1000,
+    )  # fmt: skip
+    section.add(f"{what}: memory of the page's scripts", f"{small['heap, MB']:.0f} MB")
+    return section
+
+
+def _played(browser: Browser, address: str, size: tuple[int, int]) -> dict[str, float]:
+    context = browser.new_context(
+        viewport={"width": size[0], "height": size[1]}, reduced_motion="reduce"
+    )
+    page = context.new_page()
+    fetched = bytes_fetched(page)
+    page.goto(address)
+    page.wait_for_function(REACHED, timeout=90_000)
+    opened = sum(fetched) / 1e3
+    page.locator("#sketch.gone").wait_for(state="attached", timeout=120_000)
+    page.wait_for_timeout(5000)
+    page.evaluate("() => window.foldback.player.send({ do: 'seek', percent: 10 })")
+    page.wait_for_function(REACHED, timeout=90_000)
+    page.wait_for_timeout(2000)
+    _, pictures = page.evaluate(PLAY, PLAYED_S)
+    heap = page.evaluate(HEAP) / 1e6
+    computed = page.evaluate(COMPUTE, COMPUTED)
+    return {
+        "pictures a second": pictures,
+        "computed a second": computed,
+        "opened, kB": opened,
+        "heap, MB": heap,
+    }

@@ -1,0 +1,225 @@
+"""Meshes into cells: how much of a solid is kept, and what a large mesh takes from file to path."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from bench.command import watched
+from bench.tables import Section
+from planner.shapes.solid import Solid
+from planner.shapes.voxelise import voxelise
+
+MODULES = 1000
+IOU_BAR = 0.85
+SECONDS_BAR = 3.0
+MEGABYTES_BAR = 500.0
+
+Mesh = trimesh.Trimesh
+
+
+def joined(*parts: Mesh) -> Mesh:
+    return trimesh.util.concatenate(list(parts))
+
+
+def box(size: Sequence[float], at: Sequence[float]) -> Mesh:
+    mesh = trimesh.creation.box(size)
+    mesh.apply_translation(at)
+    return mesh
+
+
+def revolved(profile: Sequence[tuple[float, float]]) -> Mesh:
+    return trimesh.creation.revolve(np.array(profile, dtype=float), sections=64)
+
+
+def extruded(radii: NDArray[np.float64]) -> Mesh:
+    """A prism, 4 high, over a polygon around the origin, given by its radii."""
+    turns = np.linspace(0, 2 * np.pi, len(radii), endpoint=False)
+    rim = np.column_stack([radii * np.cos(turns), radii * np.sin(turns), np.zeros(len(radii))])
+    up = [0.0, 0.0, 4.0]
+    points = np.vstack([rim, rim + up, [[0, 0, 0], up]])
+    n = len(radii)
+    here, ahead = np.arange(n), (np.arange(n) + 1) % n
+    faces = np.vstack(
+        [
+            np.column_stack([here, ahead, ahead + n]),
+            np.column_stack([here, ahead + n, here + n]),
+            np.column_stack([ahead, here, np.full(n, 2 * n)]),
+            np.column_stack([here + n, ahead + n, np.full(n, 2 * n + 1)]),
+        ]
+    )
+    return Mesh(points, faces)
+
+
+def blob(subdivisions: int = 4) -> Mesh:
+    """A body with a head and two ears, smooth all over."""
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
+    way = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
+    radius = np.ones(len(way))
+    for bump, height, wide in (
+        ((0.6, 0.0, 0.8), 0.7, 0.35),
+        ((0.3, 0.4, 0.87), 0.6, 0.2),
+        ((0.3, -0.4, 0.87), 0.6, 0.2),
+        ((-1.0, 0.0, -0.1), 0.3, 0.3),
+    ):
+        away = np.linalg.norm(way - np.array(bump) / np.linalg.norm(bump), axis=1)
+        radius += height * np.exp(-((away / wide) ** 2))
+    mesh.vertices = way * radius[:, None]
+    return mesh
+
+
+def gear() -> Mesh:
+    teeth = np.tile(np.repeat([10.0, 8.0], 8), 12)
+    return extruded(teeth)
+
+
+def star() -> Mesh:
+    ways = np.linspace(0, 10, 200, endpoint=False) % 2
+    return extruded(4.0 + 5.0 * np.abs(ways - 1.0))
+
+
+def pawn() -> Mesh:
+    ball = [(1.1 * np.sin(t), 5.6 - 1.1 * np.cos(t)) for t in np.linspace(0.6, np.pi, 16)]
+    foot = [(0, 0), (2, 0), (2, 0.8), (1.3, 1.3), (0.9, 2.5), (0.7, 4.2), (1.3, 4.4), (0.7, 4.7)]
+    return revolved([*foot, *ball[:-1], (0, 6.7)])
+
+
+def mug() -> Mesh:
+    cup = revolved([(0, 0), (4, 0), (4, 9), (3, 9), (3, 1), (0, 1)])
+    handle = trimesh.creation.torus(2.0, 0.6)
+    handle.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    handle.apply_translation([5.0, 0, 4.5])
+    return joined(cup, handle)
+
+
+def bowl() -> Mesh:
+    outer = [(5 * np.sin(t), -5 * np.cos(t)) for t in np.linspace(0, np.pi / 2, 24)]
+    inner = [(4 * np.sin(t), -4 * np.cos(t)) for t in np.linspace(np.pi / 2, 0, 24)]
+    return revolved([*outer, *inner])
+
+
+def bracket() -> Mesh:
+    return joined(
+        box((10, 6, 2), (0, 0, 0)), box((2, 6, 9), (-4, 0, 3.5)), box((7, 1.5, 2), (0, 0, 1.5))
+    )
+
+
+def letter() -> Mesh:
+    return joined(box((9, 2, 2), (0, 0, 6)), box((2.5, 2, 12), (0, 0, 0)))
+
+
+def ellipsoid() -> Mesh:
+    mesh = trimesh.creation.icosphere(subdivisions=4)
+    mesh.apply_scale([3.0, 2.0, 1.4])
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(0.5, [1, 2, 3]))
+    return mesh
+
+
+MESHES: dict[str, Callable[[], Mesh]] = {
+    "blob": blob,
+    "torus": lambda: trimesh.creation.torus(2.0, 0.8),
+    "gear": gear,
+    "pawn": pawn,
+    "mug": mug,
+    "star": star,
+    "letter": letter,
+    "bracket": bracket,
+    "bowl": bowl,
+    "ellipsoid": ellipsoid,
+}
+
+
+def meshes(reference_seconds: float) -> Section:
+    """Twice ten meshes at 1000 modules, by exact cells and by doubled blocks, and a large one."""
+    from bench.held_out import HELD_OUT
+
+    del reference_seconds
+    section = Section(name="meshes")
+    _kept(section, MESHES, "as tuned with")
+    _kept(section, HELD_OUT, "held out")
+    _large(section)
+    return section
+
+
+def _kept(section: Section, forms: dict[str, Callable[[], Mesh]], which: str) -> None:
+    """How much is kept of some meshes; no constant is chosen by those that are held out."""
+    rows: list[dict[str, object]] = []
+    ious: list[tuple[float, float]] = []
+    held: list[bool] = []
+    for name, make in forms.items():
+        mesh = make()
+        solid = Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
+        begun = time.perf_counter()
+        exact = voxelise(solid, cells=MODULES)
+        seconds = time.perf_counter() - begun
+        blocks = voxelise(solid, cells=MODULES // 8)
+        ious.append((exact.iou, blocks.iou))
+        offered = [count for count in (blocks.below, blocks.above) if count is not None]
+        held += [len(voxelise(solid, cells=count).shape) == count for count in offered]
+        rows.append(
+            {
+                "mesh": name,
+                "set": which,
+                "triangles": len(solid),
+                "cells": len(exact.shape),
+                "iou": exact.iou,
+                "cells in blocks": 8 * len(blocks.shape),
+                "iou of blocks": blocks.iou,
+                "seconds": seconds,
+                "notes": " ".join((*solid.notes, *exact.notes)),
+            }
+        )
+    section.rows += rows
+    mean, rough = (float(np.mean(values)) for values in zip(*ious, strict=True))
+    section.add(
+        f"IoU with the mesh, {MODULES} modules, mean of {len(rows)} {which}",
+        f"{mean:.3f}",
+        f"≥ {IOU_BAR}",
+        mean >= IOU_BAR,
+    )
+    section.add(f"the same {which} made of blocks of 2×2×2", f"{rough:.3f}")
+    section.add(
+        f"counts offered for blocks, {which}, that asking for them gives",
+        f"{sum(held)} of {len(held)}",
+        f"{len(held)}",
+        all(held),
+    )
+
+
+def _large(section: Section) -> None:
+    """A mesh of 100 000 triangles, from a file to a path, in a process of its own."""
+    fine = trimesh.creation.torus(2.0, 0.8, major_sections=250, minor_sections=200)
+    with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
+        file, out = Path(directory) / "torus.stl", Path(directory) / "path.json"
+        file.write_bytes(fine.export(file_type="stl"))
+        command = [
+            *(sys.executable, "-m", "server.cli.command_line", "shape", str(file)),
+            *("--modules", str(MODULES), "--method", "blocks", "--out", str(out), "--json"),
+        ]
+        begun = time.perf_counter()
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        with watched(process.pid) as seen:
+            _, status, usage = os.wait4(process.pid, 0)
+            seconds = time.perf_counter() - begun
+        process.returncode = os.waitstatus_to_exitcode(status)
+        cells = len(json.loads(out.read_bytes())["cells"]) if out.exists() else 0
+    what = f"{len(fine.faces)} triangles → path of {cells} modules by blocks"
+    section.add(
+        f"{what}, process and imports included",
+        f"{seconds:.2f} s",
+        f"< {SECONDS_BAR} s",
+        process.returncode == 0 and seconds < SECONDS_BAR,
+    )
+    memory = max(seen) / 2**20
+    section.add(f"{what}, processor", f"{usage.ru_utime + usage.ru_stime:.2f} s", "reported")
+    section.add(f"{what}, memory", f"{memory:.0f} MB", f"< {MEGABYTES_BAR:.0f} MB", memory < 500)

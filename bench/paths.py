@@ -1,0 +1,184 @@
+"""Paths: how fast blocks are merged, and how many sets of cells are solved exactly.
+
+``python -m bench.paths`` writes ``data/*_cells.json`` anew: each set's digest, what
+became of it and how long that took.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.feasible_sets import FeasibleSet, feasible_sets
+from bench.hard_sets import hard_sets
+from bench.tables import Section
+from planner.chain.path import Path as ChainPath
+from planner.pathfinding.blocks import block_path
+from planner.pathfinding.exact import exact_path
+from planner.shapes.shape import Shape
+
+DATA = Path(__file__).parent / "data"
+RESULTS = DATA / "exact_cells.json"
+HARD_RESULTS = DATA / "hard_cells.json"
+LIMITS_S = {10_000: 2.0, 100_000: 20.0}
+SIZES = (1_000, 10_000, 100_000, 1_000_000)
+LIMIT_S = 30.0
+SHARE = 0.95
+RUNS = 3
+
+
+def paths(reference_seconds: float) -> Section:
+    """Blocks of growing number, the hundred sets of cells, and those that nobody knows."""
+    del reference_seconds
+    section = Section(name="paths")
+    warm = np.argwhere(np.ones((3, 3, 3), dtype=bool))
+    exact_path(Shape.from_cells(warm))
+    _blocks(section)
+    _exact(section)
+    _hard(section)
+    return section
+
+
+def _blocks(section: Section) -> None:
+    seconds = {size: min(_merge_s(size) for _ in range(RUNS)) for size in SIZES}
+    for size, took in seconds.items():
+        section.rows.append(_row(f"blocks, {size} modules", size, "found", took))
+    for size, limit in LIMITS_S.items():
+        section.add(
+            f"path of {size} modules by blocks",
+            f"{seconds[size]:.2f} s",
+            f"< {limit:g} s",
+            seconds[size] < limit,
+        )
+    large = SIZES[1:]
+    slope = np.polyfit(np.log(large), np.log([seconds[size] for size in large]), 1)[0]
+    section.add(
+        f"cost of blocks ∝ modules^k, {large[0]} to {large[-1]}",
+        f"k = {slope:.2f}",
+        "about 1",
+        bool(slope < 1.3),
+    )
+
+
+def _merge_s(size: int) -> float:
+    """Seconds for a ball of about so many cells."""
+    radius = (size / 8 * 3 / (4 * np.pi)) ** (1 / 3)
+    reach = np.arange(-int(radius) - 1, int(radius) + 2)
+    grid = np.stack(np.meshgrid(reach, reach, reach, indexing="ij"), axis=-1).reshape(-1, 3)
+    blocks = grid[np.argsort((grid**2).sum(axis=1), kind="stable")[: size // 8]]
+    begun = time.perf_counter()
+    cells = block_path(blocks, np.random.default_rng(0))
+    took = time.perf_counter() - begun
+    _check(cells, np.unique(cells, axis=0), size)
+    return took
+
+
+def _exact(section: Section) -> None:
+    solved, slowest = 0, 0.0
+    sets = list(feasible_sets())
+    check_stored(sets, RESULTS)
+    for each in sets:
+        status, took = _solve(each)
+        good = status == "found" and took < LIMIT_S
+        solved += good
+        slowest = max(slowest, took)
+        section.rows.append(_row(each.name, len(each.cells), status, took))
+    section.add(
+        f"feasible sets of 94–300 cells solved within {LIMIT_S:g} s",
+        f"{solved} of {len(sets)}, the slowest in {slowest:.2f} s",
+        f"≥ {100 * SHARE:g} %",
+        solved >= SHARE * len(sets),
+    )
+
+
+def _hard(section: Section) -> None:
+    """Sets that may have a path or not: solved, proved to have none, or left open."""
+    sets = list(hard_sets())
+    known = check_stored(sets, HARD_RESULTS)
+    counts: Counter[str] = Counter()
+    slowest = 0.0
+    for each in sets:
+        status, took = _solve(each)
+        if {status, known[each.name]} == {"found", "infeasible"}:
+            raise AssertionError(f"{each.name} was {known[each.name]} and is {status} now")
+        counts[status] += 1
+        slowest = max(slowest, took)
+        section.rows.append(_row(each.name, len(each.cells), status, took))
+    section.add(
+        f"{len(sets)} sets of 94–300 cells that nobody knew",
+        f"{counts['found']} solved, {counts['infeasible']} proved to have no path, "
+        f"{counts['undecided']} undecided, the slowest in {slowest:.2f} s",
+        "reported",
+    )
+
+
+def check_stored(sets: list[FeasibleSet], results: Path) -> dict[str, str]:
+    """What was stored of each set: that they are the same ones, and what came of them.
+
+    Raises:
+        AssertionError: When a set is another one than its results were written for.
+    """
+    stored = {row["name"]: row for row in json.loads(results.read_bytes())}
+    changed = [
+        each.name for each in sets if stored.get(each.name, {}).get("sha256") != digest(each)
+    ]
+    if changed or len(stored) != len(sets):
+        raise AssertionError(
+            f"{len(changed)} of {len(sets)} sets are not those stored: {changed[:3]}"
+        )
+    return {name: row["status"] for name, row in stored.items()}
+
+
+def _solve(each: FeasibleSet) -> tuple[str, float]:
+    begun = time.perf_counter()
+    found = exact_path(Shape.from_cells(each.cells), time_limit_s=LIMIT_S)
+    took = time.perf_counter() - begun
+    if found.cells is not None:
+        _check(found.cells, each.cells, len(each.cells))
+    return found.status, took
+
+
+def _check(path: np.ndarray, cells: np.ndarray, size: int) -> None:
+    """A path of all cells: never a figure without it."""
+    ChainPath.from_cells(path)
+    if len(path) != size or not np.array_equal(np.unique(path, axis=0), cells):
+        raise AssertionError("the path does not visit every cell once")
+
+
+def _row(name: str, size: int, status: str, took: float) -> dict[str, Any]:
+    return {"cells of": name, "modules": size, "status": status, "s": took}
+
+
+def digest(each: FeasibleSet) -> str:
+    """Tells whether a set is still the one that results were written for."""
+    return hashlib.sha256(each.cells.astype("<i8").tobytes()).hexdigest()[:16]
+
+
+def main() -> None:
+    """Writes the results of all sets."""
+    for sets, path in ((feasible_sets(), RESULTS), (hard_sets(), HARD_RESULTS)):
+        results: list[dict[str, Any]] = []
+        for each in sets:
+            status, took = _solve(each)
+            results.append(
+                {
+                    "name": each.name,
+                    "cells": len(each.cells),
+                    "sha256": digest(each),
+                    "status": status,
+                    "seconds": round(took, 2),
+                }
+            )
+        lines = ",\n".join(json.dumps(result) for result in results)
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""Portfolio: folds that need several tries, one after the other and beside each other.
+
+``python -m bench.portfolio [FOLD …]`` prints them: ``knot`` (71 modules, all that is
+tried gets stuck) and ``torus`` (1000 modules of a mesh at 0.98, peeling gets stuck).
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import trimesh
+from rich.console import Console
+
+from bench.tables import Section
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain
+from tests.planner.chains import knotted
+
+FOLDS = ("knot", "torus")
+WORKERS = (1, 2)
+
+
+def portfolio(reference_seconds: float, folds: tuple[str, ...] = FOLDS) -> Section:
+    """Each fold with one worker and with two."""
+    del reference_seconds
+    section = Section(name="portfolio")
+    warm_up()
+    for name in folds:
+        rows = [_run(name, workers) for workers in WORKERS]
+        plans = [row.pop("plan") for row in rows]
+        section.rows += rows
+        one, two = rows
+        section.add(f"{name}: wall, two workers to one", f"{two['wall s'] / one['wall s']:.2f}")
+        section.add(f"{name}: processor, two to one", f"{two['cpu s'] / one['cpu s']:.2f}")
+        same = plans[0] == plans[1]
+        section.add(f"{name}: the same plan", "yes" if same else "no", "yes", same)
+    return section
+
+
+def _asked(name: str) -> tuple[Request, bytes]:
+    if name == "knot":
+        return Request(filename="knot.json"), write_chain(knotted())
+    solid = trimesh.creation.torus(major_radius=1.0, minor_radius=0.4)
+    data = solid.export(file_type="stl")
+    assert isinstance(data, bytes)
+    return Request(filename="torus.stl", modules=1000, module_size=0.98), data
+
+
+def _run(name: str, workers: int) -> dict[str, Any]:
+    with TemporaryDirectory() as place:
+        directory = FilePath(place)
+        Workspace(directory).write_request(*_asked(name))
+        wall, cpu = time.perf_counter(), _processor_s()
+        summary = run_stages(directory, workers=workers)
+        wall, cpu = time.perf_counter() - wall, _processor_s() - cpu
+        plan = Plan.load(directory / "plan.npz")
+        tried = [attempt["seconds"] for attempt in plan.attempts if "finer" not in attempt]
+        return {
+            "fold": name,
+            "workers": workers,
+            "modules": summary["modules"],
+            "status": summary["status"],
+            "tries": len(tried),
+            "seconds of each": " ".join(f"{seconds:.1f}" for seconds in tried),
+            "wall s": wall,
+            "cpu s": cpu,
+            "plan": [value.tobytes() for value in plan.motion.columns().values()],
+        }
+
+
+def _processor_s() -> float:
+    """Of this process and of those that it started and that have ended."""
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(one.ru_utime + one.ru_stime for one in used)
+
+
+def main() -> None:
+    """Runs the folds that are asked for."""
+    portfolio(0.0, tuple(sys.argv[1:]) or FOLDS).show(Console(width=160))
+
+
+if __name__ == "__main__":
+    main()

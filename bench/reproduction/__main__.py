@@ -1,0 +1,55 @@
+"""``make reproduction``: the paper's experiments, run as far as they are missing, and told.
+
+Figures go to ``web/paper/runs.jsonl``, films and stills beside it; from these
+``docs/reproduction.md`` and ``web/paper/page.json`` are made anew. It can be stopped at any time
+and goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Final
+
+from bench.reproduction.experiments import experiments
+from bench.reproduction.reproduce import reproduce, tell
+from bench.reproduction.runs import stored_runs
+from bench.success_map.stored import version_of
+from planner.pipeline.warm_up import warm_up
+
+ROOT: Final = Path(__file__).parents[2]
+PAPER: Final = ROOT / "web" / "paper"
+DOCUMENT: Final = ROOT / "docs" / "reproduction.md"
+
+
+def main() -> None:
+    """Runs what is missing, then tells all."""
+    every = experiments()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", nargs="*", choices=[one.id for one in every], metavar="ID")
+    parser.add_argument("--tell", action="store_true", help="run nothing, write pages anew")
+    parser.add_argument("--again", action="store_true", help="run anew what is there")
+    parser.add_argument("--stale", action="store_true", help="run anew what another planner made")
+    parser.add_argument("--minutes", type=float, default=float("inf"))
+    parser.add_argument("--workers", type=int, default=1)
+    options = parser.parse_args()
+    runs = stored_runs(PAPER / "runs.jsonl")
+    asked = [one for one in every if options.only is None or one.id in options.only]
+    if options.stale:
+        now = version_of("planner")
+        asked = [one for one in asked if one.id in runs and runs[one.id].planner != now]
+    if asked and not options.tell:
+        warm_up()
+        reproduce(
+            asked,
+            every,
+            PAPER,
+            again=options.again or options.stale,
+            minutes=options.minutes,
+            workers=options.workers,
+        )
+    tell(every, PAPER, DOCUMENT)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+"""Reproduce: runs the experiments that are missing, and tells what is there."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from bench.reproduction.document import document
+from bench.reproduction.experiments import Experiment
+from bench.reproduction.runs import Case, run, stored_runs
+from bench.reproduction.telling import told
+from bench.success_map.stored import run_missing, stored
+
+
+def reproduce(
+    asked: list[Experiment],
+    every: tuple[Experiment, ...],
+    files: Path,
+    *,
+    again: bool = False,
+    minutes: float = float("inf"),
+    workers: int = 1,
+) -> None:
+    """Runs what is missing of some experiments.
+
+    Args:
+        asked: The experiments, at least one.
+        every: All that there are; rows of others go.
+        files: Where rows, films and pictures are kept.
+        again: Whether those that are there are run anew.
+        minutes: After so many none is begun any more.
+        workers: Experiments at once.
+    """
+    rows = files / "runs.jsonl"
+    cases = {Case(id=one.id, asked=one.asked): one for one in asked}
+    known = {Case(id=one.id, asked=one.asked) for one in every}
+    # What is asked for in another way today is no answer any more.
+    kept = [
+        row
+        for case, row in (stored(rows, Case) if rows.exists() else {}).items()
+        if case in known and not (again and case in cases)
+    ]
+    files.mkdir(parents=True, exist_ok=True)
+    rows.write_text("".join(json.dumps(row) + "\n" for row in kept), encoding="utf-8")
+    run_missing(rows, list(cases), partial(_run, cases, files), minutes=minutes, workers=workers)
+
+
+def _run(cases: dict[Case, Experiment], files: Path, case: Case) -> dict[str, Any]:
+    row = run(cases[case], files)
+    print(
+        f"{case.id}: {row['verdict']}, {row['wall_s']:.0f} s wall, {row['processor_s']:.0f} s "
+        f"processor, {row['folder_mb']:.1f} MB",
+        flush=True,
+    )
+    return row
+
+
+def tell(every: tuple[Experiment, ...], files: Path, paper: Path) -> None:
+    """Makes the page's data and the document of what is stored; what is of no run goes."""
+    runs = stored_runs(files / "runs.jsonl")
+    page = told(runs, every)
+    for folder in files.iterdir():
+        if folder.is_dir() and folder.name not in runs:
+            shutil.rmtree(folder)
+    (files / "page.json").write_text(json.dumps(page, indent=1) + "\n", encoding="utf-8")
+    paper.write_text(document(page), encoding="utf-8")

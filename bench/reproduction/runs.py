@@ -1,0 +1,333 @@
+"""Runs: one experiment done, its figures as a row and its pictures as files."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import tempfile
+import time
+from dataclasses import asdict, dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.machine import processor, reference_seconds
+from bench.reproduction.experiments import Experiment, experiments
+from bench.reproduction.pictures import Moment, keep_pictures
+from bench.success_map.stored import version_of
+from examples.run_gallery import SHAPES
+from planner.errors import InputError
+from planner.files import write_whole
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from web.timeline.view import TimelineView
+
+STARTS: Final = Path(__file__).parents[2] / "out" / "reproduction"
+"""Where plans are kept that other experiments begin from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """An experiment, by what tells its runs apart."""
+
+    id: str
+    asked: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Phase:
+    """One simulation of a fold: its explosion or its playback.
+
+    Attributes:
+        status: How it ended.
+        steps: Of the simulation.
+        simulated_s: Time in it.
+        wall_s: Time that it took.
+        frames: Snapshots of the explosion, frames that are kept of the playback.
+    """
+
+    status: str
+    steps: int
+    simulated_s: float
+    wall_s: float
+    frames: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overlap:
+    """Where modules overlap most.
+
+    Attributes:
+        depth: In pitches.
+        modules: Which two.
+        of: The ``plan`` or its simulated ``playback``.
+        frame: Of the whole timeline.
+        share: How far into the fold that is, from 0 to 1.
+    """
+
+    depth: float
+    modules: tuple[int, int]
+    of: str
+    frame: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """What came of an experiment. Lengths in pitches.
+
+    Attributes:
+        id, asked: As of its ``Case``.
+        modules: Of the chain.
+        module: Their kind.
+        verdict: Of the certificate, or why it was refused.
+        explosion, playback: Its simulations; None where there was none.
+        wall_s: Of all stages from reading to the files that are written.
+        processor_s: The same, of the processor.
+        rms: Position error of the playback's end; None where it was not simulated.
+        lag_rad: Largest joint error of the playback.
+        clearance_plan: Least that was seen in the plan.
+        clearance_playback: Least that was seen in the simulated playback.
+        bound: What is proved of both; None where nothing is.
+        overlap: Where it is worst, if modules overlap.
+        stuck: Modules where an explosion came to nothing.
+        folder_mb: Size of all files of the fold.
+        frames: Of the film that is kept; 0 without one.
+        stuck_frame: That of the film which shows where it fails; None when it does not.
+        planner: Version of the planner's code.
+        cores, processor: Of the machine.
+        reference_s: Of a run of known length, just before; see ``bench.machine``.
+    """
+
+    id: str
+    asked: str
+    modules: int
+    module: str
+    verdict: str
+    explosion: Phase | None
+    playback: Phase | None
+    wall_s: float
+    processor_s: float
+    rms: float | None
+    lag_rad: float | None
+    clearance_plan: float | None
+    clearance_playback: float | None
+    bound: float | None
+    overlap: Overlap | None
+    stuck: tuple[int, ...]
+    folder_mb: float
+    frames: int
+    stuck_frame: int | None
+    planner: str
+    cores: int
+    processor: str
+    reference_s: float
+
+    @property
+    def verified(self) -> bool:
+        """Whether the certificate says so."""
+        return self.verdict.startswith("verified")
+
+    @classmethod
+    def of(cls, row: dict[str, Any]) -> Run:
+        """From plain values."""
+        found = {field.name: row[field.name] for field in fields(cls)}
+        for name, kind in (("explosion", Phase), ("playback", Phase), ("overlap", Overlap)):
+            if found[name] is not None:
+                found[name] = kind(**found[name])
+        if found["overlap"] is not None:
+            a, b = row["overlap"]["modules"]
+            found["overlap"] = Overlap(**{**row["overlap"], "modules": (a, b)})
+        return cls(**{**found, "stuck": tuple(row["stuck"])})
+
+
+def run(experiment: Experiment, files: Path) -> dict[str, Any]:
+    """Folds as an experiment asks, keeps its film and pictures; its row.
+
+    Args:
+        experiment: What to do.
+        files: Where films and pictures go, into a folder of their own.
+    """
+    _warm()
+    reference_s = reference_seconds()
+    with tempfile.TemporaryDirectory(prefix="foldback-reproduction-") as place:
+        directory = Path(place)
+        begun, worked = time.perf_counter(), 0.0
+        summary: dict[str, Any] | None = None
+        try:
+            _ask(directory, experiment)
+            begun, worked = time.perf_counter(), _processor_seconds()
+            summary = run_stages(directory)
+            verdict = str(summary["certificate"]["verdict"])
+        except InputError as error:
+            verdict = f"refused: {error.detail}"
+        wall_s, processor_s = time.perf_counter() - begun, _processor_seconds() - worked
+        return asdict(
+            Run(
+                id=experiment.id,
+                asked=experiment.asked,
+                verdict=verdict,
+                wall_s=round(wall_s, 2),
+                processor_s=round(processor_s, 2),
+                planner=version_of("planner"),
+                cores=os.cpu_count() or 1,
+                processor=processor(),
+                reference_s=round(reference_s, 3),
+                **_figures(directory, experiment, summary, files),
+            )
+        )
+
+
+def _figures(
+    directory: Path, experiment: Experiment, summary: dict[str, Any] | None, files: Path
+) -> dict[str, Any]:
+    """What a run's directory tells of it; its film and pictures are kept."""
+    if summary is None:
+        return {
+            **dict.fromkeys(("explosion", "playback", "rms", "lag_rad", "bound", "overlap")),
+            **dict.fromkeys(("clearance_plan", "clearance_playback", "stuck_frame")),
+            **{"modules": 0, "module": "", "stuck": (), "folder_mb": 0.0, "frames": 0},
+        }
+    certificate, playback = summary["certificate"], summary["playback"] or {}
+    film = TimelineView(directory / "timeline.zarr")
+    stages = {phase["name"]: (phase["from"], phase["to"]) for phase in film.outline()["phases"]}
+    overlap = _overlap(certificate, stages, len(film))
+    stuck = tuple((summary["stuck"] or {}).get("modules") or ())
+    moment = None
+    if overlap is not None:
+        moment = Moment(frame=overlap.frame, modules=overlap.modules)
+    elif not certificate["verdict"].startswith("verified"):
+        moment = Moment(frame=float(len(film) - 1), modules=stuck)
+    frames, stuck_frame = keep_pictures(
+        film,
+        files / experiment.id,
+        moment=moment,
+        strip=experiment.strip,
+        straight=experiment.straight,
+    )
+    if any(one.start == experiment.id for one in experiments()):
+        _keep_start(experiment.id, directory / "plan.npz")
+    return {
+        "modules": summary["modules"],
+        "module": summary["module"],
+        "explosion": _explosion(directory, summary["explosion"]),
+        "playback": _playback(playback, film, _whole(stages)),
+        "rms": playback.get("rms_position_error"),
+        "lag_rad": playback.get("max_angle_error_rad"),
+        "clearance_plan": certificate["min_clearance"],
+        "clearance_playback": certificate["min_clearance_playback"],
+        "bound": certificate["clearance_bound"],
+        "overlap": overlap,
+        "stuck": stuck,
+        "folder_mb": round(_bytes(directory) / 1e6, 2),
+        "frames": frames,
+        "stuck_frame": stuck_frame,
+    }
+
+
+def _whole(stages: dict[str, tuple[int, int]]) -> tuple[int, int] | None:
+    """The frames of a playback, of a refold its unfolding too."""
+    found = [stages[name] for name in ("unfolding", "playback") if name in stages]
+    return (found[0][0], found[-1][1]) if found else None
+
+
+def _explosion(directory: Path, told: dict[str, Any]) -> Phase | None:
+    record = Workspace(directory).read_record()
+    if record is None:
+        return None
+    return _phase(told, record.frames.time_s, int(told["frames"]))
+
+
+def _playback(
+    told: dict[str, Any], film: TimelineView, frames: tuple[int, int] | None
+) -> Phase | None:
+    if not told.get("steps") or frames is None:
+        return None
+    return _phase(told, film.frames(*frames).time_s, frames[1] - frames[0])
+
+
+def _phase(told: dict[str, Any], time_s: NDArray[np.float64], frames: int) -> Phase:
+    return Phase(
+        status=str(told["status"]),
+        steps=int(told["steps"]),
+        simulated_s=round(float(time_s[-1] - time_s[0]), 2),
+        wall_s=round(float(told["seconds"]), 2),
+        frames=frames,
+    )
+
+
+def _overlap(
+    certificate: dict[str, Any], stages: dict[str, tuple[int, int]], total: int
+) -> Overlap | None:
+    """Where modules overlap most: of the simulation, which pictures show, else of the plan."""
+    frames = _whole(stages)
+    for of, name in (("playback", "min_clearance_playback"), ("plan", "min_clearance")):
+        clearance, place = certificate[name], certificate[f"{name}_at"]
+        if frames and clearance is not None and clearance < 0.0 and place and place["modules"]:
+            a, b = place["modules"]
+            return Overlap(
+                depth=-float(clearance),
+                modules=(int(a), int(b)),
+                of=of,
+                frame=min(frames[0] + float(place["frame"]), float(total - 1)),
+                share=float(place["frame"]) / max(1, frames[1] - frames[0] - 1),
+            )
+    return None
+
+
+def _ask(directory: Path, experiment: Experiment) -> None:
+    shape = SHAPES / f"{experiment.shape}.json"
+    values = {name: getattr(experiment.request, name) for name in Request.__dataclass_fields__}
+    asked = {**values, "filename": shape.name, "refold": experiment.start is not None}
+    if experiment.start is not None:
+        Workspace(directory).write_start(_start(experiment))
+    Workspace(directory).write_request(Request(**asked), shape.read_bytes())
+
+
+def _start(experiment: Experiment) -> Plan:
+    """The plan that an experiment begins with: of a run of this planner, or made now."""
+    (first,) = (one for one in experiments() if one.id == experiment.start)
+    kept = _start_file(first.id)
+    if not kept.exists():
+        with tempfile.TemporaryDirectory(prefix="foldback-reproduction-") as place:
+            _ask(Path(place), first)
+            run_stages(Path(place))
+            _keep_start(first.id, Path(place) / "plan.npz")
+    return Plan.load(kept)
+
+
+def _keep_start(name: str, plan: Path) -> None:
+    STARTS.mkdir(parents=True, exist_ok=True)
+    write_whole(_start_file(name), plan.read_bytes())
+
+
+def _start_file(name: str) -> Path:
+    return STARTS / f"{name}-{version_of('planner')}.npz"
+
+
+@cache
+def _warm() -> None:
+    """What is compiled once counts for none of the runs."""
+    warm_up()
+
+
+def _processor_seconds() -> float:
+    spent = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(one.ru_utime + one.ru_stime for one in spent)
+
+
+def _bytes(directory: Path) -> int:
+    return sum(path.stat().st_size for path in directory.rglob("*") if path.is_file())
+
+
+def stored_runs(path: Path) -> dict[str, Run]:
+    """Runs of a file by the id of their experiment."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    return {run.id: run for run in (Run.of(json.loads(line)) for line in lines)}

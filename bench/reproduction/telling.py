@@ -1,0 +1,391 @@
+"""Telling: what the runs say, as the page and the document show it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from itertools import chain
+from typing import Any, Final
+
+from bench.reproduction.experiments import (
+    STATEMENTS,
+    Experiment,
+    Statement,
+)
+from bench.reproduction.runs import Phase, Run
+from planner.parameters.parameters import preset
+from planner.parameters.settings import SETTINGS, value_of
+
+FORMAT: Final = "foldback-reproduction/1"
+NONE: Final = "–"
+NARROW: Final = "\u202f"
+HEAD: Final = (
+    "Fold",
+    "Verdict",
+    "Steps",
+    "Simulated",
+    "Wall (processor)",
+    "End error",
+    "Clearance (proved)",
+    "Largest lag",
+    "Files",
+)
+UNITS: Final = {
+    "Steps": "explosion + playback",
+    "Simulated": "explosion + playback, seconds",
+    "Wall (processor)": "seconds, of all stages",
+    "End error": "RMS, pitches",
+    "Clearance (proved)": "of the simulated playback, pitches, modules of 0.95",
+    "Largest lag": "of a hinge behind its target, rad",
+    "Files": "MB",
+}
+SMALLEST: Final = 1e-4
+"""Pitches of an end error that are told; what is less is told to be less."""
+PUBLISHED_SECONDS: Final = 0.01
+"""Of a step."""
+BUSY: Final = 1.5
+"""How many times longer the same work takes at most where nothing else is done."""
+SOURCES: Final = {
+    "published": "published",
+    "named": "named, without a number",
+    "ours": "not in the paper",
+}
+ASIDE: Final = (
+    "The paper's simulations ran on the Open Dynamics Engine, these run on MuJoCo. Contacts, "
+    "friction, stops and motors are modelled differently.",
+    "We had neither the paper's program nor its recordings or video. Values that the paper does "
+    "not "
+    "state were chosen so that its folds work. They are marked above.",
+    "The paper states no wall times, clearances or joint errors, so ours cannot be compared.",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Card:
+    """One experiment as it is seen.
+
+    Attributes:
+        id, title: Of it.
+        modules: Of its chain; 0 when it has not been run.
+        tone: ``good``, ``bad`` or ``none`` when it has not been run.
+        verdict: In a few words.
+        why: Of a fold that failed, in a line.
+        film: Whether there is one.
+        stuck_frame: Frame of the film where it fails; None when it does not.
+        stuck: Modules there.
+        steps: Of its simulations, in words; empty when it has not been run.
+        strip, straight: Whether there are these pictures as well.
+    """
+
+    id: str
+    title: str
+    modules: int
+    tone: str
+    verdict: str
+    why: str
+    film: bool
+    stuck_frame: int | None
+    stuck: tuple[int, ...]
+    steps: str
+    strip: bool
+    straight: bool
+
+
+def told(runs: Mapping[str, Run], every: tuple[Experiment, ...]) -> dict[str, Any]:
+    """All that page and document show, as plain JSON values.
+
+    Args:
+        runs: What there is, by the id of the experiment.
+        every: All experiments.
+    """
+    asked = {one.id: one.asked for one in every}
+    runs = {name: run for name, run in runs.items() if run.asked == asked.get(name)}
+    return {
+        "format": FORMAT,
+        "machine": _machine(runs),
+        "lead": _lead(runs),
+        "summary": _summary(every, runs),
+        "overview": [_overview(statement, every, runs) for statement in STATEMENTS],
+        "head": [{"name": name, "unit": UNITS.get(name, "")} for name in HEAD],
+        "sections": [_section(statement, every, runs) for statement in STATEMENTS],
+        "settings": _settings(),
+        "differences": [*_differences(every, runs), *ASIDE],
+    }
+
+
+def _section(
+    statement: Statement, every: tuple[Experiment, ...], runs: Mapping[str, Run]
+) -> dict[str, Any]:
+    own = [one for one in every if one.statement == statement.id]
+    pairs = [list(pair) for pair in statement.pairs if all(one in runs for one in pair)]
+    by_id = {one.id: one for one in every}
+    rows = [
+        row if (one := by_id[name]) in own else [f"{row[0]}, {one.request.preset}", *row[1:]]
+        for name in dict.fromkeys([*chain.from_iterable(pairs), *(one.id for one in own)])
+        for row in [_row(by_id[name], runs.get(name))]
+    ]
+    published = sorted({one.published_steps for one in own if one.published_steps})
+    for steps in published:
+        row = ["Published", "folds", f"about {whole(steps)}", seconds(steps * PUBLISHED_SECONDS)]
+        rows.insert(0, row + [NONE] * (len(HEAD) - len(row)))
+    return {
+        "id": statement.id,
+        "heading": statement.heading,
+        "where": statement.where,
+        "quote": statement.quote,
+        "words": statement.words,
+        "found": _by_size(own, runs) if statement.by_size else "",
+        "pairs": pairs,
+        "cards": [asdict(card_of(one, runs.get(one.id))) for one in own],
+        "rows": rows,
+    }
+
+
+def card_of(one: Experiment, run: Run | None) -> Card:
+    """An experiment as it is seen."""
+    film = run is not None and run.frames > 0
+    return Card(
+        id=one.id,
+        title=one.title,
+        modules=0 if run is None else run.modules,
+        tone="none" if run is None else "good" if run.verified else "bad",
+        verdict=verdict(run),
+        why="" if run is None or run.verified else why(run),
+        film=film,
+        stuck_frame=None if run is None else run.stuck_frame,
+        stuck=() if run is None else run.overlap.modules if run.overlap else run.stuck,
+        steps="" if run is None else _steps(run),
+        strip=film and one.strip,
+        straight=film and one.straight,
+    )
+
+
+def verdict(run: Run | None) -> str:
+    """In a word or two."""
+    if run is None:
+        return "not run yet"
+    if run.verified:
+        return run.verdict
+    if run.verdict.startswith("refused"):
+        return "refused"
+    if run.overlap is not None:
+        return "tangles"
+    if run.playback is None:
+        return "does not unfold"
+    return "not verified" if run.playback.status == "folded" else "does not arrive"
+
+
+def why(run: Run) -> str:
+    """Of a fold that failed, in a line."""
+    if (place := run.overlap) is None:
+        return run.verdict.partition(": ")[2]
+    a, b = place.modules
+    where = "" if place.of == "playback" else " in the plan"
+    return (
+        f"modules {a} and {b} overlap by {figure(place.depth)} pitch{where}, "
+        f"{round(100 * place.share)} % into the fold"
+    )
+
+
+def _row(one: Experiment, run: Run | None) -> list[str]:
+    if run is None:
+        return [one.title, verdict(None), *[NONE] * (len(HEAD) - 2)]
+    clearance = run.clearance_playback if run.clearance_playback is not None else None
+    proved = f" ({figure(run.bound)})" if run.bound is not None and run.verified else ""
+    return [
+        one.title,
+        verdict(run),
+        _both(run.explosion, run.playback, lambda phase: whole(phase.steps)),
+        _both(run.explosion, run.playback, lambda phase: seconds(phase.simulated_s)),
+        f"{run.wall_s:.1f} ({run.processor_s:.1f})",
+        NONE if run.rms is None else _small(run.rms),
+        NONE if clearance is None else figure(clearance) + proved,
+        NONE if run.lag_rad is None else figure(run.lag_rad),
+        f"{run.folder_mb:.1f}",
+    ]
+
+
+def _both(explosion: Phase | None, playback: Phase | None, told: Any) -> str:
+    return " + ".join(told(phase) for phase in (explosion, playback) if phase) or NONE
+
+
+def _lead(runs: Mapping[str, Run]) -> str:
+    """What the paper is known for, and what came of it here."""
+    published = (
+        f"The paper folds a chain of 160 cubes into a wrench in about {whole(160_000)} steps."
+    )
+    run = runs.get("wrench-160")
+    if run is None:
+        return f"{published} Here it has not been run yet."
+    if not (run.verified and run.explosion and run.playback and run.rms is not None):
+        return f"{published} Here the same chain fails: {_failed(run)}."
+    steps = run.explosion.steps + run.playback.steps
+    apart = (
+        f" Modules of 0.95 pitch provably stay at least {figure(run.bound)} pitch apart."
+        if run.bound
+        else ""
+    )
+    return (
+        f"{published} Here the same chain folds in {whole(steps)} steps: "
+        f"{whole(run.explosion.steps)} to explode, {whole(run.playback.steps)} to fold. It ends "
+        f"{'less than ' if run.rms < SMALLEST else ''}{figure(max(run.rms, SMALLEST))} pitch from "
+        f"its shape.{apart}"
+    )
+
+
+def _summary(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str]:
+    """What has come out, in sentences that hold for the runs that there are."""
+    found: list[str] = []
+    for published, words in (
+        ("verified", "folds that work in the paper work here."),
+        ("tangled", "attempts that fail in the paper fail here."),
+    ):
+        of = [one for one in every if one.published == published and one.id in runs]
+        same = sum(runs[one.id].verified == (published == "verified") for one in of)
+        if of:
+            found.append(f"{same} of {len(of)} {words}")
+    for statement in STATEMENTS:
+        own = [one for one in every if one.statement == statement.id]
+        if statement.by_size and (sentence := _by_size(own, runs)):
+            found.append(f"{statement.heading}: {_small_first(sentence)}")
+    missing = len(every) - len(runs)
+    if missing:
+        found.append(f"{missing} of {len(every)} experiments have not been run yet.")
+    return found
+
+
+def _overview(
+    statement: Statement, every: tuple[Experiment, ...], runs: Mapping[str, Run]
+) -> dict[str, str]:
+    """A statement in a line: what it says, and how many of its folds came out how."""
+    own = [one for one in every if one.statement == statement.id]
+    done = [runs[one.id] for one in own if one.id in runs]
+    good = sum(run.verified for run in done)
+    counts = {"verified": good, "failed": len(done) - good, "not run yet": len(own) - len(done)}
+    return {
+        "id": statement.id,
+        "heading": statement.heading,
+        "published": statement.published,
+        "here": ", ".join(f"{count} {words}" for words, count in counts.items() if count),
+    }
+
+
+def _by_size(own: list[Experiment], runs: Mapping[str, Run]) -> str:
+    """At which numbers of modules folds work, and at which they fail."""
+    done = [runs[one.id] for one in own if one.id in runs]
+    good = sorted({run.modules for run in done if run.verified})
+    bad = sorted({run.modules for run in done if not run.verified})
+    if not bad or not good:
+        sizes = _listed([str(n) for n in good or bad])
+        return f"It {'works' if good else 'fails'} at {sizes} modules." if sizes else ""
+    if good[-1] < bad[0]:
+        return f"It works up to {good[-1]} modules, and fails from {bad[0]} on."
+    works, fails = (_listed([str(n) for n in sizes]) for sizes in (good, bad))
+    return f"It works at {works} modules, and fails at {fails}."
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
+def _differences(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str]:
+    """Where experiments came out otherwise than in the paper, or did not work."""
+    found: list[str] = []
+    for statement in STATEMENTS:
+        own = [one for one in every if one.statement == statement.id and one.id in runs]
+        for words, ones in (
+            ("Verified here, tangled in the paper", _came_out(own, runs, "tangled", verified=True)),
+            ("Fails here, folds in the paper", _came_out(own, runs, "verified", verified=False)),
+            ("Fails here, not mentioned in the paper", _came_out(own, runs, None, verified=False)),
+        ):
+            if ones:
+                titles = "; ".join(_small_first(one.title) for one in ones)
+                found.append(f"{words} ({_small_first(statement.heading)}): {titles}.")
+    return found
+
+
+def _came_out(
+    own: list[Experiment], runs: Mapping[str, Run], published: str | None, *, verified: bool
+) -> list[Experiment]:
+    return [o for o in own if o.published == published and runs[o.id].verified == verified]
+
+
+def _small_first(words: str) -> str:
+    return words[:1].lower() + words[1:]
+
+
+def _failed(run: Run) -> str:
+    return f"{verdict(run)}, {why(run)}"
+
+
+def _steps(run: Run) -> str:
+    """All of its simulations."""
+    phases = [phase for phase in (run.explosion, run.playback) if phase]
+    simulated = sum(phase.simulated_s for phase in phases)
+    steps = whole(sum(phase.steps for phase in phases))
+    return f"{steps} steps, {seconds(simulated)} s simulated" if phases else ""
+
+
+def _small(value: float) -> str:
+    return f"< {SMALLEST:g}" if value < SMALLEST else figure(value)
+
+
+def _machine(runs: Mapping[str, Run]) -> str:
+    """Where the times were taken."""
+    if not runs:
+        return ""
+    cores = sorted({run.cores for run in runs.values()})
+    names = sorted({run.processor for run in runs.values()})
+    reference = [run.reference_s for run in runs.values()]
+    busy = " It was also doing other work, so the processor times in brackets say more."
+    return (
+        f"Times were measured on {' and '.join(str(n) for n in cores)} cores of "
+        f"{' and '.join(names)}, where 1000 steps of MuJoCo on a chain of 160 cubes took "
+        f"{min(reference):.2f} to {max(reference):.2f} s just before each run."
+        f"{busy if max(reference) > BUSY * min(reference) else ''}"
+    )
+
+
+def _settings() -> list[dict[str, str]]:
+    parameters = preset("paper")
+    return [
+        {
+            "label": setting.label,
+            "name": setting.name,
+            "value": _value(value_of(setting, parameters), setting.unit),
+            "source": SOURCES[setting.source],
+            "meaning": setting.help,
+        }
+        for setting in SETTINGS
+    ]
+
+
+def _value(value: float | None, unit: str) -> str:
+    if value is None:
+        return "none"
+    if unit == "°":
+        return f"{figure(value)}°"
+    return f"{figure(value)} {'step' if (value, unit) == (1, 'steps') else unit}".strip()
+
+
+def whole(number: int) -> str:
+    """With narrow spaces between thousands, where no line breaks."""
+    return f"{number:,}".replace(",", NARROW)
+
+
+def seconds(value: float) -> str:
+    """Of simulated time."""
+    return whole(round(value)) if value >= 100.0 else f"{value:.1f}"
+
+
+def figure(value: float) -> str:
+    """Two digits that count; what rounding leaves of nothing is nothing."""
+    size = abs(value)
+    if size < 1e-9:
+        return "0"
+    if size >= 100.0:
+        return whole(round(value)).replace("-", "−")
+    digits = max(0, 1 - math.floor(math.log10(size)))
+    text = f"{value:.{digits}f}"
+    return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")

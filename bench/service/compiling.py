@@ -1,0 +1,61 @@
+"""Processor time of compiling: from no compiled kernels to a fold, and to all of them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from typing import Final
+
+from bench.first import OWN_SHAPE
+from bench.tables import Section
+
+MAX_FIRST_CPU_S: Final = 45.0
+"""Bar for the kernels that a first fold needs, in seconds of the processor."""
+FIRST_KERNELS: Final = """
+import sys
+from pathlib import Path
+from planner.pipeline.warm_up import warm_up
+
+warm_up(soon=True, directory=Path(sys.argv[1]))
+"""
+OWN_FOLD: Final = """
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from planner.pipeline.workspace import Workspace
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+
+with TemporaryDirectory() as folder:
+    data = Path(sys.argv[1]).read_bytes()
+    Workspace(Path(folder)).write_request(Request(filename="own.json"), data)
+    assert run_stages(Path(folder))["status"] == "verified"
+"""
+
+
+def compiling(reference_seconds: float) -> Section:
+    """Compile what a first fold of 24 cubes needs, fold it, and compile the rest."""
+    del reference_seconds
+    section = Section(name="compiling")
+    with tempfile.TemporaryDirectory(prefix="foldback-kernels-") as cache:
+        first = _processor_s(cache, "-c", FIRST_KERNELS, cache)
+        fold = _processor_s(cache, "-c", OWN_FOLD, str(OWN_SHAPE))
+        rest = _processor_s(cache, "-m", "planner.pipeline.warm_up")
+    section.rows.append({"first_s": first, "fold_s": fold, "rest_s": rest})
+    bar = f"< {MAX_FIRST_CPU_S:.0f} s of the processor"
+    section.add("kernels of a first fold", f"{first:.1f} s", bar, first < MAX_FIRST_CPU_S)
+    section.add("own fold of 24 cubes then", f"{fold:.1f} s")
+    section.add("all other kernels", f"{rest:.1f} s")
+    return section
+
+
+def _processor_s(cache: str, *arguments: str) -> float:
+    """Return the processor time of a Python process and of those that it waits for, s."""
+    before = os.times()
+    environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
+    subprocess.run([sys.executable, *arguments], env=environment, check=True)
+    after = os.times()
+    user = after.children_user - before.children_user
+    return user + after.children_system - before.children_system

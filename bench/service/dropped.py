@@ -1,0 +1,81 @@
+"""A dropped mesh: from an STL file to a preview, a fold in motion and its verdict, in Chromium."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import trimesh
+from playwright.sync_api import Browser, ViewportSize
+
+from bench.service.browsing import service_and_browser
+from bench.tables import Section
+
+DROPS: Final = 4
+"""Number of meshes, each a little different, so that none has been folded before."""
+SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
+WARM: Final = "wrench-24"
+"""Shape that is folded first, so that the worker is warm."""
+REST_MS: Final = 1500
+"""Pause on the landing page before the drop, as a visitor makes who looks for the file."""
+FOLDABLE: Final = "() => document.getElementById('fold')?.disabled === false"
+MOVING: Final = """() => {
+  const cover = document.getElementById("cover");
+  return cover?.classList.contains("gone") && (window.foldback?.player.shown?.frame ?? 0) > 0;
+}"""
+VERIFIED: Final = (
+    "() => /^Verified/.test(document.getElementById('verdict')?.textContent?.trim() ?? '')"
+)
+BARS: Final = {"first motion": 1.0, "verified": 5.0}
+"""Seconds after *Fold*, on two cores that do nothing else."""
+
+
+def dropped(reference_seconds: float) -> Section:
+    """Drop each mesh and press *Fold*; times in seconds and in reference runs."""
+    section = Section(name="dropped")
+    with service_and_browser() as (service, browser, folder):
+        service.wait_over(service.fold(shape=WARM)["id"])
+        for drop in range(DROPS):
+            mesh = folder / f"torus-{drop}.stl"
+            trimesh.creation.torus(10 + 0.05 * drop, 4).export(mesh)
+            section.rows.append(_drop(browser, str(service.http.base_url), mesh))
+    for name, bar in BARS.items():
+        seconds = float(np.median([row[name] for row in section.rows]))
+        section.add(
+            f"torus of 160 modules, from Fold to {name}, median of {DROPS}",
+            f"{seconds:.2f} s = {seconds / reference_seconds:.1f} reference runs",
+            f"≤ {bar:g} s",
+            seconds <= bar,
+        )
+    return section
+
+
+def _drop(browser: Browser, address: str, mesh: Path) -> dict[str, Any]:
+    """Return the seconds after the drop, and after *Fold*, of what a visitor sees."""
+    context = browser.new_context(viewport=SIZE, base_url=address)
+    context.set_default_timeout(90_000)
+    page = context.new_page()
+    page.goto("/")
+    page.wait_for_timeout(REST_MS)
+    begun = time.monotonic()
+    page.locator("input[type=file]").first.set_input_files(mesh)
+    page.wait_for_url("**/previews/**")
+    preview = time.monotonic() - begun
+    page.wait_for_function(FOLDABLE)
+    foldable = time.monotonic() - begun
+    page.locator("#fold").click()
+    begun = time.monotonic()
+    page.wait_for_url("**/folds/**")
+    page.wait_for_function(MOVING, polling=20)
+    motion = time.monotonic() - begun
+    page.wait_for_function(VERIFIED, polling=50)
+    verified = time.monotonic() - begun
+    context.close()
+    return {
+        "preview": preview,
+        "foldable": foldable,
+        "first motion": motion,
+        "verified": verified,
+    }

@@ -1,0 +1,64 @@
+"""Movies: what a movie of a fold takes, on OpenGL in software."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from bench.tables import Section
+from planner.motion.timeline import Timeline
+from tests.tools import OPENGL
+
+SHAPE = "wrench-160"
+SECONDS_BAR = 60.0
+PICTURE_BAR_S = 1.0
+OPTIONS: dict[str, list[str]] = {
+    "fold.mp4": ["--width", "1280", "--height", "720", "--fps", "30", "--seconds", "10"],
+    "fold.gif": [],
+}
+
+
+def movies(reference_seconds: float) -> Section:
+    """Folds the 160 wrench once; makes an MP4 of 720p, a plain GIF and the social picture of it."""
+    del reference_seconds
+    section = Section(name="movies")
+    backend = OPENGL.get()
+    command = [sys.executable, "-m", "server.cli.command_line"]
+    with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
+        directory = Path(folder) / "fold"
+        subprocess.run([*command, "fold", SHAPE, "--out", str(directory)], check=True)
+        for name, words in OPTIONS.items():
+            out = Path(folder) / name
+            film = [*command, "movie", str(directory), "--out", str(out), "--json", *words]
+            begun = time.perf_counter()
+            done = subprocess.run(film, check=True, stdout=subprocess.PIPE)
+            seconds = time.perf_counter() - begun
+            about = json.loads(done.stdout)
+            what = f"{SHAPE} as {about['format'].upper()}"
+            size = f"{about['width']}×{about['height']}, {about['pictures']} pictures, {backend}"
+            judged = {"bar": f"< {SECONDS_BAR:.0f} s", "met": seconds < SECONDS_BAR}
+            section.add(f"{what}, {size}, all in all", f"{seconds:.1f} s", **judged)
+            section.add(f"{what}, per picture", f"{1e3 * seconds / about['pictures']:.0f} ms")
+            section.add(f"{what}, file", f"{out.stat().st_size / 1e6:.2f} MB")
+        _picture(section, directory)
+    return section
+
+
+def _picture(section: Section, directory: Path) -> None:
+    from web.pictures.social_picture import social_picture
+
+    chain = Timeline.open(directory / "timeline.zarr").chain
+    social_picture(chain)  # compiles and loads what it needs
+    begun = time.perf_counter()
+    data = social_picture(chain)
+    seconds = time.perf_counter() - begun
+    section.add(
+        f"{SHAPE} as social picture, a PNG file of {len(data) / 1e3:.0f} kB",
+        f"{seconds:.2f} s",
+        f"< {PICTURE_BAR_S:.0f} s",
+        seconds < PICTURE_BAR_S,
+    )

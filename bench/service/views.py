@@ -1,0 +1,224 @@
+"""Links and cameras: whether a link shows the same picture, and whether the chain stays in it."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import Browser, Page, ViewportSize
+
+from bench.service.browsing import service_and_browser
+from bench.tables import Section
+from tests.browser.conftest import AT_REST, leave_view_out
+from tests.browser.test_small_frames import MIN_PICTURE_SHARE, PICTURE_SHARE
+from tests.server.service import Service
+
+SHAPES: Final = (
+    *("tetra-ring", "mallet-24", "tetra-dodecahedron", "wrench-24", "box-4x4x4", "letter-f"),
+    *("letter-l", "mallet-64", "four", "letter-t", "seven", "letter-e", "mallet-80", "wrench-80"),
+    *("cross", "letter-h", "letter-s", "two", "letter-a", "tetra-bar"),
+)
+"""The 20 smallest shapes of the gallery that are not alike."""
+KINDS: Final = ("page", "embed", "file")
+SIZE: Final[ViewportSize] = {"width": 960, "height": 640}
+VIEWS: Final = 5
+LEVELS: Final = 8
+"""Difference of a pixel's channel, of 255, that counts as different."""
+MAX_SHARE: Final = 0.01
+"""Largest share of different pixels between a view and its link."""
+STEP: Final = 10
+"""Every which frame is looked at for parts of the chain outside of the picture."""
+FOLLOWED: Final = 10
+"""Number of shapes that are checked for this."""
+SHARES: Final = (
+    ("fold", 1366, 768),
+    ("fold", 390, 844),
+    ("fold", 640, 360),
+    ("embed", 300, 200),
+)
+NO_WEBGL: Final = """HTMLCanvasElement.prototype.getContext = new Proxy(
+  HTMLCanvasElement.prototype.getContext,
+  { apply: (get, on, given) => given[0] === "webgl2" ? null : Reflect.apply(get, on, given) },
+);"""
+"""Leaves the page's own drawing in place. In software, the 3D view lowers its resolution after a
+motion, so that its edges differ from those of the same view that was opened at rest."""
+SETTLED: Final = """() => {
+  const player = window.foldback?.player;
+  return player?.shown?.exact && player.timeline.complete && !player.busy
+    && document.getElementById("cover").classList.contains("gone");
+}"""
+OUTSIDE: Final = """async ([step, camera]) => {
+  const { player } = window.foldback;
+  const { rig, timeline } = player;
+  const half = rig.pitch / 2;
+  const { field_of_view_rad: field } = timeline.bundle.header.camera;
+  const { clientWidth: wide, clientHeight: high } = document.querySelector("main.stage");
+  const soon = () => new Promise((done) => requestAnimationFrame(done));
+  let [looked, cut] = [0, 0];
+  for (let frame = 0; frame <= +document.getElementById("scrub").max; frame += step) {
+    player.send({ do: "seek", frame });
+    if (frame === 0) player.send({ do: "camera", camera });
+    do await soon(); while (!player.shown.exact || player.shown.frame !== frame || player.busy);
+    const { position: eye, target } = rig.eye;
+    const minus = (a, b) => a.map((v, k) => v - b[k]);
+    const dot = (a, b) => a.reduce((sum, v, k) => sum + v * b[k], 0);
+    const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
+    const unit = (a) => a.map((v) => v / Math.hypot(...a));
+    const out = unit(minus(eye, target));
+    const right = unit(cross([0, 0, 1], out));
+    const up = cross(out, right);
+    const scale = 1 / Math.tan(field / 2);
+    looked++;
+    const { positions } = player.shown;
+    for (let k = 0; k < positions.length; k += 3) {
+      const off = minus([0, 1, 2].map((axis) => positions[k + axis] * rig.pitch), eye);
+      const depth = -dot(off, out);
+      const [x, y] = [dot(off, right), dot(off, up)].map((v) => Math.abs(v) + half);
+      if (depth <= 0 || scale * y / depth > 1 || scale * x / depth > wide / high) { cut++; break; }
+    }
+  }
+  return [looked, cut];
+}"""
+"""Frames looked at, and those where a module's centre and half its width leave the picture."""
+CAMERAS: Final = (
+    {"azimuth": None, "elevation": None, "distance": 1},
+    {"azimuth": 0.7, "elevation": 1.1, "distance": 1},
+    {"azimuth": -2.2, "elevation": -0.2, "distance": 0.4},
+)
+"""Cameras in radians and in multiples of the usual distance: as it is, turned, zoomed in."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """A view of a fold: its address and its picture, shape (height, width, 3)."""
+
+    address: str
+    picture: np.ndarray
+
+
+def views(reference_seconds: float) -> Section:
+    """Turn each fold by hand, open the page's address elsewhere, and compare the pictures."""
+    del reference_seconds
+    section = Section(name="views")
+    with service_and_browser() as (service, browser, folder):
+        folds: dict[str, str] = {}
+        for shape in SHAPES:
+            folds[shape] = service.fold(shape=shape)["id"]
+            service.wait_over(folds[shape])
+        for shape, fold in folds.items():
+            for kind in KINDS:
+                address = _address(service, fold, kind, folder)
+                section.rows.append(_compared(browser, address, shape, kind))
+        outside = [
+            _outside(browser, _address(service, folds[shape], "page", folder))
+            for shape in SHAPES[:FOLLOWED]
+        ]
+        shares = [_share(browser, service, folds["wrench-24"], *size) for size in SHARES]
+    for kind in KINDS:
+        worst = max(row["worst share"] for row in section.rows if row["kind"] == kind)
+        section.add(
+            f"{kind}: pixels that differ by more than {LEVELS} levels, worst of "
+            f"{len(SHAPES)} folds × {VIEWS} views",
+            f"{100 * worst:.2f} %",
+            f"≤ {100 * MAX_SHARE:g} %",
+            worst <= MAX_SHARE,
+        )
+    looked, cut = np.sum(outside, axis=0)
+    section.add(
+        "frames that cut the chain off while it is followed", f"{cut} of {looked}", "0", cut == 0
+    )
+    for (kind, width, height), share in zip(SHARES, shares, strict=True):
+        section.add(
+            f"{kind} at {width}×{height}: share of the picture",
+            f"{100 * share:.0f} %",
+            f"≥ {100 * MIN_PICTURE_SHARE:g} %",
+            share >= MIN_PICTURE_SHARE,
+        )
+    return section
+
+
+def _address(service: Service, fold: str, kind: str, folder: Path) -> str:
+    if kind == "file":
+        file = folder / f"{fold}.html"
+        if not file.exists():
+            file.write_bytes(service.http.get(f"/folds/{fold}/standalone.html").content)
+        return file.as_uri()
+    return f"{service.http.base_url}/{'folds' if kind == 'page' else 'embed'}/{fold}"
+
+
+def _opened(browser: Browser, address: str, size: ViewportSize = SIZE) -> Page:
+    context = browser.new_context(viewport=size, color_scheme="dark", reduced_motion="reduce")
+    context.set_default_timeout(90_000)
+    leave_view_out(context)
+    if address.startswith("file:"):  # its 3D view is part of it and cannot be left out
+        context.add_init_script(NO_WEBGL)
+    page = context.new_page()
+    page.goto(address)
+    page.wait_for_function(SETTLED)
+    return page
+
+
+def _picture(page: Page) -> np.ndarray:
+    page.wait_for_function(SETTLED)
+    page.evaluate(AT_REST)
+    png = page.locator("main.stage").screenshot()
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+
+
+def _compared(browser: Browser, address: str, shape: str, kind: str) -> dict[str, Any]:
+    """Return how much the links of views that were turned by hand differ from the views."""
+    page = _opened(browser, address)
+    rng = np.random.default_rng(len(shape))
+    frames = page.evaluate("() => +document.getElementById('scrub').max + 1")
+    shown = [_turned(page, int(frame), rng) for frame in np.linspace(0, frames - 1, VIEWS)]
+    page.context.close()
+    worst = 0.0
+    for view in shown:
+        other = _opened(browser, view.address)
+        differs = np.abs(_picture(other) - view.picture).max(axis=-1) > LEVELS
+        worst = max(worst, float(differs.mean()))
+        other.context.close()
+    return {"shape": shape, "kind": kind, "worst share": worst}
+
+
+def _turned(page: Page, frame: int, rng: np.random.Generator) -> Shown:
+    """Go to a frame, drag the picture with the mouse and zoom, and read the address."""
+    page.evaluate("(frame) => foldback.player.send({ do: 'seek', frame })", frame)
+    page.wait_for_function(SETTLED)
+    box = page.locator("main.stage").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    across, down = rng.integers(-120, 120, 2)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + across, y + down, steps=3)
+    page.mouse.up()
+    page.keyboard.press("-" if rng.random() < 0.5 else "+")
+    page.wait_for_url(re.compile(rf"#frame={frame + 1}&.*camera="))
+    page.mouse.move(1, 1)
+    page.wait_for_timeout(600)  # until the address is that of the view at rest
+    picture = _picture(page)
+    return Shown(address=page.url, picture=picture)
+
+
+def _outside(browser: Browser, address: str) -> tuple[int, int]:
+    page = _opened(browser, address)
+    found = [page.evaluate(OUTSIDE, [STEP, camera]) for camera in CAMERAS]
+    page.context.close()
+    looked, cut = np.sum(found, axis=0)
+    return int(looked), int(cut)
+
+
+def _share(
+    browser: Browser, service: Service, fold: str, kind: str, width: int, height: int
+) -> float:
+    path = f"{service.http.base_url}/{'folds' if kind == 'fold' else 'embed'}/{fold}"
+    page = _opened(browser, path, {"width": width, "height": height})
+    share = page.evaluate(PICTURE_SHARE)
+    page.context.close()
+    return float(share)

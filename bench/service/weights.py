@@ -1,0 +1,125 @@
+"""Weights: how many requests and bytes each page takes of a browser that has seen none."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+from playwright.sync_api import Browser, Page, Request, ViewportSize
+
+from bench.service.browsing import service_and_browser
+from bench.tables import Section
+from tests.server.service import Service
+
+SHAPES: Final = ("wrench-24", "wrench-80")
+SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
+REST_MS: Final = 1500
+"""Milliseconds without a request after which a page counts as loaded."""
+UNCOVERED: Final = "() => document.getElementById('cover').classList.contains('gone')"
+SEEN: Final = {
+    "fold": UNCOVERED,
+    "embed": UNCOVERED,
+    "compare": "() => !document.getElementById('play').disabled",
+    "landing": "() => document.getElementById('hero').classList.contains('moving')",
+    "editor": "() => document.querySelector('#grid [role=gridcell]') !== null",
+}
+"""When a page shows what it is for; others do when all of them is there."""
+BEFORE: Final = {
+    "landing": (40, 553.4),
+    "gallery": (50, 524.7),
+    "fold": (49, 1356.0),
+    "embed": (38, 1277.0),
+    "compare": (42, 1344.0),
+    "editor": (10, 41.61),
+    "preview": (19, 980.2),
+    "paper": (29, 488.2),
+    "API": (8, 1809.0),
+    "benchmarks": (5, 59.49),
+    "standalone": (1, 1347.0),
+}
+"""Requests in all and kB of pages at commit 346fd94; others were not there."""
+
+
+def weights(reference_seconds: float) -> Section:
+    """Opens each page in a browser that has seen none before."""
+    del reference_seconds
+    section = Section(name="weights")
+    with service_and_browser() as (service, browser, _):
+        for name, path in _pages(service):
+            section.rows.append(_weighed(browser, f"{service.http.base_url}{path}", name))
+    for row in section.rows:
+        requests, kilobytes = row["in all"], row["kB"]
+        before = BEFORE.get(row["page"])
+        section.add(
+            f"{row['page']}: requests, and what is sent",
+            f"{requests}, {kilobytes:.0f} kB",
+            "a page that was not there" if before is None else f"≤ {before[0]}, {before[1]:.0f} kB",
+            None if before is None else requests <= before[0] and kilobytes <= before[1],
+        )
+    return section
+
+
+def _pages(service: Service) -> Iterator[tuple[str, str]]:
+    small, fold = (service.fold(shape=shape)["id"] for shape in SHAPES)
+    for each in (small, fold):
+        service.wait_over(each)
+    box = {"format": "foldback-voxels/1", "cells": [[x, y, z] for x, y, z in np.ndindex(5, 4, 3)]}
+    sent = {"file": ("box.json", json.dumps(box))}
+    looked_at = service.http.post("/api/shapes/preview", data={"full": "false"}, files=sent).json()
+    yield from {
+        "landing": "/",
+        "gallery": "/gallery",
+        "fold": f"/folds/{fold}",
+        "embed": f"/embed/{fold}",
+        "compare": f"/compare?a={small}&b={fold}",
+        "editor": "/shapes/new",
+        "preview": looked_at["links"]["page"],
+        "paper": "/paper",
+        "API": "/docs",
+        "my folds": "/my-folds",
+        "benchmarks": "/benchmarks",
+        "privacy": "/privacy",
+        "standalone": f"/folds/{fold}/standalone.html",
+    }.items()
+
+
+def _weighed(browser: Browser, address: str, name: str) -> dict[str, Any]:
+    """What a page takes until it shows what it is for, and in all."""
+    context = browser.new_context(viewport=SIZE, base_url=address)
+    sent: list[str] = []
+    done: list[Request] = []
+    context.on("request", lambda request: sent.append(request.url))
+    context.on("requestfinished", lambda request: done.append(request))
+    if name == "standalone":  # a download, which is the whole page
+        size = len(context.request.get(address).body()) / 1e3
+        context.close()
+        return {"page": name, "until seen": 1, "in all": 1, "kB": size, "kB unpacked": size}
+    page = context.new_page()
+    page.goto(address)
+    first = None
+    if name in SEEN:
+        page.wait_for_function(SEEN[name], polling=20, timeout=90_000)
+        first = len(sent)
+    _rest(page, done)
+    sizes = [request.sizes() for request in done]
+    packed = sum(size["responseBodySize"] + size["responseHeadersSize"] for size in sizes)
+    answers = [request.response() for request in done]
+    unpacked = sum(len(answer.body()) for answer in answers if answer is not None and answer.ok)
+    context.close()
+    return {
+        "page": name,
+        "until seen": len(sent) if first is None else first,
+        "in all": len(sent),
+        "kB": packed / 1e3,
+        "kB unpacked": unpacked / 1e3,
+    }
+
+
+def _rest(page: Page, done: list[Request]) -> None:
+    """Until nothing has been fetched for a while."""
+    count = -1
+    while count != len(done):
+        count = len(done)
+        page.wait_for_timeout(REST_MS)

@@ -1,0 +1,91 @@
+"""Smoothing: how plans of examples go before and after, both folding in the same time.
+
+``python -m bench.smoothing [SHAPE …]`` prints them.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from bench.tables import Section
+from examples.run_gallery import SHAPES
+from planner.pipeline.fold import smooth_plan
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+
+NAMES = (
+    "wrench-24",
+    "mallet-64",
+    "wrench-94",
+    "wrench-160",
+    "mallet-192",
+    "crown",
+    "pot",
+    "elephant",
+    "tetra-wrench",
+    "tetra-slab",
+)
+FEWER = ("frames", "fold_time_s", "length_rad", "peak_torque_nm", "tail_way", "tail_speed")
+MORE = ("hinges_moving_mean", "hinges_moving_most", "clearance")
+
+
+def smoothing(reference_seconds: float, shapes: tuple[str, ...] = NAMES) -> Section:
+    """Plans of examples of 24 to 384 modules, smoothed."""
+    del reference_seconds
+    section = Section(name="smoothing")
+    _row("wrench-24")  # compiles
+    for shape in shapes:
+        section.rows.append(_row(shape))
+    rows = section.rows
+    for name in (*FEWER, *MORE):
+        ratios = [row[name][1] / row[name][0] for row in rows]
+        section.add(f"{name}, after / before", f"{np.exp(np.mean(np.log(ratios))):.2f} (geometric)")
+    verified = sum(row["verified"] for row in rows)
+    section.add("verified", f"{verified} of {len(rows)}", "all", verified == len(rows))
+    quieter = sum(row["peak_torque_nm"][1] <= row["peak_torque_nm"][0] for row in rows)
+    section.add(
+        "peak torque not above", f"{quieter} of {len(rows)}", "most", 2 * quieter > len(rows)
+    )
+    for row in rows:
+        for name, value in row.items():
+            if isinstance(value, tuple):
+                row[name] = " → ".join(f"{v:.3g}" for v in value)
+    return section
+
+
+def _row(shape: str) -> dict[str, Any]:
+    with TemporaryDirectory() as aside:
+        Workspace(Path(aside)).write_request(Request(), (SHAPES / f"{shape}.json").read_bytes())
+        run_stages(Path(aside))
+        recorded = Plan.load(Path(aside) / "plan.npz")
+    cpu = time.process_time()
+    found = smooth_plan(recorded)
+    cpu = time.process_time() - cpu
+    assert found.smoothing is not None
+    before, after = found.smoothing["before"], found.smoothing["after"]
+    return {
+        "shape": shape,
+        "modules": len(found.chain),
+        "cpu s": cpu,
+        "way": found.smoothing["way"],
+        "verified": found.verified,
+        **{name: (before[name], after[name]) for name in (*FEWER, *MORE)},
+    }
+
+
+def main() -> None:
+    """Prints the shapes that are asked for."""
+    smoothing(0.0, tuple(sys.argv[1:]) or NAMES).show(Console(width=260))
+
+
+if __name__ == "__main__":
+    main()

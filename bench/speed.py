@@ -1,0 +1,274 @@
+"""Speed: what a fold takes, as multiples of the reference; medians of three.
+
+``python -m bench.speed [CASE …]`` runs some of the commands, or 100 000 modules or the
+simulated playback of 4096, which ``make bench`` leaves out.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+from rich.console import Console
+
+from bench.command import Run, fold
+from bench.machine import machine
+from bench.scaling import CASES, LONGER
+from bench.scaling import Case as Command
+from bench.success_map.__main__ import path_of
+from bench.tables import Section
+from planner.chain.chain import Chain
+from planner.chain.path import Path as CellPath
+from planner.explosion.blocks import explode_blocks_first
+from planner.explosion.simultaneous import explode
+from planner.motion.record import Record
+from planner.parameters.parameters import Parameters
+from planner.pathfinding.assembly import layered_snake
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stage
+from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
+from planner.plan.shape_files import write_path
+from planner.playback.playback import play_back
+from planner.progress import STAGES
+from planner.readers.gallery import Gallery
+
+RUNS: Final = 3
+ODE_R: Final = 267.0
+"""References that the published algorithm takes for the wrench of 160, in C++ on ODE."""
+WRENCH: Final = "wrench-160"
+SIDE: Final = (10, 10, 10)
+MOST_MODULES: Final = 10**6
+"""So that playbacks of any length are simulated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bar:
+    """What a command is held against.
+
+    Attributes:
+        command: Which one.
+        references: It should take no more than so many.
+    """
+
+    command: Command
+    references: float
+
+
+def _own(kind: str) -> Callable[[], bytes]:
+    """A path through a block that comes as a file, its cells in order."""
+
+    def data() -> bytes:
+        cells = path_of(kind, SIDE, 0)
+        assert cells is not None, f"a box has {kind} paths"
+        return write_path(CellPath.from_cells([tuple(c) for c in cells.tolist()], name="own"))
+
+    return data
+
+
+def _larger(name: str) -> Command:
+    """A command of those that are about growing, for modules of 0.98."""
+    command = {**CASES, **LONGER}[name]
+    return replace(command, options=(*command.options, "--module-size", "0.98"))
+
+
+def _folded_by_robots(name: str) -> Command:
+    """A command whose playback is simulated, however long its chain is."""
+    command = {**CASES, **LONGER}[name]
+    return replace(command, options=(*command.options, "--set", "simulated_modules=20000"))
+
+
+COMMANDS: Final = {
+    WRENCH: Bar(command=CASES["wrench-160"], references=7.0),
+    "simultaneous-512": Bar(command=CASES["simultaneous-512"], references=20.0),
+    "capsule-1000": Bar(command=CASES["capsule-1000"], references=17.0),
+    "torus-1000": Bar(command=CASES["torus-1000"], references=17.0),
+    "ball-1000": Bar(command=CASES["ball-1000"], references=17.0),
+    "own-block-1000": Bar(command=Command(shape="own.txt", data=_own("block")), references=80.0),
+    "own-search-1000": Bar(command=Command(shape="own.txt", data=_own("exact")), references=80.0),
+    "box-4096": Bar(command=CASES["box-4096"], references=40.0),
+    "box-9600": Bar(command=_larger("box-9600"), references=80.0),
+    "ball-10000": Bar(command=_larger("ball-10000"), references=110.0),
+}
+ROBOTS: Final = {
+    "ball-1000-robots": Bar(command=_folded_by_robots("ball-1000"), references=40.0),
+    "box-4096-robots": Bar(command=_folded_by_robots("box-4096"), references=250.0),
+}
+"""Peeled chains whose playback is simulated, and the references that it may take."""
+LONG: Final = {"box-100000": Bar(command=_larger("box-100000"), references=3300.0)}
+SIMULATED: Final = {
+    "simulated-1000": ((10, 10, 10), 40.0),
+    "simulated-4096": ((16, 16, 16), 250.0),
+}
+"""Layered boxes, folded all at once, whose playback is simulated, and the same."""
+USUAL: Final = (*COMMANDS, *ROBOTS, "simulated-1000")
+
+
+def speed(reference_seconds: float, names: tuple[str, ...] = USUAL) -> Section:
+    """What these names stand for, then what the parts of a fold take."""
+    warm_up()  # a fresh clone compiles for a minute
+    section = Section(name="speed")
+    for name in names:
+        if name in SIMULATED:
+            _simulated(section, *SIMULATED[name], reference_seconds)
+        else:
+            _command(section, name, {**COMMANDS, **ROBOTS, **LONG}[name], reference_seconds)
+    _stages(section, reference_seconds)
+    _steps(section)
+    return section
+
+
+def _command(section: Section, name: str, bar: Bar, reference_seconds: float) -> None:
+    """A whole command, imports and files and all."""
+    runs = [_run(bar.command) for _ in range(1 if name in LONG else RUNS)]
+    wall = statistics.median(run.wall_s for run in runs)
+    summary = runs[0].summary
+    verified = all(run.code == 0 for run in runs)
+    section.rows.append(
+        {
+            "case": name,
+            "modules": summary["modules"],
+            "strategy": summary["explosion"]["strategy"],
+            "verdict": summary["certificate"]["verdict"],
+            "steps": summary["explosion"]["steps"],
+            "explosion s": statistics.median(r.summary["explosion"]["seconds"] for r in runs),
+            "playback s": statistics.median(r.summary["playback"]["seconds"] for r in runs),
+            "wall s": wall,
+            "× reference": wall / reference_seconds,
+            "memory MB": max(run.peak_mb for run in runs),
+        }
+    )
+    row = section.rows[-1]
+    if name == WRENCH:
+        both = (row["explosion s"] + row["playback s"]) / reference_seconds
+        section.add(
+            f"{name}: explosion and playback",
+            f"{both:.1f} r, {ODE_R / both:.0f} times as quick as the published one on ODE",
+            "≤ 4.4 r",
+            both <= 4.4,
+        )
+    if name in ROBOTS:
+        playback = row["playback s"] / reference_seconds
+        error = summary["certificate"]["max_angle_error_rad"]
+        section.add(
+            f"{name}: playback simulated, {row['modules']} modules, peeled",
+            f"{playback:.0f} r ({row['playback s']:.1f} s), joint error {1e3 * error:.2f} mrad, "
+            f"{row['memory MB']:.0f} MB, {summary['status']}",
+            f"≤ {bar.references:g} r, verified",
+            verified and playback <= bar.references,
+        )
+        return
+    references = wall / reference_seconds
+    section.add(
+        f"{name}: whole command, {row['modules']} modules",
+        f"{references:.1f} r ({wall:.1f} s), {row['memory MB']:.0f} MB, {summary['status']}",
+        f"≤ {bar.references:g} r, verified",
+        verified and references <= bar.references,
+    )
+
+
+def _run(command: Command) -> Run:
+    with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
+        shape = command.shape
+        if command.data is not None:
+            file = FilePath(folder) / command.shape
+            file.write_bytes(command.data())
+            shape = str(file)
+        return fold(shape, *command.options)
+
+
+def _stages(section: Section, reference_seconds: float) -> None:
+    """What comes after the explosion of a thousand modules."""
+    found: list[float] = []
+    for _ in range(RUNS):
+        with tempfile.TemporaryDirectory(prefix="foldback-bench-") as place:
+            directory = FilePath(place)
+            Workspace(directory).write_request(Request(strategy="peel"), _layered(SIDE))
+            took: dict[str, float] = {}
+            for stage in STAGES:
+                begun = time.perf_counter()
+                run_stage(stage, directory)
+                took[stage] = time.perf_counter() - begun
+            found.append(took["certify"] + took["export"])
+    seconds = statistics.median(found)
+    section.add(
+        "certificate, figures and export, 1000 modules",
+        f"{seconds:.2f} s ({seconds / reference_seconds:.1f} r)",
+        "≤ 5.6 r",
+        seconds <= 5.6 * reference_seconds,
+    )
+
+
+def _layered(sides: tuple[int, int, int]) -> bytes:
+    return write_path(CellPath.from_cells(layered_snake(sides), name="box"))
+
+
+def _steps(section: Section) -> None:
+    """What a step costs for a module."""
+    shape = Gallery().shape(WRENCH)
+    assert shape is not None
+    with tempfile.TemporaryDirectory(prefix="foldback-bench-") as place:
+        directory = FilePath(place)
+        Workspace(directory).write_request(Request(filename=shape.filename), shape.data)
+        told = {stage: run_stage(stage, directory) for stage in STAGES[:3]}
+    modules = told["read"]["modules"]
+    explosion = 1e6 * told["explode"]["seconds"] / told["explode"]["steps"] / modules
+    robots = Parameters().playback.robot.runs
+    steps = robots * told["play_back"]["steps"]
+    playback = 1e6 * told["play_back"]["seconds"] / steps / modules
+    section.add(
+        f"a step for a module, {WRENCH}: explosion, a robot's playback",
+        f"{explosion:.1f} µs, {playback:.1f} µs",
+        "≤ 4.5 and 3 µs",
+        explosion <= 4.5 and playback <= 3.0,
+    )
+
+
+def _simulated(
+    section: Section,
+    sides: tuple[int, int, int],
+    bar: float,
+    reference_seconds: float,
+) -> None:
+    """A simulated playback, with robots and contacts, of a layered box folded all at once."""
+    chain = Chain.from_path(CellPath.from_cells(layered_snake(sides), name="box"))
+    parameters = Parameters()
+    record: Record
+    if len(chain) > 2000:
+        record = explode_blocks_first(chain, parameters.explosion)  # type: ignore[arg-type]
+    else:
+        record = explode(chain, parameters.explosion)  # type: ignore[arg-type]
+    playback = play_back(
+        chain,
+        record,
+        replace(parameters.playback, dynamic_up_to=MOST_MODULES),
+        module_size=parameters.module_size,
+    )
+    references = playback.seconds / reference_seconds
+    error = playback.max_angle_error_rad
+    each = 1e6 * playback.seconds / max(1, playback.steps) / len(chain)
+    section.add(
+        f"playback simulated, {len(chain)} modules, {parameters.playback.robot.runs} robots",
+        f"{references:.0f} r ({playback.seconds:.1f} s), {playback.status}, "
+        f"joint error {'–' if error is None else f'{1e3 * error:.2f} mrad'}, "
+        f"{playback.steps} steps of {each:.1f} µs a module",
+        f"≤ {bar:g} r",
+        references <= bar and playback.status == "folded",
+    )
+
+
+def main() -> None:
+    """Prints the commands that are asked for."""
+    about: dict[str, Any] = machine()
+    names = tuple(sys.argv[1:]) or USUAL
+    speed(about["reference_seconds"], names).show(Console(width=160))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,204 @@
+"""Success map: which share of folds is verified, by method, kind of path and number of modules.
+
+``make success-map`` runs what is missing in ``data/success-map.jsonl`` and draws the picture from
+what is there. It can be stopped at any time and goes on where it was; without that file it begins
+anew. A run that takes longer than ``BUDGET_S`` of the processor counts as not verified; the
+published method, whose steps are all of one size, has ``PAPER_BUDGET_S``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from bench.success_map.picture import Shares, picture
+from bench.success_map.stored import judge, run_missing
+from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED
+from planner.chain.path import Path
+from planner.errors import InputError
+from planner.kernels.backbite import grow
+from planner.pathfinding.assembly import layered_snake
+from planner.pathfinding.candidates import find_paths
+from planner.pathfinding.lattice import neighbours
+from planner.pipeline.request import Request
+from planner.pipeline.warm_up import warm_up
+from planner.plan.shape_files import write_path
+from planner.shapes.shape import Shape
+
+Ints = NDArray[np.int64]
+ROOT: Final = FilePath(__file__).parents[2]
+RUNS: Final = FilePath(__file__).parents[1] / "data" / "success-map.jsonl"
+PICTURE: Final = ROOT / "web" / "static" / "success-map.svg"
+MODULE_SIZE: Final = 0.95
+BUDGET_S: Final = 60.0
+PAPER_BUDGET_S: Final = 900.0
+MOVES: Final = 2000
+"""Of a random path, for each module; nothing is done to untangle it."""
+METHODS: Final = {
+    "direct": {"preset": "direct"},
+    "one-by-one": {"strategy": "one-by-one"},
+    "paper": {"preset": "paper"},
+    "simultaneous": {"strategy": "simultaneous"},
+    "blocks": {"strategy": "blocks"},
+    "peel": {"strategy": "peel"},
+    "auto": {},
+}
+BOXES: Final = {
+    32: (2, 4, 4),
+    64: (4, 4, 4),
+    144: (4, 6, 6),
+    288: (6, 6, 8),
+    512: (8, 8, 8),
+    1152: (8, 12, 12),
+    4096: (16, 16, 16),
+}
+SEEDS: Final = {32: 5, 64: 5, 144: 5, 288: 5, 512: 5, 1152: 1, 4096: 1}
+"""Runs of each kind for each number of modules; large ones take minutes each."""
+SEEDS_OF_BASELINES: Final = {"paper": 3, "direct": 3}
+ONCE_FROM: Final = {"direct": 144}
+"""Modules from which on a slow baseline is run once."""
+KINDS: Final = ("snake", "assembly", "block", "exact", "random")
+COSTS: Final = {"one-by-one": 1, "peel": 2, "auto": 4, "direct": 32, "paper": 64}
+"""Of a run, roughly: what takes long comes later."""
+LARGEST: Final = {
+    "direct": 144,
+    "paper": 512,
+    "simultaneous": 1152,
+    "blocks": 1152,
+}
+"""Modules up to which a method is run: beyond, it does not end within the budget."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One run: a box of so many modules, filled by a kind of path, folded by a method."""
+
+    method: str
+    kind: str
+    modules: int
+    seed: int
+
+
+def cases(largest: int) -> list[Case]:
+    """All cases up to so many modules, what takes least first."""
+    found = [
+        Case(method=method, kind=kind, modules=modules, seed=seed)
+        for modules in BOXES
+        for method in METHODS
+        for kind in KINDS
+        for seed in range(_seeds(method, modules))
+        if modules <= min(largest, LARGEST.get(method, largest))
+    ]
+    return sorted(
+        found, key=lambda case: case.modules * COSTS.get(case.method, 8) * (1 + case.seed)
+    )
+
+
+def _seeds(method: str, modules: int) -> int:
+    if modules >= ONCE_FROM.get(method, modules + 1):
+        return 1
+    return SEEDS_OF_BASELINES.get(method, SEEDS[modules])
+
+
+def path_of(kind: str, sides: tuple[int, int, int], seed: int) -> Ints | None:
+    """(n, 3) cells of a box in the order of a path of that kind; None when there is none."""
+    box = np.argwhere(np.ones(sides, dtype=bool))
+    if kind == "snake":
+        turned = np.roll(sides, seed)
+        return layered_snake((int(turned[0]), int(turned[1]), int(turned[2])))
+    if kind in ("assembly", "block"):
+        method = "blocks" if kind == "block" else kind
+        found = find_paths(Shape.from_cells(box), method=method, seed=seed, candidates=1)
+        return found.paths[0].cells if found.paths else None
+    if kind == "exact":
+        found = find_paths(Shape.from_cells(box), method="exact", seed=seed, candidates=1)
+        return found.paths[0].cells if found.paths else None
+    count, order = grow(neighbours(box), np.ones(len(box), dtype=bool), -1, MOVES * len(box), seed)
+    return box[order] if count == len(box) else None
+
+
+def run(case: Case) -> dict[str, Any]:
+    """The outcome of one case."""
+    begun = time.process_time()
+    cells = path_of(case.kind, BOXES[case.modules], case.seed)
+    outcome: dict[str, Any] = {**asdict(case), "verdict": "no path", "seconds": 0.0}
+    if cells is None:
+        return outcome
+    begun = time.process_time()
+    budget_s = PAPER_BUDGET_S if case.method == "paper" else BUDGET_S
+
+    def over() -> bool:
+        return time.process_time() - begun > budget_s
+
+    path = Path.from_cells([tuple(cell) for cell in cells.tolist()], name="box")
+    with tempfile.TemporaryDirectory() as place:
+        directory = FilePath(place)
+        request = Request(seed=case.seed, module_size=MODULE_SIZE, **METHODS[case.method])
+        try:
+            found = judge(directory, request, write_path(path), cancelled=over)
+            outcome["verdict"] = found["verdict"]
+        except InputError as error:
+            outcome["verdict"] = f"refused: {error.code}"
+    return {**outcome, "seconds": round(time.process_time() - begun, 2)}
+
+
+def shares(rows: list[dict[str, Any]]) -> Shares:
+    """Verified folds by method, kind and modules; without a path there is none."""
+    found: Shares = {}
+    for row in rows:
+        if row["verdict"] in ("no path", "refused: strategy-differs"):
+            continue
+        key = (row["method"], row["kind"], row["modules"])
+        simulated, by_kinematics, count = found.get(key, (0, 0, 0))
+        found[key] = (
+            simulated + (row["verdict"] == SIMULATED),
+            by_kinematics + (row["verdict"] == KINEMATICS_ONLY),
+            count + 1,
+        )
+    return found
+
+
+def show(rows: list[dict[str, Any]], console: Console) -> None:
+    """Prints the shares, a line for each kind and number of modules."""
+    found = shares(rows)
+    table = Table(title="verified folds", title_justify="left")
+    for name in ("path", "modules", *METHODS):
+        table.add_column(name)
+    for kind in KINDS:
+        for modules in BOXES:
+            cells = [found.get((method, kind, modules)) for method in METHODS]
+            if any(cells):
+                texts = ["" if cell is None else f"{cell[0] + cell[1]}/{cell[2]}" for cell in cells]
+                table.add_row(kind, str(modules), *texts)
+    console.print(table)
+
+
+def main() -> None:
+    """Runs what is missing, then prints and draws all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--largest", type=int, default=max(BOXES))
+    parser.add_argument("--minutes", type=float, default=float("inf"))
+    parser.add_argument("--workers", type=int, default=1)
+    options = parser.parse_args()
+    warm_up()
+    rows = run_missing(
+        RUNS, cases(options.largest), run, minutes=options.minutes, workers=options.workers
+    )
+    show(rows, Console())
+    PICTURE.write_text(picture(shares(rows), tuple(METHODS), KINDS, tuple(BOXES)))
+
+
+if __name__ == "__main__":
+    # By its own name: a process of its own does not find what is called __main__ in a package.
+    from bench.success_map.__main__ import main as begin
+
+    begin()

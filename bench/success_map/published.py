@@ -1,0 +1,120 @@
+"""The published recipe on random paths of 160 modules, and on five shapes of the paper.
+
+``python -m bench.success_map.published`` runs what is missing in
+``out/published-….jsonl``, a file for each version of the planner; it can be stopped at any time and
+goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from bench.success_map.stored import run_missing, version_of
+from bench.tables import Section
+from planner.chain.path import Path as CellPath
+from planner.pathfinding.blocks import block_path
+from planner.pathfinding.lattice import STEPS
+from planner.pipeline.fold import fold
+from planner.pipeline.warm_up import warm_up
+from planner.readers import read
+
+ROOT: Final = Path(__file__).parents[2]
+SHAPES: Final = ("mallet-64", "wrench-94", "wrench-160", "mallet-160", "mallet-192")
+"""Shapes of the paper's figures and tables."""
+RANDOM_PATHS: Final = 20
+"""Number of random paths. Chosen; each takes one to three minutes."""
+BLOCKS: Final = 20
+"""Blocks of 2×2×2 cells of a random path: 160 modules."""
+MIN_VERIFIED: Final = 24
+"""Minimum number of verified folds, of 25."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One fold: ``shape`` of the gallery, or ``random`` with the seed of its path."""
+
+    shape: str
+    seed: int
+
+
+def cases() -> list[Case]:
+    """Return all cases, the paper's shapes first."""
+    return [
+        *(Case(shape=shape, seed=0) for shape in SHAPES),
+        *(Case(shape="random", seed=seed) for seed in range(RANDOM_PATHS)),
+    ]
+
+
+def random_blocks(rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return (``BLOCKS``, 3) blocks, each beside one of those before it."""
+    blocks = [(0, 0, 0)]
+    while len(blocks) < BLOCKS:
+        beside = np.add(blocks[int(rng.integers(len(blocks)))], STEPS[int(rng.integers(6))])
+        x, y, z = beside.tolist()
+        if (x, y, z) not in blocks:
+            blocks.append((x, y, z))
+    return np.array(blocks, dtype=np.int64)
+
+
+def run(case: Case) -> dict[str, Any]:
+    """Return the figures of one fold."""
+    if case.shape == "random":
+        rng = np.random.default_rng(case.seed)
+        cells = block_path(random_blocks(rng), rng, tree="random")
+        path = CellPath.from_cells(cells, name=f"random-{case.seed}")
+    else:
+        file = ROOT / "examples" / "shapes" / f"{case.shape}.json"
+        found = read(file.read_bytes(), filename=file.name)
+        assert isinstance(found, CellPath)
+        path = found
+    begun = time.process_time()
+    plan = fold(path, preset="paper", seed=case.seed)
+    certificate = plan.certificate
+    return {
+        **asdict(case),
+        "modules": len(plan.chain),
+        "verdict": certificate.verdict,
+        "reason": (plan.explosion or {}).get("reason", ""),
+        "clearance": certificate.min_clearance,
+        "record": certificate.min_clearance_record,
+        "cpu s": round(time.process_time() - begun, 1),
+    }
+
+
+def published(reference_seconds: float) -> Section:
+    """Return the table of all cases, of which those that are missing are run."""
+    del reference_seconds
+    section = Section(name="published")
+    path = ROOT / "out" / f"published-{version_of('planner')}.jsonl"
+    section.rows = run_missing(path, cases(), run)
+    verified = sum(row["verdict"].startswith("verified") for row in section.rows)
+    section.add(
+        "verified with the published recipe",
+        f"{verified} of {len(section.rows)}",
+        f"≥ {MIN_VERIFIED}",
+        verified >= MIN_VERIFIED,
+    )
+    return section
+
+
+def main() -> None:
+    """Run what is missing for some minutes, then print all rows."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=float("inf"))
+    options = parser.parse_args()
+    warm_up()
+    path = ROOT / "out" / f"published-{version_of('planner')}.jsonl"
+    for row in run_missing(path, cases(), run, minutes=options.minutes):
+        Console().print(row)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""The gallery and meshes of blocks with five seeds each: how many fold at once, how many at all.
+
+``python -m bench.success_map.seeds`` runs what is missing in ``out/seeds-….jsonl``, a
+file for each version of the planner; it can be stopped at any time and goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from rich.console import Console
+
+from bench.meshes import MESHES
+from bench.success_map.stored import judge, run_missing, version_of
+from bench.tables import Section
+from examples.run_gallery import SHAPES
+from planner.errors import InputError
+from planner.pipeline.request import Request
+from planner.pipeline.warm_up import warm_up
+
+OUT: Final = Path(__file__).parents[2] / "out"
+SEEDS: Final = 5
+MODULES: Final = 240
+"""Of a mesh: some thirty blocks of 2×2×2."""
+AT_ONCE: Final = 0.98
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One fold: a shape of the gallery, or a mesh that becomes a path by blocks."""
+
+    kind: str
+    shape: str
+    seed: int
+
+
+def cases() -> Iterator[Case]:
+    """All of them, the first seed of each first."""
+    for seed in range(SEEDS):
+        for shape in sorted(file.stem for file in SHAPES.glob("*.json")):
+            yield Case(kind="gallery", shape=shape, seed=seed)
+        for shape in MESHES:
+            yield Case(kind="mesh", shape=shape, seed=seed)
+
+
+def run(case: Case) -> dict[str, Any]:
+    """What came of one case; ``first`` tells why its first attempt was not the last."""
+    begun = time.process_time()
+    with tempfile.TemporaryDirectory(prefix="foldback-seeds-") as place:
+        directory = Path(place)
+        try:
+            verdict = judge(directory, *_input(case))["verdict"]
+            modules = json.loads((directory / "chain.json").read_bytes())["modules"]
+            tried = json.loads((directory / "attempts.json").read_bytes())
+        except InputError as error:
+            modules, verdict, tried = 0, f"refused: {error.code}", [{}]
+    first, last = tried[0], tried[-1]
+    why = first.get("verdict") or (first.get("diagnosis") or {}).get("kind", "")
+    return {
+        **asdict(case),
+        "modules": modules,
+        "verdict": verdict,
+        "attempts": len(tried),
+        "strategy": last.get("strategy"),
+        "first": "" if len(tried) == 1 else why,
+        "cpu s": round(time.process_time() - begun, 2),
+    }
+
+
+def _input(case: Case) -> tuple[Request, bytes]:
+    if case.kind == "gallery":
+        file = SHAPES / f"{case.shape}.json"
+        return Request(filename=file.name, seed=case.seed), file.read_bytes()
+    mesh: Any = MESHES[case.shape]()
+    request = Request(
+        filename=f"{case.shape}.stl", seed=case.seed, modules=MODULES, method="blocks"
+    )
+    return request, mesh.export(file_type="stl")
+
+
+def runs() -> Path:
+    """Where the runs of this version of the planner are stored."""
+    return OUT / f"seeds-{version_of('planner')}.jsonl"
+
+
+def seeds(reference_seconds: float) -> Section:
+    """Every shape with every seed."""
+    del reference_seconds
+    warm_up()
+    return section_of(run_missing(runs(), cases(), run))
+
+
+def section_of(rows: list[dict[str, Any]]) -> Section:
+    """The figures of some runs; shown are those that did not fold at once."""
+    section = Section(name="seeds")
+    section.rows = [row for row in rows if row["attempts"] > 1 or not _verified(row)]
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        of_kind = [row for row in rows if row["kind"] == kind]
+        verified = [row for row in of_kind if _verified(row)]
+        at_once = sum(row["attempts"] == 1 for row in verified)
+        share = at_once / len(of_kind)
+        told = f"{at_once} of {len(of_kind)} ({100 * share:.1f} %)"
+        bar = f"at least {100 * AT_ONCE:.0f} %"
+        section.add(f"{kind}: verified at once", told, bar, share >= AT_ONCE)
+        section.add(
+            f"{kind}: verified with the portfolio",
+            f"{len(verified)} of {len(of_kind)}",
+            "all",
+            len(verified) == len(of_kind),
+        )
+        spent = sorted(row["cpu s"] for row in of_kind)
+        section.add(
+            f"{kind}: processor, median and most",
+            f"{spent[len(spent) // 2]:.1f} s, {spent[-1]:.1f} s",
+            "reported",
+        )
+    return section
+
+
+def _verified(row: dict[str, Any]) -> bool:
+    return row["verdict"].startswith("verified")
+
+
+def main() -> None:
+    """Runs what is missing, then prints all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=float("inf"))
+    parser.add_argument("--workers", type=int, default=1)
+    options = parser.parse_args()
+    warm_up()
+    rows = run_missing(runs(), cases(), run, minutes=options.minutes, workers=options.workers)
+    section_of(rows).show(Console(width=160))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,105 @@
+"""Stored runs: a benchmark of hours can be stopped at any time, and goes on where it was."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import fields
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from planner.progress import STAGES, Cancelled, never
+
+if TYPE_CHECKING:
+    from planner.pipeline.request import Request
+
+Case = TypeVar("Case")
+Row = dict[str, Any]
+
+
+def version_of(package: str) -> str:
+    """A few letters that differ when a module of the package does."""
+    root = Path(__file__).parents[2]
+    found = hashlib.sha256()
+    for module in sorted((root / package).rglob("*.py")):
+        found.update(str(module.relative_to(root)).encode() + module.read_bytes())
+    return found.hexdigest()[:8]
+
+
+def stored(path: Path, kind: type[Case]) -> dict[Case, Row]:
+    """The rows of a file by their case, a dataclass whose fields are among theirs."""
+    names = tuple(field.name for field in fields(kind))  # type: ignore[arg-type]
+    lines = path.read_text().splitlines() if path.exists() else []
+    rows = [json.loads(line) for line in lines]
+    return {kind(**{name: row[name] for name in names}): row for row in rows}
+
+
+def run_missing(
+    path: Path,
+    cases: Iterable[Case],
+    run: Callable[[Case], Row],
+    *,
+    minutes: float = float("inf"),
+    workers: int = 1,
+) -> list[Row]:
+    """Runs what a file lacks, in its order, and adds the rows to it; all that it holds then.
+
+    Args:
+        path: One JSON object a line; made when it is not there.
+        cases: All of them.
+        run: Makes the row of a case, in a process of its own.
+        minutes: After so many none is begun any more.
+        workers: Cases at once.
+    """
+    wanted = list(cases)
+    rows = stored(path, type(wanted[0]))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    until = time.monotonic() + 60.0 * minutes
+    missing = (case for case in wanted if case not in rows)
+    due = (case for case in missing if time.monotonic() <= until)
+    for case, row in _each(due, run, workers):
+        rows[case] = row
+        with path.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+    return list(rows.values())
+
+
+def _each(
+    cases: Iterator[Case], run: Callable[[Case], Row], workers: int
+) -> Iterator[tuple[Case, Row]]:
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        running: dict[Future[Row], Case] = {}
+        while True:
+            fresh = islice(cases, workers - len(running))
+            running |= {pool.submit(run, case): case for case in fresh}
+            if not running:
+                return
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield running.pop(future), future.result()
+
+
+def judge(
+    directory: Path, request: Request, data: bytes, *, cancelled: Cancelled = never
+) -> dict[str, Any]:
+    """Folds as far as the certificate, which is all that a verdict needs; its figures.
+
+    Raises:
+        InputError: When the input cannot be used.
+    """
+    # Loaded late: each process that runs cases of another kind would load all of the planner.
+    from planner.pipeline.stages import next_stage, run_stage
+    from planner.pipeline.workspace import Workspace
+
+    Workspace(directory).write_request(request, data)
+    stage: str | None = STAGES[0]
+    result: dict[str, Any] = {}
+    while stage is not None and stage != "export":
+        result = run_stage(stage, directory, cancelled=cancelled)
+        stage = next_stage(stage, result)
+    return result

@@ -1,0 +1,102 @@
+"""Sweeps: how long a certificate's geometry takes, and that its growth is linear."""
+
+from __future__ import annotations
+
+import resource
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.tables import Section
+from examples.run_gallery import SHAPES
+from planner.chain.chain import Chain
+from planner.clearance.sweep import Sweep, sweep
+from planner.motion.motion import Motion
+from planner.motion.record import Record
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from tests.planner.peels import peel, snake
+
+FRAMES = 1000
+SIZES = (0.95, 0.98)
+RUNS = 3
+SNAKES = ((10, 10, 10), (16, 16, 16), (20, 20, 24))
+"""Hinges of a window and hinges a frame: about a hundred modules move, 1.8 frames a module."""
+WINDOW, STEP = 200, 1.13
+
+
+def sweeps(reference_seconds: float) -> Section:
+    """A record of 160 modules at 1000 frames, and peels of growing size as windows."""
+    del reference_seconds
+    section = Section(name="sweeps")
+    chain, angles = _recorded()
+    worst = max(_row(section, "record of wrench-160", chain, angles, size) for size in SIZES)
+    section.add(
+        f"160 modules × {FRAMES} frames", f"{worst:.2f} s", "< 2 s (0.3 s)", bool(worst < 2.0)
+    )
+    seconds: list[float] = []
+    for sides in SNAKES:
+        chain = snake(sides)
+        windows = peel(chain, width=WINDOW, step=STEP)
+        name = "peel of a box, " + "×".join(map(str, sides))
+        seconds.append(max(_row(section, name, chain, windows, size) for size in SIZES))
+    section.add(
+        f"{len(chain)} modules as windows",
+        f"{seconds[-1]:.1f} s",
+        "< 60 s (10 s)",
+        seconds[-1] < 60,
+    )
+    counts = [int(np.prod(sides)) for sides in SNAKES]
+    slope = np.polyfit(np.log(counts), np.log(seconds), 1)[0]
+    section.add("cost ∝ modules^k", f"k = {slope:.2f}", "≤ 1.15", bool(slope <= 1.15))
+    megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    section.add("memory of this process", f"{megabytes:.0f} MB", "< 1000 MB", megabytes < 1000)
+    return section
+
+
+def _recorded() -> tuple[Chain, NDArray[np.float64]]:
+    """The gallery's wrench, its record resampled to so many frames."""
+    with TemporaryDirectory() as aside:
+        folder = Path(aside)
+        Workspace(folder).write_request(Request(), (SHAPES / "wrench-160.json").read_bytes())
+        run_stages(folder)
+        record = Record.load(folder / "record.npz").frames.joint_angles_rad
+        chain = Plan.load(folder / "plan.npz").chain
+    places = np.linspace(0.0, len(record) - 1.0, FRAMES)
+    below = np.minimum(places.astype(int), len(record) - 2)
+    share = (places - below)[:, None]
+    return chain, (1.0 - share) * record[below] + share * record[below + 1]
+
+
+def _row(
+    section: Section, name: str, chain: Chain, motion: NDArray[Any] | Motion, size: float
+) -> float:
+    """Adds a row and returns its seconds, the least of some runs."""
+    found, seconds = _timed(chain, motion, size)
+    for _ in range(RUNS - 1):
+        seconds = min(seconds, _timed(chain, motion, size)[1])
+    section.rows.append(
+        {
+            "motion": name,
+            "modules": len(chain),
+            "frames": len(motion),
+            "size": size,
+            "s": seconds,
+            "in-betweens": found.in_betweens,
+            "clearance": found.clearance,
+            "bound": found.bound,
+        }
+    )
+    return seconds
+
+
+def _timed(chain: Chain, motion: NDArray[Any] | Motion, size: float) -> tuple[Sweep, float]:
+    begun = time.perf_counter()
+    found = sweep(chain, motion, size=size)
+    return found, time.perf_counter() - begun

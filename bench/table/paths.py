@@ -1,0 +1,101 @@
+"""Paths for a table: which shapes of the gallery have one, how soon, and why the others have none.
+
+``python -m bench.table.paths [CELLS]`` prints it for shapes of up to so many cells.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from bench.tables import Section
+from planner.chain.path import Path as ChainPath
+from planner.errors import InputError
+from planner.readers import read
+from planner.table_paths.rules import LAYERS, faults_of
+from planner.table_paths.table_paths import TablePath, table_paths
+
+SHAPES = Path(__file__).parents[2] / "examples" / "shapes"
+MOST_CELLS = 64
+LIMITS_S = ((64, 2.0), (160, 5.0))
+
+
+def table_path_section(reference_seconds: float, *, most_cells: int = MOST_CELLS) -> Section:
+    """Paths through all shapes of cubes in the gallery up to a size."""
+    del reference_seconds
+    section = Section(name="table-paths")
+    shapes = list(gallery_cells(most_cells))
+    table_paths(shapes[0][1])  # what is loaded late is loaded
+    counts = {LAYERS: 0}
+    slowest = dict.fromkeys((limit for limit, _ in LIMITS_S), 0.0)
+    for name, cells in shapes:
+        begun = time.perf_counter()
+        try:
+            paths = table_paths(cells)
+            best, none = paths[0], ""
+            counts[best.rule] = counts.get(best.rule, 0) + 1
+            _check(paths, cells)
+        except InputError as error:
+            paths, best, none = (), None, f"{error.code}: {error.detail}"
+        took = time.perf_counter() - begun
+        for limit in slowest:
+            if len(cells) <= limit:
+                slowest[limit] = max(slowest[limit], took)
+        section.rows.append(
+            {
+                "shape": name,
+                "modules": len(cells),
+                "paths": len(paths),
+                "down": best.down if best else "",
+                "rule": best.rule if best else "",
+                "score": best.score if best else "",
+                "fall": best.parts.fall if best else "",
+                "overhang": best.parts.overhang if best else "",
+                "s": took,
+                "none because": none,
+            }
+        )
+    told = ", ".join(f"{count} by {rule}" for rule, count in counts.items())
+    section.add(
+        f"shapes of the gallery up to {most_cells} modules with a path for a table",
+        f"{sum(counts.values())} of {len(shapes)}: {told}",
+        "reported",
+    )
+    for limit, seconds in LIMITS_S:
+        if limit <= max(len(cells) for _, cells in shapes):
+            section.add(
+                f"slowest of those up to {limit} modules",
+                f"{slowest[limit]:.2f} s",
+                f"≤ {seconds:g} s",
+                slowest[limit] <= seconds,
+            )
+    return section
+
+
+def gallery_cells(most_cells: int) -> Iterator[tuple[str, NDArray[np.int64]]]:
+    """Names and cells of the gallery's shapes of cubes."""
+    for file in sorted(SHAPES.glob("*.json")):
+        found = read(file.read_bytes(), filename=file.name)
+        if isinstance(found, ChainPath) and len(found) <= most_cells:
+            yield file.stem, found.cells
+
+
+def _check(paths: tuple[TablePath, ...], cells: NDArray[np.int64]) -> None:
+    """Never a figure of a path that breaks a rule or leaves a cell out."""
+    for path in paths:
+        laid = np.unique(cells @ path.turn.T + path.shift, axis=0)
+        if faults_of(path.cells, rule=path.rule) or len(path.cells) != len(cells):
+            raise AssertionError(f"a path breaks rules: {faults_of(path.cells, rule=path.rule)}")
+        if not np.array_equal(np.unique(path.cells, axis=0), laid):
+            raise AssertionError("the path does not visit every cell once")
+
+
+if __name__ == "__main__":
+    most = int(sys.argv[1]) if len(sys.argv) > 1 else MOST_CELLS
+    table_path_section(1.0, most_cells=most).show(Console(width=200))

@@ -1,0 +1,197 @@
+"""Statics: milliseconds to balance a frame on the floor, and what today's plans would ask there.
+
+``python -m bench --only statics``.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.tables import Section
+from planner.certificate.table import table_certificate
+from planner.certificate.table_figures import FRICTIONLESS
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.path import Path
+from planner.chain.statics import static_torque
+from planner.pathfinding.assembly import layered_snake
+from planner.pipeline.fold import fold
+from planner.readers import read
+from planner.readers.gallery import Gallery
+from planner.statics.balance import Balance
+
+Array = NDArray[np.float64]
+STEPS: Final = 30
+"""Frames of every kind that are timed, one going on from the other."""
+NOISE_RAD: Final = 0.003
+"""Random error of the hinges of a packed core, in rad, as caused by springs."""
+BARS_MS: Final = {32: None, 64: 10.0, 160: 40.0}
+STRETCH_MS: Final = {64: 2.0, 160: 8.0}
+SEEDS: Final = (0, 1, 2)
+BOUND: Final = 8.0
+"""w·p that a guard may allow."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """A shape, and what a prototype has measured of one plan of it, frictionless, in w·p.
+
+    Attributes:
+        name: What it is called.
+        chain: Makes it.
+        held: Held at its root.
+        resting: In the best resting pose of each frame.
+    """
+
+    name: str
+    chain: Callable[[], Chain]
+    held: float
+    resting: float
+
+
+def _box(*sides: int) -> Callable[[], Chain]:
+    def made() -> Chain:
+        x, y, z = sides
+        cells = [tuple(map(int, cell)) for cell in layered_snake((x, y, z))]
+        return Chain.from_path(Path.from_cells(cells, name="x".join(map(str, sides))))
+
+    return made
+
+
+def _example(name: str) -> Callable[[], Chain]:
+    def made() -> Chain:
+        example = Gallery().shape(name)
+        assert example is not None
+        path = read(example.data)
+        assert isinstance(path, Path)
+        return Chain.from_path(path)
+
+    return made
+
+
+SHAPES: Final = (
+    Shape(name="3×3×3", chain=_box(3, 3, 3), held=91, resting=33),
+    Shape(name="4×4×2", chain=_box(4, 4, 2), held=120, resting=45),
+    Shape(name="mallet-64", chain=_example("mallet-64"), held=496, resting=172),
+    Shape(name="4×4×4", chain=_example("box-4x4x4"), held=496, resting=335),
+    Shape(name="wrench-80", chain=_example("wrench-80"), held=780, resting=312),
+)
+TIMED: Final = {32: _box(4, 4, 2), 64: _box(4, 4, 4), 160: _box(8, 5, 4)}
+
+
+def statics(reference_seconds: float) -> Section:
+    """Time for a frame, and today's plans of five shapes."""
+    section = Section(name="statics")
+    _times(section, reference_seconds)
+    _plans(section)
+    return section
+
+
+def packed(chain: Chain) -> Iterator[tuple[Array, Array, Array]]:
+    """A folded chain on the floor, its hinges more and more off: positions, rotations, angles."""
+    return _core(chain, len(chain))
+
+
+def half_exploded(chain: Chain) -> Iterator[tuple[Array, Array, Array]]:
+    """The first half still folded on the floor, the other one straight, as a tail."""
+    return _core(chain, len(chain) // 2)
+
+
+def _core(chain: Chain, core: int) -> Iterator[tuple[Array, Array, Array]]:
+    away = np.random.default_rng(0).normal(size=len(chain.folded_rad))
+    held = max(core - 2, 0) * chain.module.hinges_per_joint
+    for share in np.linspace(0.0, 1.0, STEPS):
+        angles = chain.folded_rad + NOISE_RAD * share * away
+        angles[held:] = 0.0
+        poses = forward_kinematics(
+            chain.module,
+            angles,
+            root_position=chain.folded_position,
+            root_wxyz=chain.folded_wxyz,
+        )
+        low = poses.positions[:core, 2].min()
+        yield poses.positions + [0.0, 0.0, 0.5 - low], poses.rotations, angles
+
+
+def _times(section: Section, reference_seconds: float) -> None:
+    for modules, made in TIMED.items():
+        chain = made()
+        worst = 0.0
+        for kind, frames in (("packed", packed), ("half exploded", half_exploded)):
+            for enough in (0.0, BOUND):
+                took = _milliseconds(chain, frames, enough)
+                mean, most = float(np.mean(took)), float(np.max(took))
+                worst = max(worst, mean)
+                what = "the least torque" if enough == 0.0 else f"any up to {enough:g} w·p"
+                section.rows.append(
+                    {
+                        "case": f"{modules} modules, {kind}, {what}",
+                        "modules": modules,
+                        "mean_ms": mean,
+                        "most_ms": most,
+                        "references": mean / 1000.0 / reference_seconds,
+                    }
+                )
+                section.add(
+                    f"{modules} modules, {kind}: {what}", f"{mean:.1f} ms, at most {most:.1f} ms"
+                )
+        bar = BARS_MS[modules]
+        if bar is not None:
+            section.add(
+                f"a frame of {modules} modules, mean of the slowest kind",
+                f"{worst:.1f} ms, {worst / 1000.0 / reference_seconds:.2g} references",
+                f"≤ {bar:g} ms (stretch {STRETCH_MS[modules]:g})",
+                worst <= bar,
+            )
+
+
+def _milliseconds(
+    chain: Chain, frames: Callable[[Chain], Iterator[tuple[Array, Array, Array]]], enough: float
+) -> list[float]:
+    balance = Balance(chain)
+    balance.solve(*next(frames(chain)))  # compiles
+    took: list[float] = []
+    for positions, rotations, angles in frames(chain):
+        begun = time.perf_counter()
+        balance.solve(positions, rotations, angles, enough=enough)
+        took.append(1000.0 * (time.perf_counter() - begun))
+    return took
+
+
+def _plans(section: Section) -> None:
+    for shape in SHAPES:
+        chain = shape.chain()
+        held = static_torque(chain, np.zeros_like(chain.folded_rad))
+        asked: list[float] = []
+        for seed in SEEDS:
+            plan = fold(chain, seed=seed)
+            found = table_certificate(plan.chain, plan.motion)
+            section.rows.append(
+                {
+                    "case": shape.name,
+                    "seed": seed,
+                    "verdict": found.verdict,
+                    "torque_wp": found.torque,
+                    "frames": len(found.torques),
+                    "seconds": found.seconds,
+                }
+            )
+            if found.torque is not None:
+                asked.append(found.torque)
+        section.add(
+            f"{shape.name}: held at its root, straight",
+            f"{held:.0f} w·p",
+            f"{shape.held:g} within 10 %",
+            abs(held / shape.held - 1.0) <= 0.1,
+        )
+        section.add(
+            f"{shape.name}: best resting pose of each frame, {FRICTIONLESS}, {len(SEEDS)} seeds",
+            f"{', '.join(f'{one:.0f}' for one in asked)} w·p",
+            f"a prototype's plan: {shape.resting:g}",
+        )

@@ -1,0 +1,101 @@
+"""Inputs of commands: files, examples and plans, directories for results, and refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+from rich.console import Console
+
+from planner.errors import InputError
+from planner.readers.angle_strings import HEADING
+from planner.readers.gallery import Gallery
+from planner.readers.limits import megabytes
+from planner.readers.text import READ_AS_VOXELS
+
+if TYPE_CHECKING:
+    from planner.plan.plan import Plan
+
+TYPED_REMEDY = "for voxels in any order, use --as-voxels"
+MAX_INPUT_BYTES = 64 * 2**20
+"""Maximum size of an input file of the command line, in bytes; a larger one is refused before it is
+read. A larger value lets a wrong file take more memory. Chosen."""
+
+
+def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:
+    """Return the bytes and name of a file, of the example of that name, or of typed angles.
+
+    Raises:
+        InputError: When there is neither or both, or the file is too large.
+    """
+    if (shape is None) == (angles is None):
+        got = "neither" if shape is None else "both"
+        raise InputError("no-input", f"got {got} of INPUT and --angles, expected one of them.")
+    if shape is None:
+        return f"{HEADING}\n{angles}".encode(), "typed.txt"
+    path = Path(shape)
+    if not path.exists() and (example := Gallery().shape(shape)) is not None:
+        return example.data, example.filename
+    try:
+        if path.stat().st_size > MAX_INPUT_BYTES:
+            raise InputError(
+                "too-large",
+                f"got {megabytes(path.stat().st_size)}, expected at most "
+                f"{megabytes(MAX_INPUT_BYTES)}.",
+                where=path.name,
+            )
+        return path.read_bytes(), path.name
+    except OSError as error:
+        raise InputError(
+            "no-file",
+            f"the file cannot be read ({error.strerror}); expected a file, or one of "
+            f"{Gallery().nearest(shape)}.",
+            where=shape,
+        ) from error
+
+
+def read_plan(directory: Path) -> Plan:
+    """Return the plan in a fold's directory.
+
+    Raises:
+        InputError: There is none, or it cannot be read.
+    """
+    from planner.plan.plan import Plan  # brings the whole planner
+
+    path = directory / "plan.npz"
+    if not path.is_file():
+        raise InputError(
+            "no-plan",
+            "got a folder without plan.npz, expected one that `foldback fold` wrote.",
+            where=str(directory),
+        )
+    return Plan.load(path)
+
+
+def make_directory(out: Path) -> None:
+    """Make a directory for results.
+
+    Raises:
+        InputError: When that cannot be done.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            "no-directory", f"the directory cannot be created ({error.strerror}).", where=str(out)
+        ) from error
+
+
+def refuse(error: InputError, as_json: bool) -> NoReturn:
+    """Print the error of the input and exit with 2."""
+    error = InputError(
+        error.code, error.detail.replace(READ_AS_VOXELS, TYPED_REMEDY), where=error.where
+    )
+    if as_json:
+        problem = {"code": error.code, "detail": error.detail, "where": error.where}
+        print(json.dumps({"status": "invalid", "error": problem}), flush=True)
+    else:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(str(error), markup=False)
+    raise typer.Exit(2)

@@ -1,0 +1,118 @@
+"""``foldback refold``: from one folded shape over straight to another, without a service."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cli.fold import compute, finish
+from cli.inputs import make_directory, read_input, refuse
+from cli.options import (
+    AsJson,
+    ModuleSize,
+    PlanDirectory,
+    Preset,
+    Robot,
+    Seed,
+    Settings,
+    Workers,
+    settings_text_of,
+)
+from planner.chain.chain import Chain
+from planner.errors import InputError
+from planner.motion.timeline import chain_from_attributes
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stage
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain
+from planner.progress import STAGES
+from planner.readers.gallery import Gallery
+
+FIRST_FOLD_DIR = "start"
+"""Subdirectory of the output directory in which the start shape is folded, if the user gives a
+shape rather than a folded chain."""
+
+
+def refold(
+    *,
+    start: Annotated[
+        str,
+        typer.Argument(
+            metavar="A", help=("Folder written by `foldback fold`, or a shape to fold first.")
+        ),
+    ],
+    shape: Annotated[
+        str,
+        typer.Argument(
+            metavar="B",
+            help=("Target with the same number of modules of the same kind, folded or not."),
+        ),
+    ],
+    out: PlanDirectory,
+    preset: Preset = "default",
+    settings: Settings = None,
+    robot: Robot = "typical",
+    seed: Seed = "0",
+    module_size: ModuleSize = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Unfold a folded chain and fold it into another shape; exits like `fold`."""
+    begins: Chain | None = None
+    first = out / FIRST_FOLD_DIR
+    try:
+        request = Request.of(
+            preset=preset,
+            settings=settings_text_of(settings, robot),
+            seed=seed,
+            module_size=module_size,
+        )
+        request.check()
+        folded = _plan(start)
+        if folded is None:
+            data, filename = read_input(start)
+            make_directory(first)
+            Workspace(first).write_request(replace(request, filename=filename), data)
+            run_stage(STAGES[0], first)
+            begins = chain_from_attributes(json.loads((first / "chain.json").read_bytes()))
+        else:
+            begins = folded.unfolding().chain
+        make_directory(out)
+        Workspace(out).write_start_chain(begins)
+        Workspace(out).write_request(*_second(shape, request, begins))
+        run_stage(STAGES[0], out)
+    except InputError as error:
+        if begins is not None:
+            error = Gallery().advised(error, begins.module.name, len(begins))
+        refuse(error, as_json)
+    if folded is None:
+        summary = compute(first, workers)
+        folded = Plan.load(first / "plan.npz")
+        try:
+            folded.unfolding()
+        except InputError:
+            finish(summary, first, as_json)
+    Workspace(out).write_start(folded)
+    finish(compute(out, workers), out, as_json)
+
+
+def _plan(name: str) -> Plan | None:
+    """Return the plan in a directory; None when this is none."""
+    return Plan.load(Path(name) / "plan.npz") if Path(name).is_dir() else None
+
+
+def _second(name: str, request: Request, begins: Chain) -> tuple[Request, bytes]:
+    """Return the options and the bytes of the second shape."""
+    request = replace(request, refold=True)
+    plan = _plan(name)
+    if plan is not None:
+        return replace(request, filename=f"{plan.chain.name}.json"), write_chain(plan.chain)
+    data, filename = read_input(name)
+    if Path(name).exists():  # an example says what it is made of
+        request = replace(request, module=begins.module.name, modules=len(begins))
+    return replace(request, filename=filename), data

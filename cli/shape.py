@@ -1,0 +1,170 @@
+"""``foldback shape``: from a solid or voxels to a path, without folding it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from cli.inputs import read_input, refuse
+from cli.options import (
+    AsJson,
+    AsVoxels,
+    Ends,
+    Method,
+    Module,
+    Modules,
+    Repair,
+    Seed,
+    Start,
+    World,
+)
+from planner.chain.path import Path as CellPath
+from planner.errors import InputError
+from planner.files import write_whole
+from planner.pathfinding.options import table_warning
+from planner.pipeline.prepare import Preparation, prepare_in_any_order
+from planner.pipeline.request import PATH_SEED_MODULUS, Request
+from planner.plan.shape_files import write_chain, write_path
+
+if TYPE_CHECKING:
+    from planner.table_paths.offers import Offer
+
+
+def shape(
+    *,
+    source: Annotated[
+        str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
+    ],
+    out: Annotated[Path, typer.Option(help="Output file for the path or the chain.")],
+    module: Module = "cube",
+    modules: Modules = None,
+    method: Method = "auto",
+    repair: Repair = False,
+    ends: Ends = "any",
+    start: Start = None,
+    as_voxels: AsVoxels = False,
+    world: World = "floating",
+    seed: Seed = "0",
+    as_json: AsJson = False,
+) -> None:
+    """Find a path through a shape. Exits 0 with a path, 3 when there is none, 2 for bad input."""
+    try:
+        request = Request.of(
+            module=module,
+            modules=modules,
+            method=method,
+            repair=repair,
+            ends=ends,
+            start=start,
+            as_voxels=as_voxels,
+            world=world,
+            seed=seed,
+        )
+        request.check()
+        data, filename = read_input(source)
+        prepared = prepare_in_any_order(
+            data, filename, request.path_options(), seed=request.seed % PATH_SEED_MODULUS
+        )
+        if prepared.not_started:
+            prepared.chain  # noqa: B018
+        if prepared.chains:
+            write_whole(out, path_file(prepared))
+        offers = [] if prepared.chains else offers_for(data, filename, request)
+    except InputError as error:
+        refuse(error, as_json)
+    except OSError as error:
+        problem = f"cannot be written ({error.strerror})."
+        refuse(InputError("no-file", problem, where=str(out)), as_json)
+    report = {
+        **prepared.report(full=False),
+        "mesh": None,
+        "cells": None,
+        "offers": [offer.report() for offer in offers],
+    }
+    if as_json:
+        print(json.dumps({"status": "found" if prepared.chains else "none", **report}), flush=True)
+    else:
+        show(report, out)
+    if prepared.chains and (warning := table_warning(len(prepared.chain), request.world)):
+        print(warning, file=sys.stderr)
+    if not prepared.chains:
+        if not as_json:
+            print_no_path(prepared, offers)
+        raise typer.Exit(3)
+
+
+def print_no_path(prepared: Preparation, offers: Sequence[Offer]) -> None:
+    """Print the reason why there is no path, and the variants that have one, as an error."""
+    text = "\n".join([no_path(prepared), *map(offer_words, offers)])
+    Console(stderr=True, soft_wrap=True, highlight=False).print(text, markup=False)
+
+
+def offers_for(data: bytes, filename: str, request: Request) -> list[Offer]:
+    """Return versions of a shape that have a path for a table; none for another world."""
+    from planner.chain.chain import Chain
+    from planner.readers import read
+    from planner.table_paths.offers import table_offers
+
+    options = request.path_options()
+    if options.world != "table":
+        return []
+    found = read(data, filename=filename, as_voxels=options.as_voxels)
+    if isinstance(found, Chain | CellPath):
+        return []
+    return list(table_offers(found, options, seed=request.seed % PATH_SEED_MODULUS))
+
+
+def offer_words(offer: Offer) -> str:
+    """Return an offer as a line: the number of modules and the options to use."""
+    options = [
+        f"--{name}" if value is True else f"--{name} {value}"
+        for name, value in offer.change.items()
+        if value not in (False, "auto")
+    ]
+    return f"Has a path: {' '.join(options)} ({offer.modules} modules)"
+
+
+def path_file(prepared: Preparation) -> bytes:
+    """Return the best path as foldback-path/1; of other modules the chain as foldback-chain/1."""
+    if not prepared.chain.module.fills_cell:
+        return write_chain(prepared.chain)
+    return write_path(
+        CellPath.from_cells(prepared.cells, name=prepared.name, pitch_m=prepared.chain.pitch_m)
+    )
+
+
+def no_path(prepared: Preparation) -> str:
+    """Return the reason why there is no path, in words."""
+    try:
+        prepared.chain  # noqa: B018
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def show(report: dict[str, Any], out: Path) -> None:
+    """Print the result of reading the input."""
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_row("Input", report["kind"])
+    table.add_row("Modules", str(report["modules"]))
+    if report["iou"] is not None:
+        table.add_row("Overlap with the mesh (IoU)", f"{report['iou']:.2f}")
+        near = [str(n) for n in (report["below"], report["above"]) if n is not None]
+        if near:
+            table.add_row("Nearest other counts", ", ".join(near))
+    if report["method"]:
+        table.add_row("Path method", f"{report['method']}, {report['candidates']} candidates")
+    if report["knot"] is not None:
+        table.add_row("Knot", str(report["knot"]["verdict"]))
+    for note in report["notes"]:
+        table.add_row("Note", note)
+    if report["has_path"]:
+        table.add_row("Written to", str(out))
+    Console().print(table)

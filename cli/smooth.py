@@ -1,0 +1,66 @@
+"""``foldback smooth``: a verified plan made shorter and quieter, without a service."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from cli.fold import compute, finish
+from cli.inputs import make_directory, refuse
+from cli.options import AsJson, FoldDirectory, PlanDirectory, Seed
+from planner.errors import InputError
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stage
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain
+from planner.progress import STAGES
+from words.smoothing import smoothing_note, smoothing_rows
+
+
+def smooth(
+    fold: FoldDirectory,
+    out: PlanDirectory,
+    seed: Seed = "0",
+    module_size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FLOAT", help=("Module size in the clearance check. Default: the plan's.")
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make a motion shorter and smoother without losing clearance; exits like `fold`."""
+    try:
+        request = Request.of(seed=seed, module_size=module_size)
+        request.check()
+        plan = Plan.load(fold / "plan.npz")
+        make_directory(out)
+        if out.samefile(fold):
+            raise InputError(
+                "smooth-in-place",
+                f"got {out} for the smoothed plan, expected another directory: this one holds the "
+                "original plan.",
+            )
+        request = Request.smoothing(plan, seed=request.seed, module_size=request.module_size)
+        Workspace(out).write_request(request, write_chain(plan.chain), recorded=plan)
+        run_stage(STAGES[0], out)
+    except InputError as error:
+        refuse(error, as_json)
+    finish(compute(out, 1, explode="Smoothing"), out, as_json, more=compare)
+
+
+def compare(summary: dict[str, Any]) -> None:
+    """Print the changes by smoothing."""
+    smoothing = summary["smoothing"]
+    table = Table("", box=None, pad_edge=False)
+    for heading in ("Before", "After", "Ratio"):
+        table.add_column(heading, justify="right")
+    for told in smoothing_rows(smoothing):
+        table.add_row(told["label"], told["before"], told["after"], told["ratio"])
+    Console().print()
+    Console().print(table)
+    Console().print(smoothing_note(smoothing))

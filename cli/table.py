@@ -1,0 +1,151 @@
+"""``foldback table``: whether a plan rests on a table, and what that asks of its hinges."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from cli.inputs import refuse
+from cli.options import AsJson
+from planner.certificate.table import table_certificate
+from planner.certificate.table_figures import TableCertificate
+from planner.errors import InputError
+from planner.files import write_whole
+from planner.parameters.explosion import Base
+from planner.plan.plan import Plan
+
+TABLE_FILE = "table.json"
+MM_PER_M = 1000.0
+"""Number of millimetres in a metre."""
+
+
+def table(
+    *,
+    plan: Annotated[
+        Path,
+        typer.Argument(metavar="PLAN", help=("Folder written by `foldback fold`, or a plan file.")),
+    ],
+    friction: Annotated[float, typer.Option(help="Friction between modules and table.")] = 0.0,
+    base: Annotated[
+        str, typer.Option(help="Base: clamped (first module fixed to the table) or free.")
+    ] = "clamped",
+    module_kg: Annotated[
+        float | None,
+        typer.Option(
+            help=("Mass of a module, kg. Default: solid modules with the plan's density.")
+        ),
+    ] = None,
+    pitch_mm: Annotated[
+        float | None, typer.Option(help="Distance between modules, mm. Default: the plan's pitch.")
+    ] = None,
+    bound: Annotated[
+        float | None,
+        typer.Option(help="Torque limit in w·p (module weight × pitch)."),
+    ] = None,
+    module_size: Annotated[
+        float, typer.Option(help="Module size as a fraction of the pitch.")
+    ] = 1.0,
+    out: Annotated[
+        Path | None, typer.Option(help=f"Output file. Default: {TABLE_FILE} beside the plan.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check if a plan works on a table, and compute the joint torques.
+
+    Exits with 3 when it does not rest.
+    """
+    try:
+        path = _file(plan)
+        loaded = Plan.load(path)
+        on_table = loaded.parameters.get("world") == "table"
+        found = table_certificate(
+            loaded.chain,
+            loaded.motion,
+            friction=friction,
+            base=_base(base),
+            module_kg=module_kg,
+            pitch_m=None if pitch_mm is None else pitch_mm / MM_PER_M,
+            density_kg_m3=float(loaded.parameters["density_kg_m3"]),
+            module_size=module_size,
+            bound=bound,
+            height=loaded.chain.table_height if on_table else 0.0,
+        )
+        written = out or _beside(path)
+        _write(written, found)
+    except InputError as error:
+        refuse(error, as_json)
+    if as_json:
+        print(json.dumps(found.as_dict()), flush=True)
+    else:
+        _show(found, written)
+    if not found.rests:
+        raise typer.Exit(3)
+
+
+def _file(plan: Path) -> Path:
+    path = plan / "plan.npz" if plan.is_dir() else plan
+    if not path.is_file():
+        raise InputError(
+            "no-plan",
+            "got no plan, expected a folder that `foldback fold` wrote, or its plan.json or "
+            "plan.npz.",
+            where=str(plan),
+        )
+    return path
+
+
+def _base(base: str) -> Base:
+    if base == "clamped" or base == "free":
+        return base
+    raise InputError("bad-table", f"got the base {base!r}, expected clamped or free.", where="base")
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(TABLE_FILE if path.stem == "plan" else f"{path.stem}.{TABLE_FILE}")
+
+
+def _write(path: Path, found: TableCertificate) -> None:
+    try:
+        write_whole(path, json.dumps(found.as_dict()).encode())
+    except OSError as error:
+        raise InputError(
+            "no-file", f"cannot be written ({error.strerror}).", where=str(path)
+        ) from error
+
+
+def _show(found: TableCertificate, written: Path) -> None:
+    console = Console(highlight=False)
+    told = found.told_friction
+    facts = Table(box=None, show_header=False, pad_edge=False)
+    facts.add_row("Verdict", found.verdict)
+    if found.torque is not None and found.torque_nm is not None:
+        facts.add_row("Largest torque", f"{found.torque:.3g} w·p, {told}, in frame {found.frame}")
+        facts.add_row("", f"{found.torque_nm:.3g} N·m, {told}")
+    facts.add_row(
+        "1 w·p",
+        f"{found.unit_nm:.3g} N·m: modules of {found.module_kg:.3g} kg, "
+        f"{found.pitch_m * MM_PER_M:g} mm apart",
+    )
+    facts.add_row(
+        "Base",
+        "the first module is clamped to the table"
+        if found.base == "clamped"
+        else ("the chain is free on the table"),
+    )
+    few = [len(each) for each in found.standing]
+    facts.add_row("Modules that touch the table", f"{min(few)} to {max(few)} of {found.modules}")
+    if found.on_table:
+        facts.add_row(
+            "Lowest corner",
+            f"{found.clearance:+.3f} of the pitch, in frame {found.clearance_frame}",
+        )
+    facts.add_row("Frames", f"{len(found.torques)}, {len(found.unbalanced)} would tip over")
+    facts.add_row("Written to", str(written))
+    console.print(facts)
+    for line in found.assumptions:
+        console.print(f"assumed: {line}", markup=False)

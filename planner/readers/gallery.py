@@ -1,0 +1,153 @@
+"""Gallery: the example shapes, from `examples` in a checkout, else from the package."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Final
+
+from planner.chain.module import CUBE, module_named
+from planner.errors import InputError
+
+MAX_SUGGESTED_NAMES: Final = 4
+"""Maximum number of similar names that the error about an unknown gallery example suggests. A
+larger value makes the message longer. Chosen."""
+MAX_LISTED_EXAMPLES: Final = 6
+"""Maximum number of suitable gallery examples that the error about a wrong kind of module or number
+of modules lists; further ones are only counted. A larger value makes the message longer. Chosen."""
+MIN_NAME_SIMILARITY: Final = 0.5
+"""Minimum similarity, from 0 to 1 (``difflib``), of an example's name that the error about an
+unknown gallery example suggests. A larger value suggests fewer names. Chosen."""
+TABLE_RESULTS: Final = "table_results.json"
+"""Name of the file that lists the gallery examples which fold on a table, with the joint torque of
+each; ``examples/run_gallery.py --world table`` writes it."""
+DEFAULT_TAGS: Final = ("paper",)
+"""Tags of gallery shapes whose file names none; these are the shapes of the published paper."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GalleryShape:
+    """One example shape.
+
+    Attributes:
+        name: Its stem, as ``POST /api/folds`` takes it.
+        title: Title for people.
+        modules: Modules of its chain.
+        module: Kind of modules: ``cube`` or ``tetrahedron``.
+        data: The bytes of its path or chain file.
+        tags: Kinds of shapes: ``animal``, ``tool``, ``letter`` …
+        rests_within: Torque in w·p within which it is known to rest on a table, without friction;
+            None where nothing of the kind is known.
+    """
+
+    name: str
+    title: str
+    modules: int
+    data: bytes
+    tags: tuple[str, ...] = ()
+    module: str = CUBE.name
+    rests_within: float | None = None
+
+    @property
+    def filename(self) -> str:
+        """The name of its file."""
+        return f"{self.name}.json"
+
+
+@cache
+def gallery() -> tuple[GalleryShape, ...]:
+    """Return all example shapes, shortest chain first; read once."""
+    resting = _resting()
+    found = [
+        _shape(entry, resting)
+        for entry in shapes_directory().iterdir()
+        if entry.is_file() and entry.name.endswith(".json")
+    ]
+    return tuple(sorted(found, key=lambda shape: (shape.modules, shape.name)))
+
+
+class Gallery:
+    """The example shapes, as a service has them."""
+
+    def shapes(self) -> tuple[GalleryShape, ...]:
+        """Return all examples, shortest chain first."""
+        return gallery()
+
+    def shape(self, name: str) -> GalleryShape | None:
+        """Return the example of this name, or None."""
+        return next((shape for shape in self.shapes() if shape.name == name), None)
+
+    def nearest(self, name: str) -> str:
+        """Return the number of examples and those with similar names, in words."""
+        names = [shape.name for shape in self.shapes()]
+        near = ", ".join(
+            get_close_matches(
+                name.lower(), names, n=MAX_SUGGESTED_NAMES, cutoff=MIN_NAME_SIMILARITY
+            )
+        )
+        return f"{len(names)} examples" + (f", such as {near}" if near else "")
+
+    def fitting(self, module: str, modules: int) -> tuple[GalleryShape, ...]:
+        """Return the examples that a chain of a kind and length folds into."""
+        return tuple(s for s in self.shapes() if (s.module, s.modules) == (module, modules))
+
+    def advised(self, error: InputError, module: str, modules: int) -> InputError:
+        """Return the refusal to refold a chain into an unsuitable shape, with suitable ones."""
+        if error.code != "refold-differs":
+            return error
+        names = [shape.name for shape in self.fitting(module, modules)]
+        more = (
+            f" and {len(names) - MAX_LISTED_EXAMPLES} more"
+            if len(names) > MAX_LISTED_EXAMPLES
+            else ""
+        )
+        fit = f"examples that fit: {', '.join(names[:MAX_LISTED_EXAMPLES])}{more}"
+        detail = f"{error.detail.removesuffix('.')}; {fit if names else 'no example fits'}."
+        return InputError(error.code, detail, where=error.where)
+
+
+def shapes_directory() -> Traversable:
+    """Return the directory with the path files of the example shapes."""
+    package = files("planner")
+    checkout = Path(str(package)).parent / "examples" / "shapes"
+    return checkout if checkout.is_dir() else package / "examples"
+
+
+def _resting() -> dict[str, float]:
+    """Shapes that were found to rest on a table, and the torque in w·p that each asks."""
+    directory = shapes_directory()
+    for file in (files("planner") / TABLE_RESULTS, Path(str(directory)).parent / TABLE_RESULTS):
+        if file.is_file():
+            shapes = json.loads(file.read_bytes())["shapes"]
+            return {
+                name: float(result["torque_wp"])
+                for name, result in shapes.items()
+                if str(result["verdict"]).startswith("verified")
+            }
+    return {}
+
+
+def _shape(entry: Traversable, resting: dict[str, float]) -> GalleryShape:
+    data = entry.read_bytes()
+    content = json.loads(data)
+    name = entry.name.removesuffix(".json")
+    module = module_named(str(content.get("module", CUBE.name)))
+    if "cells" in content:
+        modules = len(content["cells"])
+    else:
+        modules = len(content["joint_angles_deg"]) + 1 + module.rigid_links
+    title = str(content.get("title") or content.get("name") or name)
+    return GalleryShape(
+        name=name,
+        title=title.removesuffix(f", {modules} modules"),
+        modules=modules,
+        module=module.name,
+        tags=tuple(map(str, content.get("tags", DEFAULT_TAGS))),
+        data=data,
+        rests_within=resting.get(name),
+    )

@@ -1,0 +1,193 @@
+"""The paper's experiments are run once, kept with their pictures, and told as they came out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from bench.reproduction.__main__ import DOCUMENT, PAPER
+from bench.reproduction.different import CHOSEN, different_shapes, features, measured
+from bench.reproduction.document import document
+from bench.reproduction.experiments import STATEMENTS, Experiment, experiments
+from bench.reproduction.reproduce import reproduce, tell
+from bench.reproduction.runs import stored_runs
+from bench.reproduction.telling import figure, told
+from planner.chain.path import Path as CellPath
+from planner.pipeline.request import Request
+from planner.plan.shape_files import write_path
+from web.pictures.colours import STALLED_RGB
+
+pytestmark = pytest.mark.slow
+
+SQUARE = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0)]
+SPIRAL = [(x, 0, 0) for x in range(4)] + [(3, 1, 0), (3, 2, 0)]
+SPIRAL += [(x, 3, 0) for x in (3, 2, 1, 0)] + [(0, 2, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
+SPIRAL += [(2, 2, 0), (1, 2, 0)]
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> tuple[Experiment, ...]:
+    """A fold of eight cubes that works, and one of sixteen that tangles."""
+    for name, cells in (("tiny", SQUARE), ("spiral", SPIRAL)):
+        file = tmp_path / f"{name}.json"
+        file.write_bytes(write_path(CellPath.from_cells(cells, name=name)))
+    return tuple(
+        Experiment(
+            id=name,
+            statement="direct",
+            shape=str(tmp_path / name),
+            request=Request(preset="direct"),
+            title=name,
+            published="tangled",
+            straight=name == "tiny",
+            strip=name == "tiny",
+        )
+        for name in ("tiny", "spiral")
+    )
+
+
+@pytest.mark.long
+def test_experiments_are_run_once_and_told(tmp_path: Path, tiny: tuple[Experiment, ...]) -> None:
+    files, paper = tmp_path / "paper", tmp_path / "reproduction.md"
+    reproduce(list(tiny), tiny, files)
+    tell(tiny, files, paper)
+    good, bad = (stored_runs(files / "runs.jsonl")[one.id] for one in tiny)
+    assert good.verified and good.overlap is None and good.playback is not None
+    assert good.playback.simulated_s == pytest.approx(0.01 * good.playback.steps, abs=0.1)
+    assert not bad.verified and bad.overlap is not None and bad.stuck_frame is not None
+    assert 0 <= bad.stuck_frame < bad.frames
+    assert min(good.wall_s, good.processor_s, good.reference_s, good.folder_mb) > 0.0
+
+    for name in ("batch", "chain.json", "still.webp", "straight.webp", "strip.webp"):
+        assert (files / "tiny" / name).stat().st_size > 100
+    marked = [orange(files / name / "still.webp") for name in ("tiny", "spiral")]
+    assert marked[0] == 0 and marked[1] > 100
+
+    cards = {card["id"]: card for card in page_of(files)["cards"]}
+    assert [cards[one.id]["verdict"] for one in tiny] == ["verified (simulated)", "tangles"]
+    assert cards["spiral"]["stuck"] == list(bad.overlap.modules)
+    assert "Verified here, tangled in the paper (direct servoing): tiny." in paper.read_text()
+    (line,) = (o for o in page_data(files)["overview"] if o["id"] == "direct")
+    assert (line["published"], line["here"]) == ("all tangle", "1 verified, 1 failed")
+    assert f"overlap by {figure(bad.overlap.depth)} pitch" in paper.read_text()
+
+    before = (files / "runs.jsonl").read_text()
+    reproduce(list(tiny), tiny, files, minutes=0.0)
+    assert (files / "runs.jsonl").read_text() == before
+    # What is not asked for any more goes, with its pictures.
+    reproduce([tiny[0]], tiny[:1], files, again=True, minutes=-1.0)
+    assert (files / "runs.jsonl").read_text() == ""
+    tell(tiny[:1], files, paper)
+    assert [path for path in files.iterdir() if path.is_dir()] == []
+    assert page_of(files)["cards"][0]["verdict"] == "not run yet"
+
+
+def page_data(files: Path) -> dict:
+    return json.loads((files / "page.json").read_bytes())
+
+
+def page_of(files: Path) -> dict:
+    return page_section(page_data(files), "direct")
+
+
+def orange(path: Path) -> int:
+    """Pixels of the colour of modules where a fold fails, in whatever light."""
+    picture = np.asarray(Image.open(path).convert("RGBA")).astype(float)
+    red, green, blue, alpha = np.moveaxis(picture, -1, 0)
+    ratio = STALLED_RGB[1] / STALLED_RGB[0]
+    return int(
+        ((alpha > 250) & (blue < 60) & (red > 90) & (abs(green - ratio * red) < 0.1 * red)).sum()
+    )
+
+
+def test_page_and_document_say_what_the_rows_say() -> None:
+    """``make reproduction ARGS=--tell`` makes them of what is stored."""
+    page = told(stored_runs(PAPER / "runs.jsonl"), experiments())
+    assert json.loads((PAPER / "page.json").read_bytes()) == json.loads(json.dumps(page))
+    assert DOCUMENT.read_text(encoding="utf-8") == document(page)
+    filmed = {card["id"] for s in page["sections"] for card in s["cards"] if card["film"]}
+    assert {path.name for path in PAPER.iterdir() if path.is_dir()} == filmed
+    for name in filmed:
+        assert (PAPER / name / "batch").stat().st_size <= 300_000
+
+
+def test_every_statement_has_experiments_and_every_experiment_one() -> None:
+    every = experiments()
+    assert len({one.id for one in every}) == len(every)
+    assert {one.statement for one in every} == {statement.id for statement in STATEMENTS}
+    ids = {one.id for one in every}
+    assert {one.start for one in every if one.start} <= ids
+    assert {name for s in STATEMENTS for pair in s.pairs for name in pair} <= ids
+
+
+def test_the_ten_shapes_differ() -> None:
+    names, rows = measured()
+    scaled = (rows - rows.mean(axis=0)) / rows.std(axis=0)
+    away = np.linalg.norm(scaled[:, None] - scaled[None], axis=-1)
+    np.fill_diagonal(away, np.inf)
+    chosen = [names.index(name) for name in different_shapes()]
+    assert len(set(chosen)) == CHOSEN
+    assert away[np.ix_(chosen, chosen)].min() > np.median(away.min(axis=0))
+
+
+def test_features_of_a_row_and_a_square() -> None:
+    row = np.array([(x, 0, 0) for x in range(8)])
+    assert features(row) == pytest.approx([np.log(8), 0.5, 0.5, 4.0, 1.0, 0.0])
+    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    assert features(square)[4:] == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("verified", "words"),
+    [
+        ({24: True, 64: True, 80: False}, "It works up to 64 modules, and fails from 80 on."),
+        ({24: True, 64: False, 80: True}, "It works at 24 and 80 modules, and fails at 64."),
+        ({24: False, 64: False, 80: False}, "It fails at 24, 64 and 80 modules."),
+        ({}, ""),
+    ],
+)
+def test_from_which_size_on_it_fails_is_told(verified: dict[int, bool], words: str) -> None:
+    every = [one for one in experiments() if one.statement == "threshold"]
+    (stored,) = (run for run in stored_runs(PAPER / "runs.jsonl").values() if run.id == "wrench-24")
+    runs = {
+        one.id: replace(
+            stored, asked=one.asked, modules=n, verdict="verified" if verified[n] else "failed: no"
+        )
+        for one in every
+        if (n := int(one.shape.rpartition("-")[2])) in verified
+    }
+    page = told(runs, tuple(every))
+    assert page_section(page, "threshold")["found"] == words
+    assert [s for s in page["summary"] if s.startswith("Pacing")] == (
+        [f"Pacing by the threshold alone: i{words[1:]}"] if words else []
+    )
+
+
+def test_what_plays_beside_the_published_method_is_told_beside_it() -> None:
+    every = tuple(o for o in experiments() if "wrench-160" in (o.id, o.id.removeprefix("default-")))
+    (stored,) = (run for run in stored_runs(PAPER / "runs.jsonl").values() if run.id == "wrench-24")
+    runs = {one.id: replace(stored, id=one.id, asked=one.asked) for one in every}
+    page = told(runs, every)
+    section = page_section(page, "default")
+    assert section["pairs"] == [["wrench-160", "default-wrench-160"]]
+    assert [row[0] for row in section["rows"]] == ["Wrench of 160, paper", "Wrench of 160, default"]
+    assert page["lead"].startswith("The paper folds a chain of 160 cubes into a wrench in about")
+    assert "ends less than 0.0001 pitch from its shape" in page["lead"]
+
+
+def page_section(page: dict, name: str) -> dict:
+    return next(section for section in page["sections"] if section["id"] == name)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(0.0, "0"), (3e-16, "0"), (0.00033, "0.00033"), (-0.0531, "−0.053"), (0.05, "0.05")]
+    + [(1.0, "1"), (12.34, "12"), (160_000.0, "160\u202f000")],
+)
+def test_figures_have_two_digits(value: float, words: str) -> None:
+    assert figure(value) == words

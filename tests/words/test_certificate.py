@@ -1,0 +1,149 @@
+"""Texts of a certificate claim no more than it proves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from planner.certificate.table import table_certificate
+from planner.parameters.explosion import Base
+from tests.planner.certificate.test_table import LIFTED, line, moving
+from words import certificate as certificate_words
+from words.certificate import (
+    clearance,
+    headline,
+    linked,
+    on_table,
+    record,
+    rows,
+    torque,
+)
+
+EXEMPT = {
+    "apart": 2,
+    "worst_overlap_bound": 0.2941,
+    "relief_radius": 0.525,
+    "relief_share": 0.219,
+}
+SIMULATED: dict[str, Any] = {
+    "verdict": "verified (simulated)",
+    "simulated": True,
+    "min_clearance": 0.0489,
+    "min_clearance_playback": 0.0481,
+    "min_clearance_record": 0.049,
+    "clearance_bound": 0.0319,
+    "rms_position_error": 1e-12,
+    "max_angle_error_rad": 0.0007,
+    "peak_torque_nm": 0.0004,
+    "torque_source": "simulation, every step",
+    "frames": 4036,
+    "exempt_pairs": EXEMPT,
+}
+FOLLOWED: dict[str, Any] = SIMULATED | {
+    "verdict": "verified (kinematics only)",
+    "simulated": False,
+    "min_clearance_playback": None,
+    "rms_position_error": None,
+    "max_angle_error_rad": None,
+    "torque_source": "inverse dynamics at 1210 of 4036 frames, accelerations smoothed",
+    "torque_frames": 1210,
+}
+
+
+def test_what_is_proved_stands_beside_what_was_seen_and_is_rounded_down() -> None:
+    assert headline(SIMULATED) == (
+        "verified (simulated): modules stay at least 3.1 % of a module width apart"
+    )
+    tight = SIMULATED | {"clearance_bound": 0.000019, "min_clearance_playback": 0.00029}
+    assert headline(tight).endswith("stay at least 0.0019 % of a module width apart")
+    failed = SIMULATED | {"verdict": "failed: it was cancelled"}
+    assert headline(failed) == "failed: it was cancelled"
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (0.0, "stay at least 0 %"),
+        (-0.0042, "overlap by at most 0.5 %"),
+        (-0.000019, "overlap by at most 0.0019 %"),
+        (-2.0, "overlap by at most 200.0 %"),
+    ],
+)
+def test_what_is_less_than_nothing_is_not_said_to_be_nothing(value: float, said: str) -> None:
+    assert f"modules {said} of a" in str(clearance(SIMULATED | {"clearance_bound": value}))
+
+
+def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
+    said, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
+    for label in (
+        "Least clearance, simulated robots",
+        "Final position error (RMS)",
+        "Largest joint error",
+    ):
+        assert said[label] and said[label] != "not simulated"
+        assert followed[label] == "not simulated"
+    assert (
+        dict(rows(SIMULATED | {"simulated": None, "rms_position_error": None}))[
+            "Final position error (RMS)"
+        ]
+        == certificate_words.NOT_KNOWN
+    )
+
+
+def test_a_torque_is_a_peak_only_where_every_step_was_looked_at() -> None:
+    assert torque(SIMULATED) == ("Peak torque", "400 µN·m, simulated motors")
+    assert torque(FOLLOWED) == ("Largest torque seen", "400 µN·m, checked at 1210 of 4036 frames")
+
+
+def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:
+    assert linked(SIMULATED) == (
+        "Linked modules share a joint and are not checked against each other: full cubes would "
+        "overlap by up to 0.30 pitch. Real modules need rounded edges: no material farther than "
+        "0.525 pitch from a joint (removes 22 % of the volume)."
+    )
+    assert linked({"exempt_pairs": EXEMPT | {"worst_overlap_bound": None}}) == (
+        "Linked modules share a joint and are not checked against each other. Real modules need "
+        "rounded edges: no material farther than 0.525 pitch from a joint (removes 22 % of the "
+        "volume)."
+    )
+    assert linked({"exempt_pairs": {"apart": 1}}) == (
+        "All modules are checked against each other, including linked ones."
+    )
+    assert linked({}) is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, None),
+        (
+            {"min_clearance_record": -0.0042},
+            "The recorded explosion overlaps by 0.0042 pitch, but the plan does not.",
+        ),
+        (
+            {"max_angle_record_rad": 1.62},
+            "The recorded explosion bends a joint to 92.8°, beyond its limit of ±92°, but the plan "
+            "does not.",
+        ),
+    ],
+)
+def test_a_recording_that_overlaps_is_told(changes: dict[str, Any], said: str | None) -> None:
+    assert record(SIMULATED | changes, limit_rad=1.6057) == said
+
+
+@pytest.mark.parametrize(
+    ("friction", "base", "words", "held"),
+    [
+        (0.0, "free", "frictionless", "the simulation pins the first module"),
+        (0.2, "free", "friction 0.2, free base", "free on the table, where it may drift"),
+        (0.2, "clamped", "friction 0.2, clamped base", "the first module is clamped"),
+    ],
+)
+def test_how_a_chain_is_held_is_told(friction: float, base: Base, words: str, held: str) -> None:
+    chain = line(7)
+    found = table_certificate(chain, moving(chain, 1, -LIFTED), friction=friction, base=base)
+    told = on_table({"table": found.as_dict()}, None)
+    assert told is not None
+    assert words in told["text"]
+    assert held in dict(told["rows"])["Base"]

@@ -1,0 +1,102 @@
+"""Table of the plans for a preference: a row for each plan, with gain and cost."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cli.fold import show_choice
+from planner.pipeline.preference import PREFERENCES, Preference
+from words.choice import PLAN_COLUMNS, PREFERENCE_WORDS, choice_of, superlative
+
+FIGURES = {"frames": 100, "seconds": 3.0}
+SLOW = {"fold_time_s": 100.0, "peak_torque_nm": 0.0001, "clearance_bound": 0.04}
+QUICK = {"fold_time_s": 20.0, "peak_torque_nm": 0.001, "clearance_bound": 0.0312}
+SMOOTH = {"fold_time_s": 10.0, "peak_torque_nm": 0.03, "clearance_bound": 0.03129}
+
+
+def attempt(strategy: str, figures: dict[str, float] | None, **more: Any) -> dict[str, Any]:
+    known = {} if figures is None else {"figures": {**FIGURES, **figures}}
+    verdict = {} if figures is None else {"verdict": "verified (simulated)"}
+    told = {"candidate": 0, "seed": 0, "strategy": strategy, "status": "straight", "steps": 1}
+    return {**told, "seconds": 2.0, **verdict, **known, **more}
+
+
+TRIED = (
+    attempt("peel", SLOW),
+    attempt("blocks", None, status="stalled"),
+    attempt("simultaneous", QUICK, candidate=1),
+    attempt("smoothed", SMOOTH, smooths=2, seed=1),
+    attempt("simultaneous", {**QUICK, "fold_time_s": 5.0}, verdict="failed: modules overlap"),
+)
+
+
+def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
+    values = [{**each, "chosen": True} if k == chosen else each for k, each in enumerate(tried)]
+    (directory / "attempts.json").write_text(json.dumps(values))
+    return directory
+
+
+@pytest.mark.parametrize(
+    ("prefer", "chosen", "text"),
+    [
+        ("time", 3, "10 instead of 100 s of folding time, after 11 s of further computing."),
+        (
+            "torque",
+            2,
+            "40 µN·m instead of 100 µN·m of torque at the same folding time of 100 s, "
+            "after 11 s of further computing.",
+        ),
+        (
+            "clearance",
+            2,
+            "0.0312 instead of 0.0400 pitch of proved clearance, after 11 s of further computing.",
+        ),
+        ("clearance", 0, "The first plan that worked is still the best after 11 s"),
+    ],
+)
+def test_gain_and_cost_are_told(prefer: Preference, chosen: int, text: str, tmp_path: Path) -> None:
+    choice = choice_of(written(tmp_path, chosen, *TRIED), prefer)
+    assert choice is not None
+    assert choice["text"].startswith(text)
+    assert choice["seconds"] == 100.0, "of those that are verified"
+    assert [plan["chosen"] for plan in choice["plans"]].count(True) == 1
+    assert superlative(prefer, len(choice["plans"])) is not None
+
+
+def test_each_plan_has_a_name_and_a_row(tmp_path: Path) -> None:
+    choice = choice_of(written(tmp_path, 3, *TRIED), "time")
+    assert choice is not None
+    assert [plan["label"] for plan in choice["plans"]] == [
+        *(
+            "1. One part at a time",
+            "3. All at once, path 2",
+            "4. Smoothed 3, seed 1",
+            "5. All at once",
+        ),
+    ]
+    assert [plan["verified"] for plan in choice["plans"]] == [True, True, True, False]
+    assert choice["plans"][1]["cells"] == ["20", "1 mN·m", "40 µN·m", "0.0312", "3"]
+    assert choice["plans"][1]["torque_mnm"] == pytest.approx(0.04)
+    assert all(len(plan["cells"]) == len(PLAN_COLUMNS) - 1 for plan in choice["plans"])
+
+
+def test_without_a_wish_or_a_plan_there_is_no_choice(tmp_path: Path) -> None:
+    assert choice_of(tmp_path, "time") is None
+    assert choice_of(written(tmp_path, 0, *TRIED), "computing") is None
+    assert choice_of(written(tmp_path, 9, TRIED[1], TRIED[4]), "time") is None
+    assert superlative("computing", 3) is None
+    assert set(PREFERENCE_WORDS) == set(PREFERENCES)
+
+
+def test_the_command_line_prints_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    show_choice(choice_of(written(tmp_path, 3, *TRIED), "time"))
+    lines = capsys.readouterr().out.splitlines()
+    (chosen,) = (line for line in lines if line.startswith("→"))
+    assert "4. Smoothed 3, seed 1" in chosen
+    assert lines[-1] == "10 instead of 100 s of folding time, after 11 s of further computing."
+    show_choice(None)
+    assert not capsys.readouterr().out

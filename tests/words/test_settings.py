@@ -1,0 +1,64 @@
+"""Settings of the published method: how they are listed and typed, and what is said of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from planner.parameters.settings import SETTINGS
+from planner.plan.plan import Plan
+from planner.verification.verify import verify
+from server.cli.command_line import application
+from tests.server.service import STAIRS
+from words.settings import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
+
+
+def cli(*arguments: object) -> tuple[int, str]:
+    told = CliRunner().invoke(application(), list(map(str, arguments)))
+    return told.exit_code, told.output
+
+
+def test_what_is_changed_is_told_beside_what_it_was() -> None:
+    settings = "damping=0.05,motor_max_force=12.5,radial_gain=0.2"
+    assert changed("paper", settings) == [
+        ("Radial force gain λ", "0.2 dyn, instead of 0.1"),
+        ("Damping", "0.05 of the speed per step, instead of 0.1"),
+        ("Joint motor maximum force", "12.5 module mass · pitch²/s², instead of no limit"),
+    ]
+    assert changed("direct", "step_s=0.02") == [("Step size", "0.02 s, instead of 0.01")]
+    assert in_a_line("damping=0.05,radial_gain=0.2") == ", Radial force gain λ 0.2, Damping 0.05"
+    assert (changed("default", ""), in_a_line("")) == ([], "")
+
+
+def test_the_command_line_lists_them() -> None:
+    code, told = cli("settings")
+    assert code == 0
+    for setting in SETTINGS:
+        assert f"{setting.name} " in told
+    assert set(SOURCE_LABELS) == {row.source for row in PAPER_ROWS}
+    assert all(f"{source}: {meaning}" in told for source, meaning in SOURCE_LABELS.items())
+    rows = {row["name"]: row for row in json.loads(cli("settings", "--json")[1])}
+    assert rows["damping"]["default"] == "0.1"
+    assert rows["motor_max_force"]["default"] == "none"
+    assert rows["threshold"]["unit"] == "rad²"
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_the_command_line_folds_and_refolds_with_them(tmp_path: Path) -> None:
+    files = []
+    for name, cells in (("a", STAIRS), ("b", [[y, x, z] for x, y, z in STAIRS])):
+        files.append(tmp_path / f"{name}.json")
+        files[-1].write_text(json.dumps(cells))
+    given = ("--preset=paper", "--set", "radial_gain=2", "--set", "damping=0.12, step_s=.01")
+    code, told = cli("refold", *files, "--out", tmp_path / "both", *given)
+    assert code == 0, told
+    assert "s simulated" in told
+    for folder in (tmp_path / "both", tmp_path / "both" / "start"):
+        parameters = Plan.load(folder / "plan.npz").parameters
+        assert parameters["explosion"]["radial_gain"] == 2
+        assert parameters["playback"]["damping"] == 0.12
+        assert verify(folder).verified

@@ -1,0 +1,1 @@
+"""Texts for people: figures, verdicts, choices and settings in English."""

@@ -1,0 +1,341 @@
+"""A certificate in words, as pages and the command line show it.
+
+What is proved is rounded to the side that claims less.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, TypedDict
+
+from planner.certificate.figures import CertificateFigures
+from planner.certificate.table_figures import TableCertificate
+from planner.motion.record import TableRecord
+from planner.robot.casings import CASINGS
+from planner.robot.servos import Servo, servos
+from planner.robot.sizing import at_which_pitch, who_would_do
+from words.quantities import length_m, quantity, sentence
+
+CERTIFICATE_DIGITS: Final = 2
+"""Number of significant digits of a certificate's figures, such as joint errors, on pages.
+Chosen."""
+NOT_SIMULATED: Final = "not simulated"
+NOT_KNOWN: Final = "unknown: computed by an earlier version"
+BASELINE_LABEL: Final = "one joint at a time (a baseline)"
+MAX_NAMED_SERVOS: Final = 8
+"""Maximum number of servos with sufficient torque that a fold's page lists, lightest first. A
+larger value makes the list longer. Chosen."""
+NEAR_PITCH_FACTOR: Final = 1.1
+"""Factor on the smallest module pitch for which a servo is strong enough. If none suits the
+requested pitch, a fold's page lists the servos for pitches up to the product; a larger value lists
+more of them. Chosen."""
+ON_TABLE_PITCH: Final = 1e-3
+"""Distance of a module's corner from the table top, above or below, within which a page says that
+it lies on the table, in pitches. A smaller value displays rounding errors as gaps. Chosen."""
+ROUNDING_PITCH: Final = 1e-9
+"""Overlap of two modules up to which it is the rounding error of a contact and is not reported, in
+pitches; torques, in w·p, are rounded up with the same tolerance. A larger value hides real
+overlaps. Chosen."""
+
+
+def headline(certificate: CertificateFigures) -> str:
+    """Return the verdict, with the proved and the seen clearance of a verified plan."""
+    verdict = str(certificate.get("verdict") or "")
+    told = clearance(certificate)
+    return f"{verdict}: {told}" if told and verdict.startswith("verified") else verdict
+
+
+def clearance(certificate: CertificateFigures) -> str | None:
+    """Return the proved clearance as a share of a module's width; None where nothing is proved."""
+    bound = certificate.get("clearance_bound")
+    if bound is None or _seen(certificate) is None:
+        return None
+    percent = rounded_down(100.0 * bound, 1)
+    if bound < 0.0:
+        return f"modules overlap by at most {percent.removeprefix('-')} % of a module width"
+    return f"modules stay at least {percent} % of a module width apart"
+
+
+def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+    """Return the figures of a motion as labels and values."""
+    return [*main_rows(certificate), *further_rows(certificate)]
+
+
+def main_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+    """Return the figures that say most of a motion."""
+    return [
+        ("Proved clearance", _at_least(certificate.get("clearance_bound"))),
+        ("Folding time", _folding_time(certificate)),
+        torque(certificate),
+        ("Torque on a table (statics)", _torque_of(certificate.get("table"))),
+        (
+            "Largest joint error",
+            _of_simulation(certificate, "max_angle_error_rad", CERTIFICATE_DIGITS, "rad"),
+        ),
+    ]
+
+
+def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+    """Return all figures besides ``main_rows``."""
+    return [
+        ("Module size in the clearance check", quantity(certificate.get("module_size"), "pitch")),
+        ("Least clearance, plan", _pitches(certificate.get("min_clearance"))),
+        (
+            "Least clearance, simulated robots",
+            _of_simulation(certificate, "min_clearance_playback"),
+        ),
+        ("Least clearance, recorded explosion", _pitches(certificate.get("min_clearance_record"))),
+        ("Robots", robots(certificate)),
+        (
+            "Final position error (RMS)",
+            _of_simulation(certificate, "rms_position_error", CERTIFICATE_DIGITS),
+        ),
+        ("Largest joint move per frame", quantity(certificate.get("max_joint_step_rad"), "rad")),
+        (
+            "Largest number of hinges moving at once",
+            quantity(certificate.get("hinges_moving_most")),
+        ),
+    ]
+
+
+def _folding_time(certificate: CertificateFigures) -> str | None:
+    """Return the folding time and the joint speed that it assumes."""
+    time = quantity(certificate.get("fold_time_s"), "s")
+    speed = quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")
+    return f"{time} at {speed}" if time and speed else time
+
+
+class TableWords(TypedDict):
+    """Texts about a certificate of a fold on a table."""
+
+    good: bool
+    text: str
+    rows: list[tuple[str, str]]
+    assumptions: list[str]
+    servos: str
+    named: list[dict[str, str]]
+
+
+def on_table(certificate: CertificateFigures, record: TableRecord | None) -> TableWords | None:
+    """Return the requirements of a fold on a table and suitable servos; None of one that floats.
+
+    Args:
+        certificate: The fold's certificate.
+        record: Figures of the explosion, if known.
+    """
+    told = certificate.get("table")
+    if told is None:
+        return None
+    table = TableCertificate.from_dict(told)
+    friction = table.told_friction
+    largest = _torque(table.torque, table.unit_nm, friction)
+    needs = f"at most {largest}" if table.torque else f"no holding torque, {friction}"
+    rests = f"stays on the table and needs {needs}"
+    text = sentence(rests if table.rests else table.verdict.removeprefix("failed: "))
+    rows: list[tuple[str, str | None]] = [
+        ("Frame with the highest torque", None if table.frame is None else str(table.frame + 1)),
+        ("1 w·p (module weight × pitch)", quantity(table.unit_nm, "N·m")),
+        ("Torque limit", None if table.bound is None else f"at most {table.bound:g} w·p"),
+        ("Friction", "none" if table.friction == 0.0 else f"μ = {table.friction:g}"),
+        ("Base", _base(table)),
+        ("Lowest corner", _lowest(table.clearance)),
+        ("Frames in which the chain would tip over", str(len(table.unbalanced) or "none")),
+    ]
+    if record is not None:
+        rows += [
+            ("Frames undone while unfolding", quantity(record.taken_back)),
+            ("Torque limit while unfolding", _rose(record)),
+        ]
+    servos, named = _servos(table) if table.torque is not None else ("", [])
+    return {
+        "good": table.rests,
+        "text": text,
+        "rows": [(label, value) for label, value in rows if value],
+        "assumptions": list(table.assumptions),
+        "servos": servos,
+        "named": [{"name": f"{servo.maker} {servo.name}", "href": servo.url} for servo in named],
+    }
+
+
+def _base(table: TableCertificate) -> str:
+    """Return how the chain is held, in words."""
+    if table.base == "clamped":
+        return "the first module is clamped to the table"
+    if table.friction == 0.0:
+        return (
+            "free on the table (the simulation pins the first module, because without friction "
+            "everything would slide)"
+        )
+    return (
+        "free on the table, where it may drift; errors compare shapes, not positions on the table"
+    )
+
+
+def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
+    """Return the suitable servos in words and by name; if none, those for larger modules."""
+    torque, casing = table.torque or 0.0, CASINGS["pla"]
+    fits = who_would_do(torque, pitch_m=table.pitch_m, casing=casing)
+    would = [fit.servo for fit in fits if fit.would_do]
+    if would:
+        more = len(would) - MAX_NAMED_SERVOS
+        rest = f", the lightest of {len(would)}" if more > 0 else ""
+        pitch = length_m(table.pitch_m)
+        text = f"Suitable servos for PLA modules at this pitch ({pitch}){rest}:"
+        return text, would[:MAX_NAMED_SERVOS]
+    ranges = [
+        (at_which_pitch(s, torque, casing), s) for s in servos() if s.turns_enough is not False
+    ]
+    larger = sorted(
+        ((found.least_m, servo) for found, servo in ranges if not found.empty),
+        key=lambda one: (one[0], one[1].name),
+    )
+    if not larger or larger[0][0] <= table.pitch_m:
+        return "No servo in our list is strong enough for PLA modules of any pitch.", []
+    least = length_m(larger[0][0])
+    text = (
+        "No servo in our list suits PLA modules at this pitch. "
+        f"These suit a pitch of {least} or more:"
+    )
+    return text, [servo for pitch_m, servo in larger if pitch_m <= NEAR_PITCH_FACTOR * larger[0][0]]
+
+
+def _torque_of(table: dict[str, Any] | None) -> str | None:
+    if table is None:
+        return None
+    found = TableCertificate.from_dict(table)
+    return _torque(found.torque, found.unit_nm, found.told_friction)
+
+
+def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | None:
+    """Return a torque and its friction in words, rounded up."""
+    if torque_wp is None:
+        return None
+    upwards = 10.0 ** (2 - math.floor(math.log10(torque_wp))) if torque_wp > 0.0 else 1.0
+    most = math.ceil(torque_wp * upwards - ROUNDING_PITCH) / upwards
+    return f"{most:.3g} w·p ({quantity(torque_wp * unit_nm, 'N·m')}), {friction}"
+
+
+def _lowest(clearance: float) -> str:
+    if abs(clearance) < ON_TABLE_PITCH:
+        return "on the table top"
+    where = "above" if clearance > 0.0 else "below"
+    return f"{quantity(abs(clearance), 'pitch', CERTIFICATE_DIGITS)} {where} the table top"
+
+
+def _rose(record: TableRecord) -> str:
+    """Return how the torque bound of an explosion rose, in words."""
+    bounds = [bound for _, bound in record.raised]
+    if not bounds:
+        return f"{record.bound:g} w·p, never raised"
+    raised = ", ".join(f"{bound:.3g} at {when:.3g} s" for when, bound in record.raised)
+    return f"{record.bound:.3g} w·p; raised to {raised}"
+
+
+def robots(certificate: CertificateFigures) -> str | None:
+    """Return how many perturbed robots folded the plan, and the smallest clearance of them."""
+    found = certificate.get("robots")
+    if not found:
+        return None
+    least = min(one["min_clearance"] for one in found)
+    return (
+        f"{len(found)} imperfect robots were simulated; you see the worst one. Clearance at least "
+        f"{rounded_down(least)} pitch"
+    )
+
+
+def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
+    """Return the largest torque and its source, which differs from that of the plot.
+
+    It is a peak only if it is that of the motors at every step of a simulation. Plots show torques
+    that inverse dynamics computes from the recorded frames.
+    """
+    value = quantity(certificate.get("peak_torque_nm"), "N·m", CERTIFICATE_DIGITS)
+    source = str(certificate.get("torque_source") or "")
+    if value is None:
+        return "Peak torque", None
+    if source.startswith("simulation"):
+        return "Peak torque", f"{value}, simulated motors"
+    of = certificate.get("torque_frames"), certificate.get("frames")
+    where = "number of frames checked is unknown"
+    if None not in of:
+        where = f"checked at {of[0]} of {of[1]} frames"
+    return "Largest torque seen", f"{value}, {where}"
+
+
+def linked(certificate: CertificateFigures) -> str | None:
+    """Return the unchecked pairs of modules in words, and the relief that they need."""
+    exempt = certificate.get("exempt_pairs")
+    if exempt is None:
+        return None
+    if exempt["apart"] < 2:
+        return "All modules are checked against each other, including linked ones."
+    told = "Linked modules share a joint and are not checked against each other"
+    if (radius := exempt["relief_radius"]) is None:
+        return f"{told}."
+    if (bound := exempt["worst_overlap_bound"]) is not None:
+        told += f": full cubes would overlap by up to {math.ceil(bound * 100) / 100:.2f} pitch"
+    return (
+        f"{told}. Real modules need rounded edges: no material farther than {radius:g} pitch "
+        f"from a joint (removes {100 * exempt['relief_share']:.0f} % of the volume)."
+    )
+
+
+def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -> str | None:
+    """Return the flaws of the record that the plan was made from; None without flaws."""
+    told: list[str] = []
+    least = certificate.get("min_clearance_record")
+    if least is not None and least < -ROUNDING_PITCH:
+        told.append(f"overlaps by {quantity(-least, 'pitch', CERTIFICATE_DIGITS)}")
+    bent = certificate.get("max_angle_record_rad")
+    if bent is not None and limit_rad is not None and bent > limit_rad + 1e-6:
+        told.append(
+            f"bends a joint to {math.degrees(bent):.1f}°, beyond its limit of "
+            f"±{math.degrees(limit_rad):.4g}°"
+        )
+    if not told:
+        return None
+    plan = (
+        ", but the plan does not" if str(certificate.get("verdict")).startswith("verified") else ""
+    )
+    return f"The recorded explosion {' and '.join(told)}{plan}."
+
+
+def baseline(strategy: object) -> str | None:
+    """Return the note for a plan of the baseline strategy; None of others."""
+    return BASELINE_LABEL if strategy == "one-by-one" else None
+
+
+def _of_simulation(
+    certificate: CertificateFigures, key: str, digits: int = 3, unit: str = "pitch"
+) -> str | None:
+    """Return a figure of the simulated playback, or that there was none."""
+    simulated = certificate.get("simulated")
+    if simulated is False:
+        return NOT_SIMULATED
+    value = certificate.get(key)
+    if value is None and simulated is None and certificate.get("min_clearance") is not None:
+        return NOT_KNOWN
+    return quantity(value, unit, digits)
+
+
+def _seen(certificate: CertificateFigures) -> float | None:
+    known = [certificate.get(name) for name in ("min_clearance", "min_clearance_playback")]
+    return min((float(value) for value in known if value is not None), default=None)
+
+
+def _pitches(value: float | None) -> str | None:
+    return quantity(value, "pitch")
+
+
+def _at_least(value: float | None) -> str | None:
+    return None if value is None or value <= 0.0 else f"at least {rounded_down(value)} pitch"
+
+
+def rounded_down(value: float, digits: int = 3) -> str:
+    """Return a length rounded down to some decimals; a smaller one to two digits."""
+    if value == 0.0:
+        return "0"
+    if abs(value) < 10**-digits:
+        digits = 1 - math.floor(math.log10(abs(value)))
+    # What is written as 0.049 shall stay that, whatever its last bit.
+    return f"{math.floor(value * 10**digits + 1e-9) / 10**digits:.{digits}f}"

@@ -1,0 +1,219 @@
+"""Choice in words: the plans of a fold that was asked for the best of several, gain and cost."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TypedDict, cast
+
+from planner.certificate.figures import AttemptFigures
+from planner.errors import DamagedError
+from planner.pipeline.fold_layout import CHAIN, PLANS_DIR
+from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
+from planner.verification.integrity import check
+from words.certificate import rounded_down
+from words.quantities import STRATEGY_LABELS, number, quantity, sentence
+
+PLAN_COLUMNS: Final = (
+    "Plan",
+    "Time, s",
+    "Torque",
+    "Torque at equal time",
+    "Clearance, pitch",
+    "Computing, s",
+)
+"""Column headings of the table that compares several plans of one fold: folding time, largest
+torque, largest torque if all plans took as long as the slowest one, proved clearance between
+modules, and computing time."""
+PREFERENCE_WORDS: Final[dict[Preference, str]] = {
+    "computing": "First verified plan",
+    "time": "Shortest folding time",
+    "torque": "Least torque",
+    "clearance": "Most clearance",
+}
+"""Labels of the criteria by which one of several plans is chosen, by their names in the API."""
+SUPERLATIVES: Final[dict[Preference, str]] = {
+    "time": "fastest",
+    "torque": "least torque",
+    "clearance": "most clearance",
+}
+MILLI_PER_UNIT: Final = 1e3
+"""Number of thousandths in a unit, to convert N·m to mN·m."""
+CLEARANCE_DECIMALS: Final = 4
+"""Number of decimal places of clearances between modules, in pitches, in the comparison of plans:
+enough to show their differences. Chosen."""
+
+
+class PlanDot(TypedDict):
+    """One plan: its name, what it is drawn at, its cells under ``PLAN_COLUMNS``, and how it ended.
+
+    ``torque_mnm`` is that of all plans taking as long as the slowest one, in mN·m; ``room`` is the
+    clearance that is proved, in pitches. What is not known is None. ``stored`` is the number of the
+    attempt, counted from 0, under which the plan can be played although it was not chosen.
+    """
+
+    label: str
+    time_s: float | None
+    torque_mnm: float | None
+    room: float | None
+    cells: list[str]
+    verified: bool
+    chosen: bool
+    stored: int | None
+
+
+class Choice(TypedDict):
+    """All that was tried, and what the wish has gained and cost."""
+
+    prefer: Preference
+    wish: str
+    seconds: float
+    columns: list[str]
+    plans: list[PlanDot]
+    text: str
+
+
+def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) -> Choice | None:
+    """Return the plans that a preference chose from; None without one or a verified plan.
+
+    Args:
+        directory: Directory of the fold.
+        prefer: The requested preference.
+        playable: True if stored plans that were not chosen can be played where this is shown.
+    """
+    if prefer == COMPUTING:
+        return None
+    try:
+        check(directory, "attempts.json")
+        values = json.loads((directory / "attempts.json").read_bytes())
+    except (DamagedError, OSError, ValueError):
+        return None
+    tried = cast("list[AttemptFigures]", values)
+    plans = [
+        _Plan(
+            place=place,
+            attempt=attempt,
+            figures=PlanFigures(**figures),
+            stored=_stored(directory, tried, place) if playable else None,
+        )
+        for place, attempt in enumerate(tried)
+        if (figures := attempt.get("figures")) is not None
+    ]
+    verified = [plan for plan in plans if plan.verified]
+    if not verified:
+        return None
+    slowest = max(plan.figures.fold_time_s or 0.0 for plan in verified)
+    return {
+        "prefer": prefer,
+        "wish": PREFERENCE_WORDS[prefer],
+        "seconds": slowest,
+        "columns": list(PLAN_COLUMNS),
+        "plans": [plan.dot(slowest) for plan in plans],
+        "text": _gained(prefer, tried, verified, slowest),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Plan:
+    """An attempt that has figures, and its place among all."""
+
+    place: int
+    attempt: AttemptFigures
+    figures: PlanFigures
+    stored: int | None
+
+    @property
+    def verified(self) -> bool:
+        return self.attempt.get("verdict", "").startswith("verified")
+
+    @property
+    def chosen(self) -> bool:
+        return self.attempt.get("chosen", False)
+
+    def dot(self, slowest: float) -> PlanDot:
+        """Return the plan's values for the table and the plot, given the slowest plan's time."""
+        figures = self.figures
+        same = figures.torque_in(slowest)
+        cells = (
+            _told(figures.fold_time_s),
+            _torque(figures.peak_torque_nm),
+            _torque(same),
+            _room(figures.clearance_bound),
+            number(figures.seconds, 2),
+        )
+        return {
+            "label": f"{self.place + 1}. {self._label()}",
+            "time_s": figures.fold_time_s,
+            "torque_mnm": None if same is None else MILLI_PER_UNIT * same,
+            "room": figures.clearance_bound,
+            "cells": list(cells),
+            "verified": self.verified,
+            "chosen": self.chosen,
+            "stored": self.stored,
+        }
+
+    def _label(self) -> str:
+        """Return a short label of how the plan was made."""
+        attempt, strategy = self.attempt, self.attempt["strategy"]
+        if (smooths := attempt.get("smooths")) is not None:
+            seed = f", seed {attempt['seed']}" if attempt["seed"] else ""
+            return f"{sentence(strategy)} {smooths + 1}{seed}"
+        parts = [STRATEGY_LABELS.get(strategy, strategy).partition(",")[0]]
+        parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
+        parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
+        parts += ["finer frames"] if "finer" in attempt else []
+        return ", ".join(parts)
+
+
+def _stored(directory: Path, tried: list[AttemptFigures], place: int) -> int | None:
+    """Return the number under which an attempt's plan is stored beside the chosen one, or None."""
+    while "finer" in tried[place]:  # played back again: its files are with those of the explosion
+        place -= 1
+    return place if (directory / PLANS_DIR / str(place) / CHAIN).is_file() else None
+
+
+def superlative(prefer: Preference, plans: int) -> str | None:
+    """Return a short label of the chosen one of several plans; None without a choice."""
+    return (
+        f"{SUPERLATIVES[prefer]} of {plans} plans" if prefer in SUPERLATIVES and plans > 1 else None
+    )
+
+
+def _gained(
+    prefer: Preference, tried: list[AttemptFigures], verified: list[_Plan], slowest: float
+) -> str:
+    """Return the gain of the preference over the first verified plan, and its cost."""
+    first = verified[0]
+    best = next((plan for plan in verified if plan.chosen), first)
+    since = tried[first.place + 1 :]
+    more = sum(
+        each["figures"]["seconds"] if "figures" in each else each.get("seconds", 0.0)
+        for each in since
+    )
+    cost = f"after {number(more, 2)} s of further computing"
+    if best is first:
+        return f"The first plan that worked is still the best {cost}."
+    both = (best.figures, first.figures)
+    if prefer == "time":
+        after, before = (_told(each.fold_time_s) for each in both)
+        of = "s of folding time"
+    elif prefer == "torque":
+        after, before = (_torque(each.torque_in(slowest)) for each in both)
+        of = f"of torque at the same folding time of {number(slowest)} s"
+    else:
+        after, before = (_room(each.clearance_bound) for each in both)
+        of = "pitch of proved clearance"
+    return f"{after} instead of {before} {of}, {cost}."
+
+
+def _told(value: float | None) -> str:
+    return "–" if value is None else number(value)
+
+
+def _torque(value: float | None) -> str:
+    return quantity(value, "N·m") or "–"
+
+
+def _room(value: float | None) -> str:
+    return "–" if value is None else rounded_down(value, CLEARANCE_DECIMALS)
