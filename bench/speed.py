@@ -31,11 +31,12 @@ from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.stages import run_stage
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
 from planner.plan.shape_files import write_path
 from planner.playback.playback import play_back
+from planner.progress import STAGES
 from planner.readers.gallery import Gallery
 
 RUNS: Final = 3

@@ -42,10 +42,10 @@ from planner.cores import cores
 from planner.errors import InputError
 from planner.pathfinding.options import table_warning
 from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import STAGES, run_stage, run_stages
+from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
+from planner.progress import STAGES, Report
 from planner.progress import Progress as StageProgress
-from planner.progress import Report
 from words import certificate as certificate_words
 from words.choice import PLAN_COLUMNS, Choice, choice_of
 from words.quantities import sentence

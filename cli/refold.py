@@ -26,10 +26,11 @@ from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.motion.timeline import chain_from_attributes
 from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
+from planner.progress import STAGES
 from planner.readers.gallery import Gallery
 
 FIRST_FOLD_DIR = "start"

@@ -13,10 +13,11 @@ from cli.inputs import make_directory, refuse
 from cli.options import AsJson, FoldDirectory, PlanDirectory, Seed
 from planner.errors import InputError
 from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
+from planner.progress import STAGES
 from words.smoothing import smoothing_note, smoothing_rows
 
 

@@ -13,7 +13,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planner.progress import Cancelled, never
+from planner.progress import STAGES, Cancelled, never
 
 if TYPE_CHECKING:
     from planner.pipeline.request import FoldRequest
@@ -93,7 +93,7 @@ def judge(
         InputError: When the input cannot be used.
     """
     # Loaded late: each process that runs cases of another kind would load all of the planner.
-    from planner.pipeline.stages import STAGES, next_stage, run_stage
+    from planner.pipeline.stages import next_stage, run_stage
     from planner.pipeline.workspace import Workspace
 
     Workspace(directory).write_request(request, data)

@@ -18,9 +18,9 @@ from bench.table.folds import SMALL
 from bench.table.paths import SHAPES
 from bench.tables import Section
 from planner.certificate.table_figures import FRICTIONLESS
+from planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
-from planner.pipeline.steps import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.workspace import Workspace
 from planner.verification.table_replay import TableReplay, table_replay
 from planner.verification.verify import verify

@@ -16,13 +16,17 @@ from planner.chain.path import Path
 from planner.files import directory_or_aside
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.attempt_pool import AttemptPool
+from planner.pipeline.certifying import with_certificate
+from planner.pipeline.exploding import rest, with_explosion
+from planner.pipeline.exporting import finish
 from planner.pipeline.job import Job, Search, Watch
+from planner.pipeline.playing_back import with_playback
 from planner.pipeline.preference import COMPUTING
+from planner.pipeline.reading import read_plan, read_shape
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import Explode, next_step, with_choice
+from planner.pipeline.search import Explode, PlayBack, Step, next_step, with_choice
 from planner.pipeline.stages import run_stages
-from planner.pipeline.steps import advance, finish, read_plan, read_shape, rest, with_joint_errors
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain, write_path
@@ -194,7 +198,16 @@ def _plan_in_memory(
         history = with_choice(history, best)
     result = search.results[best]
     plan = finish(request, result, history, start=begins, recorded=result.recorded or recorded)
-    return with_joint_errors(plan.as_stored(), result.playback)
+    return plan.as_stored().with_joint_errors_of(result.playback)
+
+
+def advance(job: Job, search: Search, step: Step, watch: Watch, pool: AttemptPool) -> Search:
+    """Return the search after one more step; earlier results stay as they are."""
+    if isinstance(step, Explode):
+        return with_explosion(job, search, step.trial, watch, pool)
+    if isinstance(step, PlayBack):
+        return with_playback(job, search, watch, finer=step.finer)
+    return with_certificate(job, search, watch)
 
 
 @contextmanager

@@ -14,14 +14,16 @@ from planner.explosion.diagnosis import Diagnosis
 from planner.explosion.strategies import others_for, strategies_for
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import BASELINE
-from planner.pipeline.attempt import Attempt, Candidates, Reason, Trial
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import MAX_SEED, FoldRequest
-from planner.pipeline.search_limits import MAX_EXPLOSIONS, MAX_SEEDS
 from planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
 Change = Literal["path", "strategy", "end", "forces", "seed"]
+MAX_SEEDS: Final = 3
+"""Maximum number of seeds of the random forces with which one fold tries to explode its chain. A
+larger value folds more shapes, and takes longer to fail. Chosen."""
 FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "knot": ("path", "strategy"),
     "buried": ("end", "strategy", "path", "seed"),

@@ -34,7 +34,6 @@ from planner.pipeline.job import Job, Result, Search, share_bent
 from planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
 from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.steps import with_joint_errors
 from planner.plan.plan import Plan
 from planner.plan.prepared import PREPARED, PreparedChains, key_of
 from planner.playback.playback import Playback
@@ -255,7 +254,8 @@ class Workspace:
 
     def read_plan(self) -> Plan:
         """Return the plan of a fold that is over, with the joint errors that its file omits."""
-        return with_joint_errors(Plan.load(self.directory / layout.PLAN), self.read_playback())
+        plan = Plan.load(self.directory / layout.PLAN)
+        return plan.with_joint_errors_of(self.read_playback())
 
     def write_plan(self, plan: Plan) -> dict[str, str]:
         """Write the plan of a fold and its model; return the text of each value of the plan."""

@@ -9,13 +9,12 @@ from pathlib import Path as FilePath
 import pytest
 
 from planner.errors import InputError
-from planner.pipeline.attempt import Attempt, Trial
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
 from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import Explode, next_step
-from planner.pipeline.search_limits import MAX_EXPLOSIONS
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from planner.pathfinding.options import PathOptions
-from planner.pipeline import steps
+from planner.pipeline import reading
 from planner.pipeline.fold_layout import CANDIDATES
 from planner.pipeline.prepare import Preparation, prepare
 from planner.pipeline.request import FoldRequest
@@ -40,7 +40,7 @@ def test_read_of_stored_chains_equals_a_search(
         directory.mkdir()
     expected = read(searched)
     previewed().prepared().save(stored, KEY)
-    monkeypatch.delattr(steps, "prepare")  # the second fold does not search
+    monkeypatch.delattr(reading, "prepare")  # the second fold does not search
     assert read(stored) == expected
     assert not (stored / PREPARED).exists()
 

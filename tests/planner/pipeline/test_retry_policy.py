@@ -20,11 +20,10 @@ from planner.motion.record import Record, Spent
 from planner.motion.timeline import Timeline
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.parameters.parameters import Parameters
-from planner.pipeline.attempt import Attempt, Reason, Trial
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Reason, Trial
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import Explode, next_step
-from planner.pipeline.search_limits import MAX_EXPLOSIONS
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan

@@ -14,6 +14,9 @@ from planner.pipeline.preference import PlanFigures
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import (
+    MAX_PLAYBACKS_BEFORE_VERIFIED,
+    MAX_REFUSED_EXPLOSIONS,
+    REPEATED_PLAYBACK_REFINEMENT,
     Certify,
     Explode,
     PlayBack,
@@ -22,11 +25,6 @@ from planner.pipeline.search import (
     before_playback,
     next_step,
     with_choice,
-)
-from planner.pipeline.search_limits import (
-    MAX_PLAYBACKS_BEFORE_VERIFIED,
-    MAX_REFUSED_EXPLOSIONS,
-    REPEATED_PLAYBACK_REFINEMENT,
 )
 from tests.planner.chains import coil
 

@@ -20,11 +20,11 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.fold_layout import result
 from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import STAGES, next_stage, run_stage, run_stages
+from planner.pipeline.stages import next_stage, run_stage, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_path
-from planner.progress import Progress
+from planner.progress import STAGES, Progress
 from planner.simulation.anchored import Anchored
 from planner.simulation.engine import SpringChain
 from planner.simulation.reduced import Acceleration, State
@@ -348,7 +348,7 @@ def refuse_first(monkeypatch: pytest.MonkeyPatch, times: int, *, frame: float) -
             min_clearance_playback_at=Place(frame=frame, modules=(1, 9)),
         )
 
-    monkeypatch.setattr("planner.pipeline.steps.certify", refused)
+    monkeypatch.setattr("planner.pipeline.certifying.certify", refused)
 
 
 def test_an_overlap_between_frames_is_looked_at_with_more_of_them(

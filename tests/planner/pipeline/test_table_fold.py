@@ -15,10 +15,10 @@ from examples.run_gallery import SHAPES
 from planner.certificate.table_forces import TableForces
 from planner.errors import InputError
 from planner.parameters.parameters import Parameters
+from planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
-from planner.pipeline.steps import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.verification.own_parameters import own_parameters

@@ -65,7 +65,7 @@ def refusing(monkeypatch: pytest.MonkeyPatch, *clearances: float) -> None:
             min_clearance_at=Place(frame=3.0, modules=(1, 9)),
         )
 
-    monkeypatch.setattr("planner.pipeline.steps.certify", judge)
+    monkeypatch.setattr("planner.pipeline.certifying.certify", judge)
 
 
 def sticking(monkeypatch: pytest.MonkeyPatch) -> None:

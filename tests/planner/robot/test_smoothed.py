@@ -128,7 +128,7 @@ def test_what_the_certificate_refuses_is_smoothed_less(
         angles[len(angles) // 2] = plan.chain.module.angle_limit_rad
         return replace(record, frames=record.frames.with_columns(joint_angles_rad=angles))
 
-    monkeypatch.setattr("planner.pipeline.steps.smoothed_record", spoiled)
+    monkeypatch.setattr("planner.pipeline.exploding.smoothed_record", spoiled)
     plan = smooth_plan(wrench, directory=tmp_path)
     assert tried == [SMOOTHED, SOFTENED, RECORDED]
     assert plan.verified
@@ -157,7 +157,7 @@ def test_overlaps_between_frames_leave_the_last_way_to_be_tried(
             min_clearance_playback_at=place,
         )
 
-    monkeypatch.setattr("planner.pipeline.steps.certify", judge)
+    monkeypatch.setattr("planner.pipeline.certifying.certify", judge)
     plan = smooth_plan(folded("wrench-24").plan, directory=tmp_path)
     assert plan.verified
     assert [(a["strategy"], a.get("finer", 1)) for a in plan.attempts] == [
