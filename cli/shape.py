@@ -13,18 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cli.inputs import read_input, refuse
-from cli.options import (
-    AsJson,
-    AsVoxels,
-    Ends,
-    Method,
-    Module,
-    Modules,
-    Repair,
-    Seed,
-    Start,
-    World,
-)
+from cli.options import PATH_OPTIONS, AsJson, takes
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
 from planner.files import write_whole
@@ -37,37 +26,18 @@ if TYPE_CHECKING:
     from planner.table_paths.offers import Offer
 
 
+@takes(*PATH_OPTIONS)
 def shape(
     *,
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
     ],
     out: Annotated[Path, typer.Option(help="Output file for the path or the chain.")],
-    module: Module = "cube",
-    modules: Modules = None,
-    method: Method = "auto",
-    repair: Repair = False,
-    ends: Ends = "any",
-    start: Start = None,
-    as_voxels: AsVoxels = False,
-    world: World = "floating",
-    seed: Seed = "0",
+    request: FoldRequest,
     as_json: AsJson = False,
 ) -> None:
     """Find a path through a shape. Exits 0 with a path, 3 when there is none, 2 for bad input."""
     try:
-        request = FoldRequest.of(
-            module=module,
-            modules=modules,
-            method=method,
-            repair=repair,
-            ends=ends,
-            start=start,
-            as_voxels=as_voxels,
-            world=world,
-            seed=seed,
-        )
-        request.check()
         data, filename = read_input(source)
         prepared = prepare_in_any_order(
             data, filename, request.path_options(), seed=request.seed % PATH_SEED_MODULUS

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich.console import Console
 from rich.table import Table
 
 from cli.fold import compute, finish
 from cli.inputs import make_directory, refuse
-from cli.options import AsJson, FoldDirectory, PlanDirectory, Seed
+from cli.options import AsJson, FoldDirectory, PlanDirectory, takes
 from planner.errors import InputError
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
@@ -21,22 +20,20 @@ from planner.progress import STAGES
 from words.smoothing import smoothing_note, smoothing_rows
 
 
+@takes(
+    "seed",
+    "module_size",
+    module_size="Module size in the clearance check. Default: the plan's.",
+)
 def smooth(
+    *,
     fold: FoldDirectory,
     out: PlanDirectory,
-    seed: Seed = "0",
-    module_size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FLOAT", help=("Module size in the clearance check. Default: the plan's.")
-        ),
-    ] = None,
+    request: FoldRequest,
     as_json: AsJson = False,
 ) -> None:
     """Make a motion shorter and smoother without losing clearance; exits like `fold`."""
     try:
-        request = FoldRequest.of(seed=seed, module_size=module_size)
-        request.check()
         plan = Plan.load(fold / "plan.npz")
         make_directory(out)
         if out.samefile(fold):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from typing import Final, Literal
 
@@ -51,10 +51,7 @@ class Experiment:
     @property
     def asked(self) -> str:
         """All that the run depends on, in a line."""
-        plain = FoldRequest()
-        names = [field.name for field in fields(FoldRequest)]
-        given = {name: getattr(self.request, name) for name in names}
-        told = [f"{name}={v}" for name, v in given.items() if v != getattr(plain, name)]
+        told = [f"{name}={value}" for name, value in self.request.changed().items()]
         begins = [f"start={self.start}"] if self.start else []
         return ", ".join([self.shape, *told, *begins])
 

@@ -69,7 +69,7 @@ def finish(
     """Return the plan of a fold that is over, with all that was tried.
 
     Args:
-        request: FoldRequest of the fold.
+        request: Request of the fold.
         result: Result of the best attempt.
         history: All attempts.
         start: Chain as it is folded at the beginning of a refold; None for other folds.

@@ -167,7 +167,7 @@ def _plan_in_memory(
     """Search until a plan is verified or nothing is left to try; return the best attempt's plan.
 
     Args:
-        request: FoldRequest of the fold.
+        request: Request of the fold.
         data: Bytes of the shape.
         start: Plan that a refold begins with; None for other folds.
         recorded: Plan that is smoothed; None for other folds.

@@ -54,7 +54,7 @@ class Job:
     """Everything that is known of a fold before it is computed.
 
     Attributes:
-        request: FoldRequest of the fold.
+        request: Request of the fold.
         candidates: Chains that may be folded.
         policy: Tries that the fold has.
         start: Chain as it is folded at the beginning of a refold; None for other folds.

@@ -91,7 +91,7 @@ def read_shape(
     """Return the chains that fold into a shape, and how they were found.
 
     Args:
-        request: FoldRequest of the fold.
+        request: Request of the fold.
         data: Bytes of the shape.
         start: Chain as it is folded at the beginning of a refold; None for other folds.
         prepared: Chains that a preview has found with the same request; None to search for them.

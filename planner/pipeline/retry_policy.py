@@ -44,10 +44,10 @@ DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
 """Assumed reason of a failed explosion by the strategy that stalled, if the explosion reports none:
 the most frequent one. All other strategies assume ``joints``."""
 
-DIRECTIONAL_STRATEGIES: Final = ("peel", "one-by-one")
+DIRECTIONAL_STRATEGIES: Final = ("peel", BASELINE)
 """Explosion strategies that release a chain from one of its ends; to begin at the other end is one
 of the changes that a fold tries after a failure."""
-SEED_INDEPENDENT_STRATEGIES: Final = ("one-by-one",)
+SEED_INDEPENDENT_STRATEGIES: Final = (BASELINE,)
 """Explosion strategies without random forces; a retry with another seed would only repeat their
 result, so none is made."""
 

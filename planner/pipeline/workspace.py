@@ -80,17 +80,12 @@ class Workspace:
             self.write_start(start)
         if recorded is not None:
             recorded.save_npz(self.directory / RECORDED_PLAN)
-        values = {name: getattr(request, name) for name in FoldRequest.__dataclass_fields__}
         write_whole(self.directory / layout.INPUT, data)
-        write_json(self.directory / layout.REQUEST, values)
+        write_json(self.directory / layout.REQUEST, request.to_json())
 
     def read_request(self) -> FoldRequest:
         """Return the request."""
-        values = self._json(layout.REQUEST)
-        if values.get("start") is not None:
-            x, y, z = values["start"]
-            values["start"] = (int(x), int(y), int(z))
-        return FoldRequest(**values)
+        return FoldRequest.from_json(self._json(layout.REQUEST))
 
     def read_input(self) -> bytes:
         """Return the bytes of the shape."""
