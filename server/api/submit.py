@@ -22,8 +22,9 @@ from planner.plan.prepared import PREPARED
 from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
 from server.api.context import Context
-from server.errors import Conflict, NotFound, Unavailable, Unusable, nearly_full, not_stored
+from server.errors import Conflict, NotFound, Unavailable, Unusable, not_stored
 from server.files.uploads import Upload
+from server.limits.disk_space import check_space
 from server.limits.queue_room import Waiting, check_room
 from server.processes.children import ChildError
 from server.processes.read_task import MAX_STORED_CELLS
@@ -242,8 +243,7 @@ def _known(context: Context, submission: Submission) -> Receipt | None:
 def _check_room(context: Context, submission: Submission) -> None:
     settings = context.settings
     check_room(_waiting(context), Waiting(submission.visitor, 0.0), settings)
-    if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
-        raise nearly_full()
+    check_space(settings.root, settings.min_free_disk_bytes)
 
 
 def _waiting(context: Context) -> list[Waiting]:

@@ -29,7 +29,6 @@ from server.errors import (
     TooSlow,
     Unavailable,
     Unusable,
-    nearly_full,
     not_stored,
 )
 from server.files.stored_previews import (
@@ -41,6 +40,7 @@ from server.files.stored_previews import (
     visitor_noted,
 )
 from server.files.uploads import Upload
+from server.limits.disk_space import check_space
 from server.processes.children import ChildError, Reader
 from server.settings import Settings
 from server.store.folds import new_id
@@ -223,8 +223,7 @@ class Previews:
                 retry_after_s=60,
             )
         self._sweep_soon()  # reports may be much larger than what they tell of
-        if shutil.disk_usage(self._root).free < self._settings.min_free_disk_bytes:
-            raise nearly_full()
+        check_space(self._root, self._settings.min_free_disk_bytes)
         place.mkdir(exist_ok=True)
         if stranger:
             (place / STRANGER_FILE).touch()

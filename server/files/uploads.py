@@ -17,7 +17,8 @@ from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
 from typing import IO, BinaryIO, Final
 
-from server.errors import nearly_full, not_stored
+from server.errors import not_stored
+from server.limits.disk_space import check_space
 from server.settings import Settings
 from server.store.folds import new_id
 
@@ -87,7 +88,7 @@ class Uploads:
         directory = self._place / new_id()
         try:
             try:
-                self._check_room()
+                check_space(self._place, self._settings.min_free_disk_bytes)
                 directory.mkdir()
                 digest, size = _copied(source, directory / "input")
             except OSError as error:
@@ -95,10 +96,6 @@ class Uploads:
             yield Upload(directory=directory, filename=filename, digest=digest, size=size)
         finally:
             shutil.rmtree(directory, ignore_errors=True)
-
-    def _check_room(self) -> None:
-        if shutil.disk_usage(self._place).free < self._settings.min_free_disk_bytes:
-            raise nearly_full()
 
 
 def _copied(source: BinaryIO, path: Path) -> tuple[str, int]:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import itertools
 import logging
 import os
-import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -24,6 +23,7 @@ from sqlalchemy.orm import aliased
 from planner.files import remove_temporary
 from server.files.cancelled import DELETION_BATCH_ROWS, MAX_DELETION_BATCHES, sweep_cancelled
 from server.files.derived import count_apart, derived_bytes, drop_derived
+from server.limits.disk_space import free_space
 from server.settings import Settings
 from server.store.folds import DAY_S, Store
 from server.store.object_store import StorageError
@@ -93,8 +93,7 @@ class Janitor:
                 own = int(session.scalar(sa.select(sa.func.sum(FoldRow.bytes))) or 0)
             lacking = own + derived_bytes(self._store) - settings.storage_bytes
         if self._store.folders.storage is None:
-            free = shutil.disk_usage(settings.root).free
-            lacking = max(lacking, settings.min_free_disk_bytes - free)
+            lacking = max(lacking, settings.min_free_disk_bytes - free_space(settings.root))
         if lacking > 0:
             try:
                 drop_derived(self._store, lacking)

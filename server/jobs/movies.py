@@ -7,7 +7,6 @@ stops the work (``server/jobs/movie_runner.py``).
 from __future__ import annotations
 
 import logging
-import shutil
 import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
@@ -20,8 +19,9 @@ from sqlalchemy.orm import Session
 
 from planner.pipeline.fold_layout import TIMELINE, result
 from planner.verification.integrity import check
-from server.errors import Conflict, NoRoom, NoSuch, NotFound, TooMany, Unavailable
+from server.errors import Conflict, NoSuch, NotFound, TooMany, Unavailable
 from server.jobs.queue import Jobs
+from server.limits.disk_space import check_space
 from server.limits.networks import networks_of
 from server.limits.quota import Holder, network_share
 from server.settings import Settings
@@ -278,8 +278,7 @@ class Movies:
                 f"{others} movies are being created for others; try again in {MOVIE_RETRY_S} s.",
                 retry_after_s=MOVIE_RETRY_S,
             )
-        if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
-            raise NoRoom("no-room", "The disk of the service is nearly full; try again later.")
+        check_space(settings.root, settings.min_free_disk_bytes)
 
     def _settle(self, making: Iterable[MovieRow]) -> None:
         """Correct the rows of movies that no job works on."""
