@@ -15,7 +15,7 @@ from server.api.folds import Here, problems
 from server.api.owners import AnyClaim, OptionalOwner, not_owner
 from server.api.schemas import Fault
 from server.errors import Conflict, Unusable
-from server.files.download_names import download_stem
+from server.http.downloads import download
 from server.jobs.movies import MovieState
 from web.movies.movie import Movie
 
@@ -166,11 +166,7 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     path = context.movies.file(fold_id, movie_id)
     if path is None:
         raise Conflict("not-ready", "The movie is not ready yet.", retry_after_s=1)
-    return FileResponse(
-        path,
-        media_type=MOVIE_MEDIA_TYPES[path.suffix[1:]],
-        filename=f"{download_stem(row.name)}{path.suffix}",
-    )
+    return download(path, MOVIE_MEDIA_TYPES[path.suffix[1:]], row.name, path.suffix)
 
 
 @router.delete(
