@@ -300,8 +300,14 @@ class Runner:
             fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
         )
         spent_s = self.retry_until_available(lambda: self._store.stage_s(fold_id))
-        done = _Progress(self._store, fold_id, stage, epoch, spent_s)
-        progress = JobProgress(done.report)
+        started_at = time.time()
+
+        def report(fields: dict[str, Any] | None) -> bool:
+            frames = frames_promised(self._store.folders.place(fold_id))
+            told = None if fields is None else {**fields, "frames": frames}
+            return self._store.report(fold_id, epoch, told)
+
+        progress = JobProgress(report, _first_progress(stage, spent_s, started_at))
         part = self._slices.get(worker)
         if part is None:
             part = self.retry_until_available(lambda: Slice(self._store, fold_id, epoch))
@@ -311,10 +317,12 @@ class Runner:
                 worker,
                 stage,
                 directory,
-                on_progress=done.take,
+                on_progress=progress.take,
                 cancelled=lambda: progress.cancelled() or part.over(),
             )
-        done.take_end()
+        ended_at = time.time()
+        took_s = round(spent_s.get(stage, 0.0) + ended_at - started_at, 3)
+        progress.take({"stage_s": {**spent_s, stage: took_s}, "began_at": ended_at})
         wanted = self.retry_until_available(progress.last)
         # A stage that was told to stop may have a result all the same, of what there was by then.
         if part.ended and wanted and self.retry_until_available(part.pause):
@@ -468,51 +476,17 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
         thread.join()
 
 
-class _Progress:
-    """Progress of a stage as its row stores it."""
-
-    def __init__(
-        self, store: Store, fold_id: str, stage: str, epoch: int, spent_s: dict[str, float]
-    ) -> None:
-        self._store = store
-        self._spent_s = spent_s
-        self._began_at = time.time()
-        self._fold_id = fold_id
-        self._epoch = epoch
-        self._place = store.folders.place(fold_id)
-        self._progress: dict[str, Any] = {
-            "stage": stage,
-            "fraction": 0.0,
-            "steps": 0,
-            "steps_per_second": 0.0,
-            "simulated_s": 0.0,
-            "message": "getting ready" if stage in STAGES[:2] else "",
-            "plan": 0,
-            "plans": 0,
-        }
-        self._waits = True
-
-    def take(self, event: dict[str, Any]) -> None:
-        """Process an event of the child."""
-        self._progress = {key: event[key] for key in self._progress}
-        self._waits = True
-
-    def take_end(self) -> None:
-        """The child is done: what it has made, and how long it took, is reported once more."""
-        stage = self._progress["stage"]
-        took_s = time.time() - self._began_at
-        self._spent_s[stage] = round(self._spent_s.get(stage, 0.0) + took_s, 3)
-        self._began_at = time.time()
-        self._waits = True
-
-    def report(self) -> bool:
-        """Send pending reports; False if the fold is no longer wanted."""
-        progress = {
-            **self._progress,
-            "frames": frames_promised(self._place),
-            "stage_s": self._spent_s,
-            "began_at": self._began_at,
-        }
-        going = self._store.report(self._fold_id, self._epoch, progress if self._waits else None)
-        self._waits = False
-        return going
+def _first_progress(stage: str, spent_s: dict[str, float], started_at: float) -> dict[str, Any]:
+    """Return the progress of a stage that starts, as a fold's row stores it."""
+    return {
+        "stage": stage,
+        "fraction": 0.0,
+        "steps": 0,
+        "steps_per_second": 0.0,
+        "simulated_s": 0.0,
+        "message": "getting ready" if stage in STAGES[:2] else "",
+        "plan": 0,
+        "plans": 0,
+        "stage_s": spent_s,
+        "began_at": started_at,
+    }
