@@ -33,9 +33,9 @@ from server.api.schemas import (
 )
 from server.api.submit import Submission, input_noted, noted, submit
 from server.errors import Forbidden, Unusable
-from server.files.cancelled import sweep_cancelled_of
 from server.http.client_address import address_of
 from server.http.response_cache import mark
+from server.jobs.housekeeping import limit_cancelled
 from server.store.owned import change_fold
 from server.store.owner import Owner
 from server.store.tables import FoldRow
@@ -258,7 +258,7 @@ def post_cancel(before: ExistingFold, context: Here, owner: RequiredOwner) -> Fo
     row = store.fold(fold_id)
     if not before.over:
         context.jobs.forget(fold_id)
-        sweep_cancelled_of(store, row.visitor)
+        limit_cancelled(store, row.visitor)
     return Fold.of(row, context.store, context.remaining)
 
 

@@ -179,7 +179,7 @@ class AdminTasks:
             epoch=FoldRow.epoch + 1,
         )
         if row.status == "cancelled" and not self.fold(fold_id).bytes:
-            raise _no_input(fold_id)  # a janitor has just given its files up
+            raise _no_input(fold_id)  # its files were just deleted
         self._check_inputs(row)
         size = self._strip(row)
         if job is not None:

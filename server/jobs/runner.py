@@ -19,7 +19,7 @@ from planner.pipeline.fold_layout import TIMELINE, any_verified, result
 from planner.playback.unfolding import START_CHAIN
 from planner.progress import COMPILING
 from planner.readers.gallery import Gallery
-from server.files.cancelled import sweep_cancelled_of
+from server.jobs.housekeeping import limit_cancelled
 from server.jobs.progress import REPEATED_STAGES, STAGES, JobProgress
 from server.jobs.queue import place_of
 from server.jobs.retry import RETRY_INTERVAL_S, Answer, retry_until_available
@@ -241,7 +241,7 @@ class Runner:
             # Who has cancelled it wants the worker for something else: no waiting.
             with contextlib.suppress(StorageError, SQLAlchemyError, NoSuchFoldError):
                 self._store.folders.leave(fold_id, outcome["epoch"])
-                sweep_cancelled_of(self._store, self._store.fold(fold_id).visitor)
+                limit_cancelled(self._store, self._store.fold(fold_id).visitor)
 
     def place(self, fold_id: str) -> tuple[str, int]:
         """Return the queue and the priority of a fold that was put back."""

@@ -25,7 +25,7 @@ from dbos import DBOS, DBOSConfig
 from dbos import error as dbos_errors
 
 from server.jobs.dbos_private import requeue_all, requeue_job, set_back, stop_dequeuing
-from server.jobs.janitor import Janitor
+from server.jobs.housekeeping import Housekeeping
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.progress import STAGES
 from server.jobs.queue import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, Jobs
@@ -180,7 +180,7 @@ class _LeaseMonitor:
         self._name = name
         self._active = active
         self._leases = Leases.of(settings, store)
-        self._janitor = Janitor(settings, store)
+        self._housekeeping = Housekeeping(settings, store)
         self._orphans: dict[str, float] = {}
         self._preparing: float | None = -1.0  # what an earlier worker of this name noted is wrong
         self._swept_at = time.monotonic()
@@ -222,7 +222,7 @@ class _LeaseMonitor:
             self._runner.finish(row.id, outcome, self._name)
         if time.monotonic() - self._swept_at >= WORKER_SWEEP_S:
             self._swept_at = time.monotonic()
-            self._janitor.sweep()
+            self._housekeeping.sweep()
             self._jobs.sweep(time.time())
 
     def _requeue_orphans(self, own: list[str]) -> None:

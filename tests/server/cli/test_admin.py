@@ -16,7 +16,7 @@ from planner.readers.gallery import Gallery
 from server.api.finished import import_finished
 from server.cli.admin import admin
 from server.cli.admin_tasks import AdminTasks
-from server.files.cancelled import sweep_cancelled
+from server.jobs.housekeeping import Housekeeping
 from server.jobs.queue import prepare
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store
@@ -169,7 +169,7 @@ def test_a_fold_whose_files_a_sweeper_removes_is_not_queued_again(
         remove(fold_id)
 
     monkeypatch.setattr(store.folders, "remove", meanwhile)
-    sweep_cancelled(store, time.time())
+    Housekeeping(Settings(data_dir=place), store).remove_cancelled()
     with pytest.raises(NoSuchFoldError):
         store.fold("old")
     assert not (place / "folds" / "old").exists()
