@@ -12,6 +12,7 @@ from cli.fold import compute, finish
 from cli.inputs import make_directory, refuse
 from cli.options import AsJson, FoldDirectory, PlanDirectory, Seed
 from planner.errors import InputError
+from planner.file_names import PLAN
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
@@ -37,7 +38,7 @@ def smooth(
     try:
         request = Request.of(seed=seed, module_size=module_size)
         request.check()
-        plan = Plan.load(fold / "plan.npz")
+        plan = Plan.load(fold / PLAN)
         make_directory(out)
         if out.samefile(fold):
             raise InputError(

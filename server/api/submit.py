@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from planner.errors import InputError
+from planner.file_names import PREPARED
 from planner.files import json_of
 from planner.parameters.parameters import AUTO
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import Request
-from planner.plan.prepared import PREPARED
 from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
 from server.api.context import Context

@@ -22,7 +22,7 @@ from typing import Any, BinaryIO, Final
 
 from planner.chain.module import CUBE
 from planner.errors import InputError
-from planner.plan.prepared import PREPARED
+from planner.file_names import PREPARED
 from server.errors import (
     NoSuch,
     ServiceError,

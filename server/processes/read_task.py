@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path as CellPath
+from planner.file_names import START_PLAN
 from planner.files import write_json
-from planner.playback.unfolding import START_PLAN, check_fits
+from planner.playback.unfolding import check_fits
 from planner.readers import read
 from planner.shapes.shape import Shape
 
@@ -118,9 +119,9 @@ def _begins(directory: Path) -> Chain:
 
 def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
     """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
+    from planner.file_names import RECORDED_PLAN
     from planner.pipeline.request import Request
     from planner.plan.plan import Plan
-    from planner.robot import RECORDED_PLAN
     from planner.robot.smoothed import check_smoothable
 
     wishes = {name: request[name] for name in ("preset", "strategy", "prefer")}
