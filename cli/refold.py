@@ -11,22 +11,12 @@ import typer
 
 from cli.fold import compute, finish
 from cli.inputs import make_directory, read_input, refuse
-from cli.options import (
-    AsJson,
-    ModuleSize,
-    PlanDirectory,
-    Preset,
-    Robot,
-    Seed,
-    Settings,
-    Workers,
-    settings_text_of,
-)
+from cli.options import AsJson, PlanDirectory, Workers, takes
 from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.file_names import CHAIN, PLAN
 from planner.motion.timeline import chain_from_attributes
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -39,6 +29,7 @@ FIRST_FOLD_DIR = "start"
 shape rather than a folded chain."""
 
 
+@takes("preset", "settings", "seed", "module_size")
 def refold(
     *,
     start: Annotated[
@@ -55,11 +46,7 @@ def refold(
         ),
     ],
     out: PlanDirectory,
-    preset: Preset = "default",
-    settings: Settings = None,
-    robot: Robot = "typical",
-    seed: Seed = "0",
-    module_size: ModuleSize = None,
+    request: FoldRequest,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
@@ -67,13 +54,6 @@ def refold(
     begins: Chain | None = None
     first = out / FIRST_FOLD_DIR
     try:
-        request = Request.of(
-            preset=preset,
-            settings=settings_text_of(settings, robot),
-            seed=seed,
-            module_size=module_size,
-        )
-        request.check()
         folded = _plan(start)
         if folded is None:
             data, filename = read_input(start)
@@ -107,7 +87,7 @@ def _plan(name: str) -> Plan | None:
     return Plan.load(Path(name) / PLAN) if Path(name).is_dir() else None
 
 
-def _second(name: str, request: Request, begins: Chain) -> tuple[Request, bytes]:
+def _second(name: str, request: FoldRequest, begins: Chain) -> tuple[FoldRequest, bytes]:
     """Return the options and the bytes of the second shape."""
     request = replace(request, refold=True)
     plan = _plan(name)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from planner.progress import STAGES, Cancelled, never
 
 if TYPE_CHECKING:
-    from planner.pipeline.request import Request
+    from planner.pipeline.request import FoldRequest
 
 Case = TypeVar("Case")
 Row = dict[str, Any]
@@ -85,7 +85,7 @@ def _each(
 
 
 def judge(
-    directory: Path, request: Request, data: bytes, *, cancelled: Cancelled = never
+    directory: Path, request: FoldRequest, data: bytes, *, cancelled: Cancelled = never
 ) -> dict[str, Any]:
     """Folds as far as the certificate, which is all that a verdict needs; its figures.
 

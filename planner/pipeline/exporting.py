@@ -13,7 +13,7 @@ from planner.pipeline import manifest
 from planner.pipeline.attempt import Attempt
 from planner.pipeline.job import Result, is_smoothing
 from planner.pipeline.preference import COMPUTING
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.search import with_choice
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -59,7 +59,7 @@ def export_best(workspace: Workspace) -> Exported:
 
 
 def finish(
-    request: Request,
+    request: FoldRequest,
     result: Result,
     history: Sequence[Attempt],
     *,

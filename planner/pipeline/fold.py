@@ -23,7 +23,7 @@ from planner.pipeline.job import Job, Search, Watch
 from planner.pipeline.playing_back import with_playback
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.reading import read_plan, read_shape
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import Explode, PlayBack, Step, next_step, with_choice
 from planner.pipeline.stages import run_stages
@@ -65,7 +65,7 @@ def fold(
     Raises:
         InputError: An unknown preset, or a seed, module size or setting out of range.
     """
-    request = Request(
+    request = FoldRequest(
         filename=shape.name, preset=preset, seed=seed, module_size=module_size, settings=settings
     )
     return _plan_of(request, _data(shape), directory, progress, workers=workers)
@@ -96,7 +96,7 @@ def refold(
         InputError: ``refold-differs`` when the modules or their number do, ``refold-not-folded``
             when ``start`` does not lead from straight to folded, or as ``planner.fold``.
     """
-    request = Request(
+    request = FoldRequest(
         filename=shape.name,
         preset=preset,
         seed=seed,
@@ -128,7 +128,7 @@ def smooth_plan(
     Raises:
         InputError: See ``planner.robot.smoothed.check_smoothable``; or a seed or size out of range.
     """
-    request = Request.smoothing(plan, seed=seed, module_size=module_size)
+    request = FoldRequest.smoothing(plan, seed=seed, module_size=module_size)
     return _plan_of(request, write_chain(plan.chain), directory, progress, recorded=plan)
 
 
@@ -137,7 +137,7 @@ def _data(shape: Path | Chain) -> bytes:
 
 
 def _plan_of(
-    request: Request,
+    request: FoldRequest,
     data: bytes,
     directory: str | FilePath | None,
     progress: Report,
@@ -157,7 +157,7 @@ def _plan_of(
 
 
 def _plan_in_memory(
-    request: Request,
+    request: FoldRequest,
     data: bytes,
     *,
     start: Plan | None,
@@ -211,7 +211,7 @@ def advance(job: Job, search: Search, step: Step, watch: Watch, pool: AttemptPoo
 
 
 @contextmanager
-def _pool(request: Request, candidates: Candidates, workers: int) -> Generator[AttemptPool]:
+def _pool(request: FoldRequest, candidates: Candidates, workers: int) -> Generator[AttemptPool]:
     """Yield what makes explosions beside; it has a directory of its own if it has processes."""
     if workers == 1:
         yield AttemptPool(None)

@@ -10,7 +10,7 @@ from planner.chain.chain import Chain
 from planner.explosion.strategies import on_lattice, strategies_for
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.prepare import prepare
-from planner.pipeline.request import PATH_SEED_MODULUS, Request
+from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.prepared import PreparedChains
@@ -82,7 +82,7 @@ def read_plan(recorded: Plan) -> Reading:
 
 
 def read_shape(
-    request: Request,
+    request: FoldRequest,
     data: bytes,
     *,
     start: Chain | None = None,

@@ -12,7 +12,7 @@ from planner.file_names import CANDIDATES, PREPARED
 from planner.pathfinding.options import PathOptions
 from planner.pipeline import reading
 from planner.pipeline.prepare import Preparation, prepare
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.prepared import PreparedChains, key_of
@@ -27,7 +27,7 @@ def previewed() -> Preparation:
 
 
 def read(directory: Path) -> tuple[dict[str, Any], bytes]:
-    request = Request(filename="bar.csv", as_voxels=True, method="blocks", seed=3)
+    request = FoldRequest(filename="bar.csv", as_voxels=True, method="blocks", seed=3)
     Workspace(directory).write_request(request, CELLS)
     return run_stage("read", directory), (directory / CANDIDATES).read_bytes()
 

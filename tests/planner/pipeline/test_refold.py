@@ -25,7 +25,7 @@ from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters
 from planner.pipeline.fold import fold, refold
 from planner.pipeline.manifest import write_manifest
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -318,7 +318,7 @@ def test_it_stays_the_chain_that_it_is(wrench: Folded, tmp_path: FilePath) -> No
     larger = replace(wrench.plan, chain=replace(wrench.chain, pitch_m=0.05))
     Workspace(tmp_path).write_start(larger)
     Workspace(tmp_path).write_request(
-        Request(refold=True), (SHAPES / "mallet-24.json").read_bytes()
+        FoldRequest(refold=True), (SHAPES / "mallet-24.json").read_bytes()
     )
     assert run_stage("read", tmp_path)["pitch_m"] == 0.05
 

@@ -19,7 +19,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline import stages
 from planner.pipeline.fold import refold, smooth_plan
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -190,7 +190,7 @@ def test_an_interrupted_smoothing_comes_to_the_same(
 
 
 def test_a_cancelled_smoothing_is_no_plan(mallet: Folded, tmp_path: FilePath) -> None:
-    request = Request.smoothing(mallet.plan, seed=0, module_size=None)
+    request = FoldRequest.smoothing(mallet.plan, seed=0, module_size=None)
     data = write_chain(mallet.plan.chain)
     Workspace(tmp_path).write_request(request, data, recorded=mallet.plan)
     summary = run_stages(tmp_path, cancelled=lambda: True)
@@ -222,5 +222,5 @@ def test_what_cannot_be_smoothed_is_refused_in_words(
 @pytest.mark.parametrize("wish", [{"preset": "paper"}, {"strategy": "peel"}])
 def test_it_is_not_recorded_again(wish: dict[str, str]) -> None:
     with pytest.raises(InputError, match="smoothing runs no new explosion") as told:
-        Request(smooth=True, **wish).check()  # pyright: ignore[reportArgumentType]
+        FoldRequest(smooth=True, **wish).check()  # pyright: ignore[reportArgumentType]
     assert told.value.where == next(iter(wish))
