@@ -64,8 +64,8 @@ CLEARANCE_STEP_PITCH: Final = 2.0**-10
 """Quantisation, in pitches, of the clearances for plots in a packed fold. A larger step makes
 smaller and less exact files. Chosen."""
 DIFFERENCE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
-"""Order of the differences between frames by which a packed fold codes each array of joint angles
-(1: from frame to frame; 2: differences of those). The order with the smallest numbers makes the
+"""A packed fold stores each array of joint angles as differences between frames, which are small
+numbers. Order of the differences (1: from frame to frame; 2: differences of those) that makes the
 smallest file. Measured."""
 PLAN_FRAME_COLUMNS: Final = ("phase", "time_s", "joint_angles_rad", *ROOT_ARRAYS, "max_error_rad")
 """Arrays of ``plan.json`` with one row for each frame, from which an unpacked fold's file is
