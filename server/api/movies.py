@@ -9,7 +9,7 @@ from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from planner.errors import InputError
-from planner.pipeline.fold_layout import TIMELINE
+from planner.file_names import TIMELINE
 from planner.verification.integrity import check
 from server.api.folds import Here, problems
 from server.api.owners import AnyClaim, OptionalOwner, not_owner
