@@ -44,7 +44,7 @@ from server.limits.disk_space import check_space
 from server.processes.children import ChildError, Reader
 from server.settings import Settings
 from server.store.folds import new_id
-from server.store.object_store import Storage
+from server.store.object_store import Storage, StorageError
 
 OPTIONS_KEY: Final = re.compile(r"[0-9a-f]{24}")
 MAX_OPTION_SETS: Final = 400
@@ -336,7 +336,6 @@ class Previews:
         Args:
             coming: Bytes that an upload adds.
         """
-        self._elsewhere.sweep_soon()
         with self._lock:
             self._coming += coming
             enough = min(PREVIEW_SWEEP_BYTES, self._settings.previews_bytes // 8)
@@ -349,7 +348,8 @@ class Previews:
     def _sweep(self) -> None:
         try:
             self.sweep()
-        except (OSError, RuntimeError) as error:  # the process may be ending
+            self._elsewhere.sweep_if_due()
+        except (OSError, StorageError, RuntimeError) as error:  # the process may be ending
             log.warning("old previews could not be deleted: %s", error)
         finally:
             with self._lock:

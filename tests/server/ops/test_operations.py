@@ -73,5 +73,5 @@ def test_a_backup_of_a_running_database_is_whole(tmp_path: Path) -> None:
     restored = Store(Settings(data_dir=tmp_path / "again"))
     assert restored.fold("kept").id == "kept"
     assert restored.owns("kept", SOMEBODY)
-    assert len(restored.list_owned("token")) == 1
+    assert len(restored.list_owned(SOMEBODY)) == 1
     restored.close()
