@@ -122,9 +122,10 @@ def note_preview(store: Store, preview: PreviewRow, *, sent: bool, keep_s: float
         if sent:
             session.add(preview)
         else:
-            known = (PreviewRow.id == preview.id, PreviewRow.owner == preview.owner)
+            own = owned_by(Owner(preview.owner), PreviewRow.owner)
             now = {name: getattr(preview, name) for name in names}
-            session.execute(sa.update(PreviewRow).where(*known).values(**now))
+            known = sa.update(PreviewRow).where(PreviewRow.id == preview.id, own)
+            session.execute(known.values(**now))
 
 
 def previews_made(store: Store, owner: Owner, *, keep_s: float) -> Sequence[PreviewRow]:

@@ -69,14 +69,6 @@ def new_token() -> str:
     return secrets.token_urlsafe(24)
 
 
-def owned_by(
-    owner: Owner,
-    column: InstrumentedAttribute[str] | InstrumentedAttribute[str | None] | None = None,
-) -> sa.ColumnElement[bool]:
-    """Return the condition that rows belong to an owner.
-
-    Args:
-        owner: The owner.
-        column: Column with digests of tokens; that of folds' owners if None.
-    """
-    return (FoldRow.owner if column is None else column) == owner.digest
+def owned_by(owner: Owner, column: DigestColumn = FoldRow.owner) -> sa.ColumnElement[bool]:
+    """Return the condition that an owner's digest stands in a column."""
+    return column == owner.digest
