@@ -10,8 +10,8 @@ from types import ModuleType
 
 import pytest
 
-from server.cli.admin import admin
 from server.cli.command_line import COMMANDS
+from server.operate.admin import admin
 from server.ops.metrics import Metrics
 from server.settings import Settings
 from server.store.folds import Store
