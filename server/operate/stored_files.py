@@ -57,10 +57,13 @@ class DirectoryFiles:
         self._folds = settings.folds_dir
 
     def names(self) -> Iterator[str]:
-        """Yield the names of all files."""
+        """Yield the names of all files; links are none."""
         for directory, _, files in os.walk(self._folds):
             below = Path("folds") / Path(directory).relative_to(self._folds)
-            yield from filter(is_file_name, ((below / file).as_posix() for file in files))
+            for file in files:
+                name = (below / file).as_posix()
+                if is_file_name(name) and not os.path.islink(os.path.join(directory, file)):
+                    yield name
 
     def save(self, name: str, target: Path) -> bool:
         """Copy a file to an existing empty one; return False if it has been deleted meanwhile."""

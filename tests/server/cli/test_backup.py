@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+from alembic import command
 from click.testing import Result
 from typer.testing import CliRunner
 
@@ -22,6 +23,7 @@ from server.operate.errors import AdminError
 from server.operate.manifest import MANIFEST, BackupFile, Manifest
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store
+from server.store.schema_version import config
 from server.store.tables import engine_for
 from tests.server.bucket import Bucket
 from tests.server.postgres import Postgres
@@ -49,10 +51,10 @@ class Site:
         """Adds a fold with files; its job waits."""
         store, jobs = Store(self.settings), Jobs(self.settings)
         store.add(a_fold(fold_id, status="queued"), "token")
-        aside = self.data_dir / "aside"
+        aside = self.data_dir / f"aside-{fold_id}"
         (aside / "timeline.zarr").mkdir(parents=True)
         (aside / "input").write_bytes(b"cells of " + fold_id.encode())
-        (aside / "timeline.zarr" / "zarr.json").write_bytes(b"{}")
+        (aside / "timeline.zarr" / "zarr.json").write_bytes(b'{"attributes": {}}')
         store.folders.adopt(aside, fold_id)
         jobs.enqueue(fold_id, 1, 60.0)
         jobs.close()
@@ -207,7 +209,8 @@ def test_restore_of_a_backup_that_was_changed_touches_nothing(
     HOSTILE[name](copy)
     there = {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")}
     refused = small.run("restore", "--replace", str(copy))
-    assert refused.exit_code == 1 and "another" in refused.stderr or "completed" in refused.stderr
+    assert refused.exit_code == 1
+    assert any(words in refused.stderr for words in ("use another", "completed"))
     assert {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")} == there
     assert not list(tmp_path.rglob("evil/*")) and not (small.data_dir / "evil").exists()
 
@@ -268,12 +271,13 @@ def test_migration_is_told_before_it_is_done(tmp_path: Path) -> None:
     assert told.exit_code == 3 and "version 0001" in told.stdout
     assert not site.data_dir.exists()
     assert "nothing to back up" in site.run("backup", str(tmp_path / "copy")).stderr
-    assert site.run("migrate").exit_code == 0
+    site.settings.make_directories()
+    prepare(site.settings)
     engine = engine_for(site.settings.store_url)
+    alembic = config()
     with engine.begin() as connection:
-        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '0011'")
-        connection.exec_driver_sql("ALTER TABLE folds DROP COLUMN pauses")
-        connection.exec_driver_sql("ALTER TABLE folds DROP COLUMN resumed_at")
+        alembic.attributes["connection"] = connection
+        command.upgrade(alembic, "0011")
     told = site.run("migrate", "--check")
     assert told.exit_code == 3
     assert told.stdout == "would migrate tables of folds: version 0012\n"
