@@ -1,4 +1,4 @@
-"""Files of deploy/: their paths, the settings that they name, and compose.yaml as compose reads it."""
+"""Files of deploy/: paths, settings that they name, and compose.yaml with its variables."""
 
 from __future__ import annotations
 
