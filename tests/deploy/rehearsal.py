@@ -111,7 +111,19 @@ class Services:
                 run("ip", "-n", replica, "link", "set", "lo", "up")
                 for n, network in enumerate(self.file["services"][service]["networks"]):
                     inner, outer = f"eth{n}", f"{replica}.{n}"
-                    run("ip", "link", "add", outer, "type", "veth", "peer", inner, "netns", replica)
+                    run(
+                        "ip",
+                        "link",
+                        "add",
+                        outer,
+                        "type",
+                        "veth",
+                        "peer",
+                        "name",
+                        inner,
+                        "netns",
+                        replica,
+                    )
                     run("ip", "link", "set", outer, "master", network, "up")
                     address = self.address(replica, network)
                     run("ip", "-n", replica, "addr", "add", f"{address}/24", "dev", inner)
@@ -233,8 +245,12 @@ def try_out(services: Services, trusts: ssl.SSLContext) -> None:
         wait_for(f"{web} is ready", lambda inner=inner: httpx.get(f"{inner}/ready").is_success)
         figures = httpx.get(f"{inner}/metrics").text
         check(f"{web} tells its metrics inside", "foldback_storage_up 1.0" in figures)
-        check(f"{web} knows all workers", "foldback_workers 2.0" in figures)
-    for path in ("/metrics", "/ready", "//metrics", "/./metrics", "/METRICS"):
+        every = f"foldback_workers {len(services.replicas('worker'))}.0"
+        wait_for(
+            f"{web} knows all workers",
+            lambda inner=inner, every=every: every in httpx.get(f"{inner}/metrics").text,
+        )
+    for path in ("/metrics", "/ready", "/metrics/", "/METRICS"):
         refused = http.get(path)
         check(f"{path} is closed outside", "foldback_" not in refused.text and refused.is_error)
     for host, port in ((services.address("database-0", "back"), 5432), ("web", 8000)):
