@@ -137,7 +137,9 @@ class Services:
 
     def environment(self, service: str) -> dict[str, str]:
         given = self.file["services"][service].get("environment", {})
-        return {"PATH": os.environ["PATH"], "HOME": str(self.place), **given}
+        # compose replaces variables after it has read YAML: every value is a text.
+        texts = {name: "" if value is None else str(value) for name, value in given.items()}
+        return {"PATH": os.environ["PATH"], "HOME": str(self.place), **texts}
 
     def of_foldback(self, replica: str) -> dict[str, str]:
         """That of the image and of the file, with a data directory of this machine."""

@@ -43,7 +43,8 @@ def test_systemd_takes_the_units(units: list[Path]) -> None:
 
 
 def test_systemd_says_what_is_wrong(units: list[Path]) -> None:
-    units[0].write_text(units[0].read_text().replace("KillMode=mixed", "KilMode=mixed"))
+    drop_in = units[0].parent / COMMON
+    drop_in.write_text(drop_in.read_text().replace("KillMode=mixed", "KilMode=mixed"))
     assert "KilMode" in analyze("verify", "--man=no", units[0]).stderr
 
 
