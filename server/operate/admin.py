@@ -46,6 +46,7 @@ def _refusals() -> Generator[None]:
     from sqlalchemy.exc import SQLAlchemyError
 
     from server.operate.errors import AdminError
+    from server.store.folds import NoSuchFoldError
     from server.store.object_store import StorageError
     from server.store.schema_version import NewerSchemaError
 
@@ -53,6 +54,8 @@ def _refusals() -> Generator[None]:
         yield
     except (AdminError, NewerSchemaError) as error:
         words = str(error)
+    except NoSuchFoldError:
+        words = "There is no fold with this id."
     except SQLAlchemyError as error:
         words = f"the database does not answer ({type(error).__name__}); run `foldback doctor`."
     except StorageError as error:
@@ -95,17 +98,13 @@ def list_folds(
 @admin.command()
 def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> None:
     """Show the details of a fold."""
-    known: dict[str, Any] = {}
     with _tasks(data_dir) as tasks:
-
-        def read(fold_id: str) -> None:
-            row = tasks.fold(fold_id)
-            known.update({column.key: getattr(row, column.key) for column in row.__table__.columns})
-            known["visitor"] = row.visitor[:PSEUDONYM_CHARACTERS]
-            known["owner"] = row.owner is not None
-            known["job"] = tasks.job(fold_id)
-
-        _each([fold_id], read)
+        row, job = tasks.fold(fold_id), tasks.job(fold_id)
+    known = {column.key: getattr(row, column.key) for column in row.__table__.columns} | {
+        "visitor": row.visitor[:PSEUDONYM_CHARACTERS],
+        "owner": row.owner is not None,
+        "job": job,
+    }
     if as_json:
         typer.echo(json.dumps(known, indent=2))
         return
@@ -247,7 +246,7 @@ def migrate(
         raise typer.Exit(PENDING_EXIT_CODE)
 
 
-def _each(ids: Sequence[str], do: Callable[[str], None], done: str = "") -> None:
+def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
     """Apply a task to each fold; a refusal does not stop the others.
 
     Args:
@@ -267,8 +266,7 @@ def _each(ids: Sequence[str], do: Callable[[str], None], done: str = "") -> None
             typer.echo(f"There is no fold {fold_id!r}." if is_missing else error, err=True)
             refused = True
         else:
-            if done:
-                typer.echo(f"{fold_id} is {done}.")
+            typer.echo(f"{fold_id} is {done}.")
     if refused:
         raise typer.Exit(1)
 

@@ -21,10 +21,9 @@ from server.operate.migration import schema_of
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.fold_files import size_of
-from server.store.folds import NoSuchFoldError, Store
+from server.store.folds import DAY_S, NoSuchFoldError, Store
 from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, missing_database
 
-DAY_S: Final = 86400.0
 INPUT_FILES: Final = ("input", "request.json", "cells.json", *COPIED_NAMES)
 """Files of a fold that exist before anything is computed. They stay when the operator has the fold
 computed again; all its other files are deleted."""

@@ -16,6 +16,8 @@ from server.operate.errors import AdminError
 
 MANIFEST: Final = "manifest.json"
 BACKUP_FORMAT: Final = 1
+"""Version number of the manifest's format. Backups of another format are refused; it rises when an
+older foldback could not restore a new backup. Chosen."""
 DATABASE_NAMES: Final = re.compile(r"(rows|jobs)\.(sqlite|dump)")
 FILE_NAMES: Final = re.compile(
     r"folds/[0-9A-Za-z]{1,32}(/(?!\.)[^/\\\x00-\x1f]{1,255}){1,32}"
