@@ -191,7 +191,8 @@ class Services:
 def start_database(services: Services) -> None:
     programs = Path(POSTGRES.get())
     given = services.environment("database")
-    home = Path(tempfile.mkdtemp(prefix="foldback-rehearsal-", dir="/tmp"))
+    home = services.place / "database"
+    home.mkdir()
     (home / "password").write_text(given["POSTGRES_PASSWORD"])
     shutil.chown(home, "postgres", "postgres")
     shutil.chown(home / "password", "postgres", "postgres")
@@ -313,9 +314,6 @@ def rehearse() -> None:
             raise
         finally:
             services.stop(*services.processes)
-            for home in Path("/tmp").glob("foldback-rehearsal-*/cluster"):
-                if home.parent != Path(place):
-                    shutil.rmtree(home.parent, ignore_errors=True)
 
 
 def main() -> None:
