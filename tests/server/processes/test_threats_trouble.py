@@ -137,7 +137,7 @@ def test_a_disk_that_takes_nothing_refuses_uploads_and_nothing_else(
     assert service.http.get(f"/folds/{fold_id}").status_code == 200
     resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, before)
     assert sent(service)["id"] == fold_id  # it is kept before it is known
-    assert [p.name for p in service.data_dir.glob("uploads/*/*")] == ["lock"]
+    assert [p.name for p in service.data_dir.glob("uploads/*/*")] == []
 
 
 @pytest.mark.parametrize(
