@@ -97,7 +97,7 @@ def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> Non
         known |= {
             "visitor": row.visitor[:PSEUDONYM_CHARACTERS],
             "owner": row.owner is not None,
-            "job": tasks.job(fold_id),
+            "job": None if row.over else row.status,
         }
     if as_json:
         typer.echo(json.dumps(known, indent=2))

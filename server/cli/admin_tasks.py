@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import shutil
 import time
 from collections.abc import Generator, Sequence
 from typing import Any, Final
 
 import sqlalchemy as sa
-from dbos import DBOSClient
 from sqlalchemy.orm import Session
 
 from planner.pipeline.fold_layout import DESCRIBED
 from planner.verification.integrity import damaged_among
 from server.api.base_folds import COPIED_NAMES
-from server.jobs.queue import ACTIVE_JOB_STATES, APPLICATION, Jobs
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.fold_files import size_of
@@ -34,7 +31,7 @@ class AdminError(Exception):
 
 
 class AdminTasks:
-    """Rows, files and jobs of folds, by the hand of an operator.
+    """Rows and files of folds, by the hand of an operator.
 
     Args:
         settings: Those of the service. Its tables are never changed here: they have to be there.
@@ -109,12 +106,6 @@ class AdminTasks:
         with self._store.reading() as session:
             return session.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)).all()
 
-    def job(self, fold_id: str) -> str | None:
-        """Return the state of a fold's job in the job system; None without a job."""
-        with self._client() as client:
-            found = client.list_workflows(workflow_ids=[fold_id], load_input=False)
-        return found[0].status if found else None
-
     # Changing
 
     def pin(self, fold_id: str, *, pinned: bool) -> None:
@@ -126,7 +117,7 @@ class AdminTasks:
         self._change(fold_id, pinned=pinned)
 
     def expire(self, fold_id: str, *, force: bool = False) -> None:
-        """Forget a fold: its row, its job and its files. One that is computed is stopped.
+        """Forget a fold: its row and its files. One that is computed is stopped.
 
         Raises:
             NoSuchFoldError: When there is none.
@@ -139,19 +130,14 @@ class AdminTasks:
                 f"{fold_id} {what} and is not deleted; use --force to delete it anyway."
             )
         self._store.delete(fold_id)
-        # A job that runs sees that its row is gone and comes to its own end.
-        if row.status not in ENDED and self.job(fold_id) in ("ENQUEUED", "DELAYED"):
-            with self._client() as client:
-                client.cancel_workflow(fold_id)
         self._store.folders.remove(fold_id)
 
     def requeue(self, fold_id: str, *, force: bool = False) -> None:
         """Queue a fold that failed, was cancelled or hangs again, from the beginning.
 
-        It keeps its id, links and owner. Its job does too: the old one is deleted with all the
-        results of its steps, for else a new one would only repeat what came out before. The epoch
-        rises, so that whoever may still hold the fold has no say any more. A content key that was
-        given up stays so: the same upload may meanwhile be another fold.
+        It keeps its id, links and owner. Its checkpoint goes, and the epoch rises, so that whoever
+        may still hold the fold has no say any more. A content key that was given up stays so: the
+        same upload may meanwhile be another fold.
 
         Args:
             fold_id: The fold.
@@ -164,10 +150,9 @@ class AdminTasks:
         row = self.fold(fold_id)
         if row.status == "verified" and not force:
             raise AdminError(f"{fold_id} is verified; use --force to compute it again anyway.")
-        job = self.job(fold_id)
-        if job in ACTIVE_JOB_STATES:
+        if row.status not in ENDED:
             what = "waits in the queue" if row.status == "queued" else "is being computed"
-            raise AdminError(f"{fold_id} {what} (its job is {job}); wait for it, or expire it.")
+            raise AdminError(f"{fold_id} {what}; wait for it, or expire it.")
         self._check_inputs(row)
         # Whoever may still hold it loses it first; after a crash it is one to be queued again.
         # It ends just now, so that nobody takes it for one whose files may go.
@@ -182,10 +167,6 @@ class AdminTasks:
             raise _no_input(fold_id)  # a janitor has just given its files up
         self._check_inputs(row)
         size = self._strip(row)
-        if job is not None:
-            with self._client() as client:
-                client.delete_workflow(fold_id)
-        # After a crash between the two the service puts it into the queue when it starts.
         with self._store.changing() as session:
             session.execute(sa.delete(MovieRow).where(MovieRow.fold_id == fold_id))
             self._set(
@@ -204,12 +185,9 @@ class AdminTasks:
                 kept=0,
                 bytes=size,
                 derived_bytes=0,
+                checkpoint=sa.null(),
+                losses=0,
             )
-        jobs = Jobs(self._settings)
-        try:
-            jobs.enqueue(fold_id, row.turn, row.cost_s)
-        finally:
-            jobs.close()
 
     def _check_inputs(self, row: FoldRow) -> None:
         shown = self._store.folders.shown(row)
@@ -243,16 +221,6 @@ class AdminTasks:
         if session.get(FoldRow, fold_id) is None:
             raise NoSuchFoldError(fold_id)
         session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
-
-    @contextlib.contextmanager
-    def _client(self) -> Generator[DBOSClient]:
-        client = DBOSClient(
-            system_database_url=self._settings.queue_url, application_name=APPLICATION
-        )
-        try:
-            yield client
-        finally:
-            client.destroy()
 
 
 def _no_input(fold_id: str) -> AdminError:
