@@ -1,9 +1,9 @@
 """Queue: workers take folds and movies from it, keep what they have computed, and hand back.
 
-The rows of the database are the queue. A row that is ``queued`` waits for a worker, the least
-``turn`` first; one statement marks it as ``running`` by one execution, so that no two workers get
-the same. An execution has a name that is never used again, and writes to the row only
-while ``worker`` is its name: who has lost a fold writes nothing.
+The rows of the database are the queue. A fold that is not over and has no ``worker`` waits, the
+least ``turn`` first; one statement gives it to one execution, so that no two workers get the same.
+An execution has a name that is never used again, and writes to the row only while ``worker`` is its
+name: who has lost a fold writes nothing.
 
 A fold continues after its last finished stage: ``checkpoint`` holds the stage that follows, and the
 epoch of the files that this stage starts from.
@@ -20,7 +20,7 @@ import sqlalchemy as sa
 
 from server.jobs.progress import STAGES
 from server.limits.fair_queue import QUICK_FOLD_S
-from server.store.folds import Store, rows_of
+from server.store.folds import UNFINISHED_STATUSES, Store, rows_of
 from server.store.tables import ENDED, FoldRow, MovieRow
 
 MAX_LOSSES: Final = 100
@@ -109,7 +109,9 @@ class Queue:
     def _next_fold(self, lane: Lane) -> FoldRow | None:
         quick = FoldRow.cost_s <= QUICK_FOLD_S
         waits = sa.select(FoldRow).where(
-            FoldRow.status == "queued", quick if lane is Lane.QUICK else sa.not_(quick)
+            FoldRow.status.in_(UNFINISHED_STATUSES),
+            FoldRow.worker.is_(None),
+            quick if lane is Lane.QUICK else sa.not_(quick),
         )
         with self._store.reading() as session:
             return session.scalar(waits.order_by(FoldRow.turn, FoldRow.created_at).limit(1))
@@ -200,13 +202,14 @@ _FOLD_BACK: Final = (
     sa.update(FoldRow)
     .where(FoldRow.status == "running")
     .values(
-        status=sa.case((FoldRow.cancel_requested, "cancelled"), else_="queued"),
+        status=sa.case((FoldRow.cancel_requested, "cancelled"), else_=FoldRow.status),
         # When it was cancelled: that counts as a look at it.
         ended_at=sa.case((FoldRow.cancel_requested, FoldRow.seen_at)),
         worker=None,
     )
 )
-"""Puts running folds back into the queue; those that are cancelled end."""
+"""Puts running folds back into the queue; those that are cancelled end. The others stay ``running``
+for their visitors: they continue before all folds of a later turn."""
 _MOVIE_BACK: Final = (
     sa.update(MovieRow).where(MovieRow.status == "running").values(status="queued", worker=None)
 )

@@ -15,9 +15,8 @@ def upgrade() -> None:
     op.add_column("folds", sa.Column("losses", sa.Integer(), nullable=False, server_default="0"))
     op.add_column("movies", sa.Column("worker", sa.String(200), nullable=True))
     op.add_column("movies", sa.Column("losses", sa.Integer(), nullable=False, server_default="0"))
-    op.execute("UPDATE folds SET worker = NULL WHERE status <> 'running'")
     # No worker of this version has them: they are computed again.
-    op.execute("UPDATE folds SET status = 'queued', worker = NULL WHERE status = 'running'")
+    op.execute("UPDATE folds SET worker = NULL")
     op.execute("UPDATE movies SET status = 'queued' WHERE status = 'running'")
     op.create_index("ix_folds_worker", "folds", ["worker"])
     op.create_index("ix_movies_worker", "movies", ["worker"])

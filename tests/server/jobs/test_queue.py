@@ -113,7 +113,7 @@ def test_jobs_of_a_lost_worker_are_queued_again_and_losses_are_counted(store: St
     assert queue.holders() == {"other"}
     found = {name: store.fold(name) for name in ("running", "cancelled", "ended", "another")}
     assert {name: row.status for name, row in found.items()} == {
-        **{"running": "queued", "cancelled": "cancelled"},
+        **{"running": "running", "cancelled": "cancelled"},
         **{"ended": "verified", "another": "running"},
     }
     assert (found["running"].losses, found["another"].losses) == (1, 0)

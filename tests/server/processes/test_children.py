@@ -17,7 +17,7 @@ import pytest
 
 from planner.errors import InputError
 from planner.progress import COMPILING
-from server.jobs.runner import STAGES
+from server.jobs.progress import STAGES
 from server.limits.quota import Quota
 from server.processes import children
 from server.processes.children import EVENTS, Child, ChildError, Pool, Reader
