@@ -14,7 +14,7 @@ from cli.options import AsJson, FoldDirectory
 from planner.certificate.certificate import followed
 from planner.clearance.largest_size import largest_size as find_largest
 from planner.errors import InputError, TimelineError
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.verification.verify import Verification
@@ -38,7 +38,7 @@ def verify(
 ) -> None:
     """Check a plan again: its files, its figures, and a replay in plain MuJoCo."""
     try:
-        request = Request.of(module_size=module_size)
+        request = FoldRequest.of(module_size=module_size)
         request.check()
         if not directory.is_dir():
             what = "This is not a folder" if directory.exists() else "Folder not found"

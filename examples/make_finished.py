@@ -22,7 +22,7 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.pipeline import manifest
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.packed import CLEARANCE_STEP_PITCH, ROOT_STEPS, pack, torque_step, unpack
@@ -49,7 +49,7 @@ ERROR_STEP_RAD = PLAN_STEP_RAD * 2**5
 def fold_into(directory: Path, shape: str, start: str | None) -> None:
     """Fold a shape as a service would."""
     path = SHAPES / f"{shape}.json"
-    request = Request(filename=path.name, refold=start is not None)
+    request = FoldRequest(filename=path.name, refold=start is not None)
     if start is not None:
         with tempfile.TemporaryDirectory() as place:
             fold_into(Path(place), start, None)

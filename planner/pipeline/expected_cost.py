@@ -18,7 +18,7 @@ from planner.parameters.playback import PlaybackParameters
 from planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
 from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.preference import COMPUTING
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 
 MAX_EXPECTED_S: Final = 3600.0
 """Maximum expected cost of a fold, in s of processor time; larger estimates are cut to it, because
@@ -94,7 +94,7 @@ class ExpectedCost:
     remedy: str = "Use a smaller shape."
 
 
-def expected_cost(modules: int, request: Request) -> ExpectedCost:
+def expected_cost(modules: int, request: FoldRequest) -> ExpectedCost:
     """Return what a fold is expected to cost.
 
     Args:
@@ -178,7 +178,7 @@ def _direct(modules: int, playback: PlaybackParameters) -> ExpectedCost:
     )
 
 
-def _ours(modules: int, request: Request, parameters: Parameters) -> ExpectedCost:
+def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> ExpectedCost:
     """Return the cost of a fold by foldback's own method."""
     choosing = request.prefer != COMPUTING
     usual_s = expected_seconds(modules, choosing=choosing, world=request.world)

@@ -16,10 +16,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from planner.pathfinding.duration import MAX_IMPROVING_S
-from planner.pipeline.attempt import Attempt, Trial
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import MAX_SEED
-from planner.pipeline.search_limits import MAX_EXPLOSIONS
 from planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
 SEEDS_PER_SMOOTHED_PLAN: Final = 3

@@ -32,9 +32,8 @@ from planner.pipeline.attempt import Attempt, Candidates
 from planner.pipeline.fold_layout import last_frame
 from planner.pipeline.job import Job, Result, Search, share_bent
 from planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
-from planner.pipeline.request import PATH_SEED_MODULUS, Request
+from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.steps import with_joint_errors
 from planner.plan.plan import Plan
 from planner.plan.prepared import PREPARED, PreparedChains, key_of
 from planner.playback.playback import Playback
@@ -63,7 +62,7 @@ class Workspace:
 
     def write_request(
         self,
-        request: Request,
+        request: FoldRequest,
         data: bytes,
         *,
         start: Plan | None = None,
@@ -81,17 +80,12 @@ class Workspace:
             self.write_start(start)
         if recorded is not None:
             recorded.save_npz(self.directory / RECORDED_PLAN)
-        values = {name: getattr(request, name) for name in Request.__dataclass_fields__}
         write_whole(self.directory / layout.INPUT, data)
-        write_json(self.directory / layout.REQUEST, values)
+        write_json(self.directory / layout.REQUEST, request.to_json())
 
-    def read_request(self) -> Request:
+    def read_request(self) -> FoldRequest:
         """Return the request."""
-        values = self._json(layout.REQUEST)
-        if values.get("start") is not None:
-            x, y, z = values["start"]
-            values["start"] = (int(x), int(y), int(z))
-        return Request(**values)
+        return FoldRequest.from_json(self._json(layout.REQUEST))
 
     def read_input(self) -> bytes:
         """Return the bytes of the shape."""
@@ -106,11 +100,11 @@ class Workspace:
         """Write only the chain that a refold begins with, which is enough to read the shape."""
         write_json(self.directory / START_CHAIN, chain_attributes(chain))
 
-    def read_start(self, request: Request) -> Chain | None:
+    def read_start(self, request: FoldRequest) -> Chain | None:
         """Return the chain as it is folded at the beginning of a refold; None for other folds."""
         return chain_from_attributes(self._json(START_CHAIN)) if request.refold else None
 
-    def read_unfolding(self, request: Request) -> Unfolding | None:
+    def read_unfolding(self, request: FoldRequest) -> Unfolding | None:
         """Return the way of a refold to straight; None for other folds."""
         return Plan.load(self.directory / START_PLAN).unfolding() if request.refold else None
 
@@ -122,7 +116,7 @@ class Workspace:
         """Remove the plan that an earlier fold with a preference has smoothed."""
         self._drop(RECORDED_PLAN)
 
-    def read_prepared(self, request: Request, data: bytes) -> PreparedChains | None:
+    def read_prepared(self, request: FoldRequest, data: bytes) -> PreparedChains | None:
         """Return the chains that the preview of this request has found; None without one."""
         if not (self.directory / PREPARED).exists():  # spares the digest of a large input
             return None
@@ -255,7 +249,8 @@ class Workspace:
 
     def read_plan(self) -> Plan:
         """Return the plan of a fold that is over, with the joint errors that its file omits."""
-        return with_joint_errors(Plan.load(self.directory / layout.PLAN), self.read_playback())
+        plan = Plan.load(self.directory / layout.PLAN)
+        return plan.with_joint_errors_of(self.read_playback())
 
     def write_plan(self, plan: Plan) -> dict[str, str]:
         """Write the plan of a fold and its model; return the text of each value of the plan."""

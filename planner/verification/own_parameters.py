@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from planner.errors import UNREADABLE, InputError, PlannerError, named
 from planner.parameters.explosion import Base
-from planner.parameters.parameters import FLOATING, WORLDS, Parameters, preset
+from planner.parameters.parameters import FLOATING, WORLD_CHOICES, Parameters, preset
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.workspace import Workspace
 from planner.plan.differences import Differences, value_differences, versus_plan
@@ -56,10 +56,11 @@ def _on_its_table(parameters: Parameters, plan: Plan) -> Parameters:
     world = plan.parameters.get("world", FLOATING)
     if world == FLOATING:
         return parameters
-    if world not in WORLDS:
+    if world not in WORLD_CHOICES:
         raise InputError(
             "not-a-plan",
-            f"got {world!r} in parameters.world of plan.npz, expected one of: {', '.join(WORLDS)}.",
+            f"got {world!r} in parameters.world of plan.npz, expected one of: "
+            f"{', '.join(WORLD_CHOICES)}.",
         )
     told = plan.parameters.get("table", {})
     friction = told.get("friction", parameters.table.friction)

@@ -25,7 +25,7 @@ from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import CERTIFICATE, TIMELINE, result
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
 from server.api import frames as timelines
 from server.api.frame_waits import FrameWaits
@@ -220,6 +220,6 @@ def _play_in_viser(directory: Path, name: str, host: str, port: int, browser: bo
 def _settings(preset: Any, settings: Any) -> str:
     """Return the settings of a fold; none if its file states impossible ones."""
     try:
-        return Request(preset=str(preset), settings=str(settings or "")).canonical().settings
+        return FoldRequest(preset=str(preset), settings=str(settings or "")).canonical().settings
     except InputError:
         return ""

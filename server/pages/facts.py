@@ -21,7 +21,7 @@ from planner.parameters.parameters import AUTO, FLOATING
 from planner.parameters.settings import TABLE_SETTINGS
 from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
-from planner.pipeline.request import MAX_SEED, Request
+from planner.pipeline.request import MAX_SEED, FoldRequest
 from planner.robot import MAX_SMOOTHED_ANGLES
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
@@ -307,7 +307,7 @@ def _again(row: ShownFold) -> Suggestion | None:
         return {"text": "Fold again", "form": form}
     if row.status != "failed" or row.stage == "read":  # such an input fails again
         return None
-    plain = Request()
+    plain = FoldRequest()
     if row.preset != plain.preset:
         plainly = {key: value for key, value in form.items() if key != "settings"}
         plainly["preset"] = plain.preset
@@ -357,7 +357,7 @@ def _compare(found: Found, expected: Expected) -> list[Suggestion]:
         if (preset, "") != (row.preset, row.settings)
     ]
     unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
-    if row.preset == Request().preset:
+    if row.preset == FoldRequest().preset:
         takes_s = expected(plain_fold(row.modules, module=row.module, prefer=unlike))
         best: Suggestion = {
             "text": PREFERENCE_WORDS[unlike],
@@ -385,7 +385,7 @@ def _compare(found: Found, expected: Expected) -> list[Suggestion]:
 
 def _may_rest(row: ShownFold) -> bool:
     """Return True if the same shape may be folded on a table."""
-    plain = Request()
+    plain = FoldRequest()
     asked, usual = (row.preset, row.module), (plain.preset, plain.module)
     return asked == usual and not row.refold and not row.settings
 

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from planner.pathfinding.options import PathOptions
-from planner.pipeline import steps
+from planner.pipeline import reading
 from planner.pipeline.fold_layout import CANDIDATES
 from planner.pipeline.prepare import Preparation, prepare
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.prepared import PREPARED, PreparedChains, key_of
@@ -27,7 +27,7 @@ def previewed() -> Preparation:
 
 
 def read(directory: Path) -> tuple[dict[str, Any], bytes]:
-    request = Request(filename="bar.csv", as_voxels=True, method="blocks", seed=3)
+    request = FoldRequest(filename="bar.csv", as_voxels=True, method="blocks", seed=3)
     Workspace(directory).write_request(request, CELLS)
     return run_stage("read", directory), (directory / CANDIDATES).read_bytes()
 
@@ -40,7 +40,7 @@ def test_read_of_stored_chains_equals_a_search(
         directory.mkdir()
     expected = read(searched)
     previewed().prepared().save(stored, KEY)
-    monkeypatch.delattr(steps, "prepare")  # the second fold does not search
+    monkeypatch.delattr(reading, "prepare")  # the second fold does not search
     assert read(stored) == expected
     assert not (stored / PREPARED).exists()
 
