@@ -93,47 +93,53 @@ class Queue:
         execution = f"{worker}:{secrets.token_hex(6)}"
         if lane is Lane.MOVIES:
             return self._claim_movie(execution)
-        while (row := self._next_fold(lane)) is not None:
-            kept = row.checkpoint or {"stage": STAGES[0], "files": 0}
-            claim = FoldClaim(
-                fold_id=row.id,
-                execution=execution,
-                stage=str(kept["stage"]),
-                files=int(kept["files"]),
-                losses=row.losses,
-            )
-            if self._store.begin(row.id, claim.stage, execution) is not None:
-                return claim  # else another worker was quicker, or it was cancelled just now
-        return None
-
-    def _next_fold(self, lane: Lane) -> FoldRow | None:
         quick = FoldRow.cost_s <= QUICK_FOLD_S
-        waits = sa.select(FoldRow).where(
-            FoldRow.status.in_(UNFINISHED_STATUSES),
-            FoldRow.worker.is_(None),
-            quick if lane is Lane.QUICK else sa.not_(quick),
+        waits = (
+            sa.select(FoldRow.id, FoldRow.checkpoint, FoldRow.losses)
+            .where(
+                FoldRow.status.in_(UNFINISHED_STATUSES),
+                FoldRow.worker.is_(None),
+                FoldRow.cancel_requested.is_(False),
+                quick if lane is Lane.QUICK else sa.not_(quick),
+            )
+            .order_by(FoldRow.turn, FoldRow.created_at)
+            .limit(1)
+            .with_for_update(skip_locked=True)  # nothing in SQLite, where writers take turns
         )
-        with self._store.reading() as session:
-            return session.scalar(waits.order_by(FoldRow.turn, FoldRow.created_at).limit(1))
+        while True:
+            with self._store.changing() as session:
+                row = session.execute(waits).first()
+                if row is None:
+                    return None
+                fold_id, checkpoint, losses = row
+                kept = checkpoint or {"stage": STAGES[0], "files": 0}
+                stage, files = str(kept["stage"]), int(kept["files"])
+                if self._store.begin_in(session, fold_id, stage, execution) is not None:
+                    return FoldClaim(fold_id, execution, stage, files, losses)
+            # Another worker was quicker, or it was cancelled just now.
 
     def _claim_movie(self, execution: str) -> MovieClaim | None:
-        waits = sa.select(MovieRow.job).where(MovieRow.status == "queued")
-        waits = waits.order_by(MovieRow.created_at).limit(1)
+        waits = (
+            sa.select(MovieRow.job)
+            .where(MovieRow.status == "queued")
+            .order_by(MovieRow.created_at)
+            .limit(1)
+            .with_for_update(skip_locked=True)
+        )
         while True:
-            with self._store.reading() as session:
-                job = session.scalar(waits)
-            if job is None:
-                return None
-            mine = sa.update(MovieRow).where(MovieRow.job == job, MovieRow.status == "queued")
             with self._store.changing() as session:
+                job = session.scalar(waits)
+                if job is None:
+                    return None
+                mine = sa.update(MovieRow).where(MovieRow.job == job, MovieRow.status == "queued")
                 claimed = session.execute(
                     mine.values(status="running", worker=execution).returning(
                         MovieRow.fold_id, MovieRow.id, MovieRow.losses
                     )
                 ).first()
-            if claimed is not None:
-                fold_id, movie_id, losses = claimed
-                return MovieClaim(fold_id, movie_id, job, execution, losses)
+                if claimed is not None:
+                    fold_id, movie_id, losses = claimed
+                    return MovieClaim(fold_id, movie_id, job, execution, losses)
 
     def keep(self, claim: FoldClaim, *, stage: str, files: int) -> bool:
         """Store that a fold continues with ``stage``, from the files of epoch ``files``.

@@ -416,14 +416,14 @@ class Store:
             False when the token is not its owner's.
         """
         own = (FoldRow.id == fold_id, FoldRow.owner == hash_of(token))
-        queued = FoldRow.status == "queued"
+        waits = FoldRow.worker.is_(None)
         with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
                 .where(*own, FoldRow.status.in_(UNFINISHED_STATUSES))
                 .values(
-                    status=sa.case((queued, "cancelled"), else_=FoldRow.status),
-                    ended_at=sa.case((queued, time.time()), else_=FoldRow.ended_at),
+                    status=sa.case((waits, "cancelled"), else_=FoldRow.status),
+                    ended_at=sa.case((waits, time.time()), else_=FoldRow.ended_at),
                     seen_at=time.time(),
                     content_key=None,
                     cancel_requested=True,
@@ -481,30 +481,35 @@ class Store:
             The epoch in which it is computed; None when it is cancelled, over, deleted, or computed
             by another execution.
         """
-        same = FoldRow.worker == execution
         with self.changing() as session:
-            begun = session.execute(
-                sa.update(FoldRow)
-                .where(
-                    FoldRow.id == fold_id,
-                    FoldRow.status.in_(UNFINISHED_STATUSES),
-                    FoldRow.cancel_requested.is_(False),
-                    sa.or_(same, FoldRow.worker.is_(None)),
-                )
-                .values(
-                    status="running",
-                    stage=stage,
-                    started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
-                    epoch=sa.case((same, FoldRow.epoch), else_=FoldRow.epoch + 1),
-                    resumed_at=sa.case((same, FoldRow.resumed_at), else_=time.time()),
-                    worker=execution,
-                )
-                .returning(FoldRow.epoch, FoldRow.turn)
-            ).first()
-            if begun is None:
-                return None
-            session.execute(TURN_COUNTER.where(CounterRow.value < begun[1]).values(value=begun[1]))
-            return begun[0]
+            return self.begin_in(session, fold_id, stage, execution)
+
+    @staticmethod
+    def begin_in(session: Session, fold_id: str, stage: str, execution: str) -> int | None:
+        """Do what ``begin`` does, in a transaction of the caller."""
+        same = FoldRow.worker == execution
+        begun = session.execute(
+            sa.update(FoldRow)
+            .where(
+                FoldRow.id == fold_id,
+                FoldRow.status.in_(UNFINISHED_STATUSES),
+                FoldRow.cancel_requested.is_(False),
+                sa.or_(same, FoldRow.worker.is_(None)),
+            )
+            .values(
+                status="running",
+                stage=stage,
+                started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
+                epoch=sa.case((same, FoldRow.epoch), else_=FoldRow.epoch + 1),
+                resumed_at=sa.case((same, FoldRow.resumed_at), else_=time.time()),
+                worker=execution,
+            )
+            .returning(FoldRow.epoch, FoldRow.turn)
+        ).first()
+        if begun is None:
+            return None
+        session.execute(TURN_COUNTER.where(CounterRow.value < begun[1]).values(value=begun[1]))
+        return begun[0]
 
     def pause(self, fold_id: str, epoch: int, *, spent_s: float) -> bool:
         """Put a running fold back into the queue, in the turn of a fold that is asked for now.

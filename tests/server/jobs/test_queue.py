@@ -126,6 +126,18 @@ def test_jobs_of_a_lost_worker_are_queued_again_and_losses_are_counted(store: St
     assert isinstance(repeated, MovieClaim) and (repeated.job, repeated.losses) == (movie.job, 1)
 
 
+def test_a_fold_that_is_cancelled_while_no_worker_has_it_ends_at_once(store: Store) -> None:
+    queue = Queue(store)
+    token = new_token()
+    store.add(a_fold("a", status="queued"), token)
+    claim = claimed(queue)
+    queue.hand_back(claim)
+    assert store.fold("a").status == "running", "its visitors see no difference"
+    assert store.cancel("a", token)
+    assert store.fold("a").status == "cancelled"
+    assert queue.claim(Lane.QUICK, "two") is None
+
+
 def test_a_worker_s_name_is_not_a_pattern(store: Store) -> None:
     queue = Queue(store)
     add(store, "a")
