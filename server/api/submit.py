@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from planner.errors import InputError
+from planner.file_names import PREPARED
 from planner.files import json_of
 from planner.pathfinding.options import PathOptions
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.request import FoldRequest
-from planner.plan.prepared import PREPARED
 from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
 from server.api.context import Context

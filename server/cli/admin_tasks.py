@@ -10,7 +10,7 @@ from typing import Any, Final
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
-from planner.pipeline.fold_layout import DESCRIBED
+from planner.file_names import DESCRIBED
 from planner.verification.integrity import damaged_among
 from server.api.base_folds import COPIED_NAMES
 from server.processes.scratch import Scratch

@@ -15,12 +15,13 @@ from typing import Any, Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from planner.errors import InputError, TimelineError
+from planner.file_names import START_CHAIN, TIMELINE
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.fold_layout import TIMELINE, any_verified, result
-from planner.playback.unfolding import START_CHAIN
+from planner.pipeline.fold_layout import any_verified, result
+from planner.progress import STAGES
 from planner.readers.gallery import Gallery
 from server.files.cancelled import sweep_cancelled_of
-from server.jobs.progress import REPEATED_STAGES, STAGES, JobProgress
+from server.jobs.progress import REPEATED_STAGES, JobProgress
 from server.jobs.queue import MAX_LOSSES, FoldClaim, Queue
 from server.jobs.retry import RETRY_INTERVAL_S, Answer, retry_until_available
 from server.jobs.slices import Slice

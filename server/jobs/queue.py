@@ -18,7 +18,7 @@ from typing import Final
 
 import sqlalchemy as sa
 
-from server.jobs.progress import STAGES
+from planner.progress import STAGES
 from server.limits.fair_queue import QUICK_FOLD_S
 from server.store.folds import UNFINISHED_STATUSES, Store, rows_of
 from server.store.tables import ENDED, FoldRow, MovieRow

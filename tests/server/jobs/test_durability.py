@@ -13,12 +13,13 @@ import psutil
 import pytest
 import sqlalchemy as sa
 
+from planner.file_names import TIMELINE
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import TIMELINE, last_frame, result
+from planner.pipeline.fold_layout import last_frame, result
 from planner.plan.plan import Plan
+from planner.progress import STAGES
 from server.api.schemas import PAUSED_MESSAGE
 from server.jobs.execution import MAX_CRASHES, PausedError
-from server.jobs.progress import STAGES
 from server.jobs.queue import MAX_LOSSES, FoldClaim, Lane, Queue
 from server.jobs.runner import Runner
 from server.jobs.slices import Slice
