@@ -78,8 +78,9 @@ class Dispatcher:
         while not self._closed:
             took = False
             try:
-                for lane in Lane:
-                    took |= self._take(lane)
+                if self._queue.has_work():
+                    for lane in Lane:
+                        took |= self._take(lane)
                 told = False
             except Exception as error:
                 if not (isinstance(error, SQLAlchemyError) and passes(error)):

@@ -88,6 +88,11 @@ class Queue:
     def __init__(self, store: Store) -> None:
         self._store = store
 
+    def has_work(self) -> bool:
+        """Return True if a job waits: one query, for those who ask again and again."""
+        with self._store.reading() as session:
+            return bool(session.scalar(_HAS_WORK))
+
     def claim(self, lane: Lane, worker: str) -> Claim | None:
         """Claim the next job of a lane for a worker; None if none waits."""
         execution = f"{worker}:{secrets.token_hex(6)}"
@@ -96,12 +101,7 @@ class Queue:
         quick = FoldRow.cost_s <= QUICK_FOLD_S
         waits = (
             sa.select(FoldRow.id, FoldRow.checkpoint, FoldRow.losses)
-            .where(
-                FoldRow.status.in_(UNFINISHED_STATUSES),
-                FoldRow.worker.is_(None),
-                FoldRow.cancel_requested.is_(False),
-                quick if lane is Lane.QUICK else sa.not_(quick),
-            )
+            .where(*_FOLD_WAITS, quick if lane is Lane.QUICK else sa.not_(quick))
             .order_by(FoldRow.turn, FoldRow.created_at)
             .limit(1)
             .with_for_update(skip_locked=True)  # nothing in SQLite, where writers take turns
@@ -121,7 +121,7 @@ class Queue:
     def _claim_movie(self, execution: str) -> MovieClaim | None:
         waits = (
             sa.select(MovieRow.job)
-            .where(MovieRow.status == "queued")
+            .where(_MOVIE_WAITS)
             .order_by(MovieRow.created_at)
             .limit(1)
             .with_for_update(skip_locked=True)
@@ -131,7 +131,7 @@ class Queue:
                 job = session.scalar(waits)
                 if job is None:
                     return None
-                mine = sa.update(MovieRow).where(MovieRow.job == job, MovieRow.status == "queued")
+                mine = sa.update(MovieRow).where(MovieRow.job == job, _MOVIE_WAITS)
                 claimed = session.execute(
                     mine.values(status="running", worker=execution).returning(
                         MovieRow.fold_id, MovieRow.id, MovieRow.losses
@@ -204,6 +204,18 @@ class Queue:
         return [(row.id, row.kept) for row in ended]
 
 
+_FOLD_WAITS: Final = (
+    FoldRow.status.in_(UNFINISHED_STATUSES),
+    FoldRow.worker.is_(None),
+    FoldRow.cancel_requested.is_(False),
+)
+_MOVIE_WAITS: Final = MovieRow.status == "queued"
+_HAS_WORK: Final = sa.select(
+    sa.or_(
+        sa.select(FoldRow.id).where(*_FOLD_WAITS).exists(),
+        sa.select(MovieRow.job).where(_MOVIE_WAITS).exists(),
+    )
+)
 _FOLD_BACK: Final = (
     sa.update(FoldRow)
     .where(FoldRow.status == "running")
