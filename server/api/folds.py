@@ -246,7 +246,6 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
         raise _not_owner()
     row = store.fold(fold_id)
     if not before.over:
-        context.jobs.forget(fold_id)
         sweep_cancelled_of(store, row.visitor)
     return Fold.of(row, context.store, context.remaining)
 
@@ -292,7 +291,6 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
         )
     if not store.delete(fold_id, token):
         raise _not_owner()
-    context.jobs.forget(fold_id)
     store.folders.remove(fold_id)
     return Response(status_code=204)
 

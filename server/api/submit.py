@@ -164,7 +164,6 @@ def submit(context: Context, submission: Submission) -> Receipt:
         raise not_stored("upload", error) from error
     finally:
         shutil.rmtree(aside, ignore_errors=True)
-    context.jobs.enqueue(fold_id, row.turn, row.cost_s)
     return Receipt(row=row, token=submission.token, existing=False)
 
 
@@ -233,8 +232,6 @@ def _known(context: Context, submission: Submission) -> Receipt | None:
     row = context.store.ask(key, submission.token)
     if row is None:
         return None
-    if row.status == "queued":  # if its job was lost in a crash, this brings it back
-        context.jobs.enqueue(row.id, row.turn, row.cost_s)
     own = row.owner == hash_of(submission.token)
     return Receipt(row=row, token=submission.token if own else None, existing=True)
 

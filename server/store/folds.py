@@ -416,14 +416,14 @@ class Store:
             False when the token is not its owner's.
         """
         own = (FoldRow.id == fold_id, FoldRow.owner == hash_of(token))
-        queued = FoldRow.status == "queued"
+        waits = FoldRow.worker.is_(None)
         with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
                 .where(*own, FoldRow.status.in_(UNFINISHED_STATUSES))
                 .values(
-                    status=sa.case((queued, "cancelled"), else_=FoldRow.status),
-                    ended_at=sa.case((queued, time.time()), else_=FoldRow.ended_at),
+                    status=sa.case((waits, "cancelled"), else_=FoldRow.status),
+                    ended_at=sa.case((waits, time.time()), else_=FoldRow.ended_at),
                     seen_at=time.time(),
                     content_key=None,
                     cancel_requested=True,
@@ -469,40 +469,47 @@ class Store:
 
     # Writing, on the side of the workers
 
-    def begin(self, fold_id: str, stage: str, worker: str) -> int | None:
-        """Mark a stage as running.
+    def begin(self, fold_id: str, stage: str, execution: str) -> int | None:
+        """Mark a stage as running; claim the fold if nobody computes it.
 
         Args:
             fold_id: The fold.
             stage: Stage that starts.
-            worker: Name of the execution, never used before: any earlier one loses the fold.
+            execution: Name of the execution.
 
         Returns:
-            The epoch in which it is computed; None when it is cancelled, over or deleted.
+            The epoch in which it is computed; None when it is cancelled, over, deleted, or computed
+            by another execution.
         """
-        same = FoldRow.worker == worker
         with self.changing() as session:
-            begun = session.execute(
-                sa.update(FoldRow)
-                .where(
-                    FoldRow.id == fold_id,
-                    FoldRow.status.in_(UNFINISHED_STATUSES),
-                    FoldRow.cancel_requested.is_(False),
-                )
-                .values(
-                    status="running",
-                    stage=stage,
-                    started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
-                    epoch=sa.case((same, FoldRow.epoch), else_=FoldRow.epoch + 1),
-                    resumed_at=sa.case((same, FoldRow.resumed_at), else_=time.time()),
-                    worker=worker,
-                )
-                .returning(FoldRow.epoch, FoldRow.turn)
-            ).first()
-            if begun is None:
-                return None
-            session.execute(TURN_COUNTER.where(CounterRow.value < begun[1]).values(value=begun[1]))
-            return begun[0]
+            return self.begin_in(session, fold_id, stage, execution)
+
+    @staticmethod
+    def begin_in(session: Session, fold_id: str, stage: str, execution: str) -> int | None:
+        """Do what ``begin`` does, in a transaction of the caller."""
+        same = FoldRow.worker == execution
+        begun = session.execute(
+            sa.update(FoldRow)
+            .where(
+                FoldRow.id == fold_id,
+                FoldRow.status.in_(UNFINISHED_STATUSES),
+                FoldRow.cancel_requested.is_(False),
+                sa.or_(same, FoldRow.worker.is_(None)),
+            )
+            .values(
+                status="running",
+                stage=stage,
+                started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
+                epoch=sa.case((same, FoldRow.epoch), else_=FoldRow.epoch + 1),
+                resumed_at=sa.case((same, FoldRow.resumed_at), else_=time.time()),
+                worker=execution,
+            )
+            .returning(FoldRow.epoch, FoldRow.turn)
+        ).first()
+        if begun is None:
+            return None
+        session.execute(TURN_COUNTER.where(CounterRow.value < begun[1]).values(value=begun[1]))
+        return begun[0]
 
     def pause(self, fold_id: str, epoch: int, *, spent_s: float) -> bool:
         """Put a running fold back into the queue, in the turn of a fold that is asked for now.
@@ -529,6 +536,7 @@ class Store:
             row.turn = self._turn(session, row)
             row.pauses += 1
             row.status = "queued"
+            row.worker = None
             return True
 
     def show(self, fold_id: str, epoch: int) -> None:
@@ -576,6 +584,7 @@ class Store:
         repeatable: bool = True,
         kept: int | None = None,
         size: int | None = None,
+        execution: str | None = None,
     ) -> bool:
         """End a fold, once; False if it was deleted. A cancelled one stays cancelled.
 
@@ -588,6 +597,7 @@ class Store:
                 computed anew.
             kept: The epoch whose files readers see from now on; as before when None.
             size: Bytes of its files; as before when None.
+            execution: Name of the execution that must have the fold; any when None.
         """
         values: dict[str, Any] = {
             "status": status,
@@ -603,6 +613,8 @@ class Store:
         if not repeatable:
             values["content_key"] = None
         going = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status.not_in(ENDED))
+        if execution is not None:
+            going = going.where(FoldRow.worker == execution)
         with self.changing() as session:
             if status != "cancelled":
                 wanted = FoldRow.cancel_requested.is_(False)

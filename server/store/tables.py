@@ -37,8 +37,11 @@ class FoldRow(Base):
     preset.
 
     ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
-    expected to take. ``worker`` computes it; ``epoch`` counts how often it has changed hands, and
-    who has it from an older epoch has no say any more. Readers see the files of epoch ``kept``.
+    expected to take. ``worker`` is the execution that computes it, the name of the worker and a
+    random part, None while nobody does; ``epoch`` counts the executions, each of which writes files
+    of its own. ``checkpoint`` is what follows the last finished stage, see ``server.jobs.queue``,
+    and ``losses`` counts the executions since then whose worker died. Readers see the files of
+    epoch ``kept``.
     ``bytes`` is what its own files take, from the moment on that it is accepted;
     ``derived_bytes`` what exports and pictures take that were made of it and can be made again.
     ``seen_at`` is when somebody last looked, or when it was asked for or ended if that was later;
@@ -58,6 +61,7 @@ class FoldRow(Base):
         sa.Index("ix_folds_status_seen_at", "status", "seen_at"),
         sa.Index("ix_folds_visitor_status_seen_at", "visitor", "status", "seen_at"),
         sa.Index("ix_folds_public_status", "public", "status"),
+        sa.Index("ix_folds_worker", "worker"),
     )
 
     id: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
@@ -100,6 +104,8 @@ class FoldRow(Base):
     world: Mapped[str] = mapped_column(sa.String(16), default="floating")
     pauses: Mapped[int] = mapped_column(default=0)
     resumed_at: Mapped[float | None] = mapped_column(default=None)
+    checkpoint: Mapped[dict[str, Any] | None] = mapped_column(default=None)
+    losses: Mapped[int] = mapped_column(default=0)
 
     @property
     def created(self) -> datetime:
@@ -140,7 +146,8 @@ class MovieRow(Base):
     ``id`` is the key of its options, which are ``wishes``; ``job`` the name of what makes it, whose
     end is that of its file; ``status`` one of ``queued``, ``running``, ``ready`` and ``failed``;
     ``problem`` the ``code``, ``detail``, ``where`` of what went wrong. ``bytes`` are those of its
-    file. ``of_owner`` tells that the fold's owner has asked for it.
+    file. ``of_owner`` tells that the fold's owner has asked for it. ``worker`` and ``losses`` are
+    like those of a fold.
     """
 
     __tablename__ = "movies"
@@ -159,6 +166,8 @@ class MovieRow(Base):
     created_at: Mapped[float]
     bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
     of_owner: Mapped[bool] = mapped_column(default=False)
+    worker: Mapped[str | None] = mapped_column(sa.String(200), index=True, default=None)
+    losses: Mapped[int] = mapped_column(default=0)
 
     @property
     def file(self) -> str:
