@@ -17,6 +17,10 @@ from tests import progress
 from tests.server.service import Service
 from tests.web.blog import Blog
 
+# Programs that tests start, and this one with its rewritten assertions, compile what they import
+# only once, also where the environment forbids it.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # No test asserts wall-clock time, so hypothesis must not either.
 settings.register_profile(
     "commit", max_examples=30, deadline=None, derandomize=True, print_blob=True
