@@ -27,7 +27,7 @@ from bench.success_map.stored import run_missing, version_of
 from bench.tables import Section
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
@@ -165,7 +165,7 @@ def run(case: Case) -> dict[str, Any]:
     begun, spent = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory(prefix="foldback-hard-") as place:
         directory = Path(place)
-        request = Request(
+        request = FoldRequest(
             seed=case.seed,
             prefer=case.prefer,
             strategy=case.strategy,

@@ -17,7 +17,7 @@ import trimesh
 from rich.console import Console
 
 from bench.tables import Section
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
@@ -46,13 +46,13 @@ def portfolio(reference_seconds: float, folds: tuple[str, ...] = FOLDS) -> Secti
     return section
 
 
-def _asked(name: str) -> tuple[Request, bytes]:
+def _asked(name: str) -> tuple[FoldRequest, bytes]:
     if name == "knot":
-        return Request(filename="knot.json"), write_chain(knotted())
+        return FoldRequest(filename="knot.json"), write_chain(knotted())
     solid = trimesh.creation.torus(major_radius=1.0, minor_radius=0.4)
     data = solid.export(file_type="stl")
     assert isinstance(data, bytes)
-    return Request(filename="torus.stl", modules=1000, module_size=0.98), data
+    return FoldRequest(filename="torus.stl", modules=1000, module_size=0.98), data
 
 
 def _run(name: str, workers: int) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from rich.console import Console
 from bench.tables import Section
 from examples.run_gallery import SHAPES
 from planner.pipeline.fold import smooth_plan
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -64,7 +64,7 @@ def smoothing(reference_seconds: float, shapes: tuple[str, ...] = NAMES) -> Sect
 
 def _row(shape: str) -> dict[str, Any]:
     with TemporaryDirectory() as aside:
-        Workspace(Path(aside)).write_request(Request(), (SHAPES / f"{shape}.json").read_bytes())
+        Workspace(Path(aside)).write_request(FoldRequest(), (SHAPES / f"{shape}.json").read_bytes())
         run_stages(Path(aside))
         recorded = Plan.load(Path(aside) / "plan.npz")
     cpu = time.process_time()

@@ -30,12 +30,13 @@ from planner.explosion.simultaneous import explode
 from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
 from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.request import Request
-from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import run_stage
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
 from planner.plan.shape_files import write_path
 from planner.playback.playback import play_back
+from planner.progress import STAGES
 from planner.readers.gallery import Gallery
 
 RUNS: Final = 3
@@ -188,7 +189,7 @@ def _stages(section: Section, reference_seconds: float) -> None:
     for _ in range(RUNS):
         with tempfile.TemporaryDirectory(prefix="foldback-bench-") as place:
             directory = FilePath(place)
-            Workspace(directory).write_request(Request(strategy="peel"), _layered(SIDE))
+            Workspace(directory).write_request(FoldRequest(strategy="peel"), _layered(SIDE))
             took: dict[str, float] = {}
             for stage in STAGES:
                 begun = time.perf_counter()
@@ -214,7 +215,7 @@ def _steps(section: Section) -> None:
     assert shape is not None
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as place:
         directory = FilePath(place)
-        Workspace(directory).write_request(Request(filename=shape.filename), shape.data)
+        Workspace(directory).write_request(FoldRequest(filename=shape.filename), shape.data)
         told = {stage: run_stage(stage, directory) for stage in STAGES[:3]}
     modules = told["read"]["modules"]
     explosion = 1e6 * told["explode"]["seconds"] / told["explode"]["steps"] / modules

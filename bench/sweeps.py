@@ -17,7 +17,7 @@ from planner.chain.chain import Chain
 from planner.clearance.sweep import Sweep, sweep
 from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -64,7 +64,7 @@ def _recorded() -> tuple[Chain, NDArray[np.float64]]:
     """The gallery's wrench, its record resampled to so many frames."""
     with TemporaryDirectory() as aside:
         folder = Path(aside)
-        Workspace(folder).write_request(Request(), (SHAPES / "wrench-160.json").read_bytes())
+        Workspace(folder).write_request(FoldRequest(), (SHAPES / "wrench-160.json").read_bytes())
         run_stages(folder)
         record = Record.load(folder / "record.npz").frames.joint_angles_rad
         chain = Plan.load(folder / "plan.npz").chain

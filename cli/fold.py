@@ -16,36 +16,16 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from cli.inputs import make_directory, read_input, refuse
-from cli.options import (
-    AsJson,
-    AsVoxels,
-    Ends,
-    Method,
-    Module,
-    Modules,
-    ModuleSize,
-    PlanDirectory,
-    Prefer,
-    Preset,
-    Repair,
-    Robot,
-    Seed,
-    Settings,
-    Start,
-    Strategy,
-    Workers,
-    World,
-    settings_text_of,
-)
+from cli.options import ALL_OPTIONS, AsJson, PlanDirectory, Workers, takes
 from planner.chain.module import module_named
 from planner.cores import cores
 from planner.errors import InputError
 from planner.pathfinding.options import table_warning
-from planner.pipeline.request import Request
-from planner.pipeline.stages import STAGES, run_stage, run_stages
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
+from planner.progress import STAGES, Report
 from planner.progress import Progress as StageProgress
-from planner.progress import Report
 from words import certificate as certificate_words
 from words.choice import PLAN_COLUMNS, Choice, choice_of
 from words.quantities import sentence
@@ -58,6 +38,7 @@ STAGE_VERBS = {
 }
 
 
+@takes(*ALL_OPTIONS)
 def fold(
     *,
     out: PlanDirectory,
@@ -71,43 +52,12 @@ def fold(
             help="Instead of INPUT: a chain of tetrahedra, one sign per hinge: '0 - - + 0'."
         ),
     ] = None,
-    preset: Preset = "default",
-    settings: Settings = None,
-    robot: Robot = "typical",
-    seed: Seed = "0",
-    module_size: ModuleSize = None,
-    strategy: Strategy = "auto",
-    prefer: Prefer = "computing",
-    module: Module = "cube",
-    modules: Modules = None,
-    method: Method = "auto",
-    repair: Repair = False,
-    ends: Ends = "any",
-    start: Start = None,
-    as_voxels: AsVoxels = False,
-    world: World = "floating",
+    request: FoldRequest,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
     """Explode, fold and verify a chain or a shape; exits 0, 3 (not verified) or 2 (bad input)."""
     try:
-        request = Request.of(
-            preset=preset,
-            settings=settings_text_of(settings, robot),
-            seed=seed,
-            module_size=module_size,
-            strategy=strategy,
-            prefer=prefer,
-            module=module,
-            modules=modules,
-            method=method,
-            repair=repair,
-            ends=ends,
-            as_voxels=as_voxels,
-            start=start,
-            world=world,
-        )
-        request.check()
         data, filename = read_input(shape, angles)
         make_directory(out)
         Workspace(out).write_request(replace(request, filename=filename), data)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
 
+from cli.inputs import refuse
 from planner.errors import InputError
+from planner.parameters.option import Option, options_of
 from planner.parameters.settings import IDEAL
+from planner.pathfinding.options import PathOptions
+from planner.pipeline.request import FoldRequest
 
 ROBOT_KINDS: Final = {"typical": (), "ideal": (IDEAL,)}
 """Values of the option ``--robot``, with the planner settings that each one adds: ``typical`` keeps
@@ -19,12 +26,6 @@ FoldDirectory = Annotated[
 ]
 PlanDirectory = Annotated[
     Path, typer.Option("--out", help="Directory for the plan; created if missing.")
-]
-Preset = Annotated[
-    str,
-    typer.Option(
-        help="default, paper (as published), or direct (direct servoing; fails for most shapes)."
-    ),
 ]
 Settings = Annotated[
     list[str] | None,
@@ -42,48 +43,74 @@ Robot = Annotated[
         "ideal (one perfect robot)."
     ),
 ]
-Seed = Annotated[str, typer.Option(metavar="INTEGER", help="Random seed.")]
-ModuleSize = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FLOAT", help="Module size in the clearance check, as a fraction of the pitch."
-    ),
-]
 Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Parallel explosions when one stalls. Default: the number of cores."),
 ]
-Prefer = Annotated[
-    str,
-    typer.Option(
-        help="Preferred plan: computing (the first verified one), time (the fastest of several), "
-        "torque (the least torque at equal time) or clearance (the most clearance)."
-    ),
-]
-Strategy = Annotated[
-    str,
-    typer.Option(help="Explosion strategy: auto, simultaneous, blocks, peel or one-by-one."),
-]
-Module = Annotated[str, typer.Option(help="cube or tetrahedron.")]
-Modules = Annotated[
-    str | None, typer.Option(metavar="INTEGER", help="Approximate number of modules, for a mesh.")
-]
-Method = Annotated[str, typer.Option(help="Path method: auto, blocks, exact or snake.")]
-Repair = Annotated[
-    bool, typer.Option("--repair", help="Add or remove cells if the shape has no path.")
-]
-Ends = Annotated[
-    str, typer.Option(help="Ends of the chain: any, or surface (both on the outside).")
-]
-Start = Annotated[
-    str | None, typer.Option(metavar="X,Y,Z", help="The cell where the chain starts.")
-]
-World = Annotated[
-    str, typer.Option(help="floating (no gravity), or table (on a table, with gravity).")
-]
-AsVoxels = Annotated[
-    bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
-]
+ALL_OPTIONS: Final = tuple(options_of(FoldRequest))
+"""Names of all options of a fold."""
+PATH_OPTIONS: Final = (*options_of(PathOptions), "seed")
+"""Names of the options that turn a shape into a path."""
+METAVARS: Final = {int: "INTEGER", float: "FLOAT"}
+"""Names of values in the help of the command line by their type; texts have none."""
+
+
+def takes(*names: str, **lines: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator that reads the parameter ``request`` of a command from its options.
+
+    The command gets a checked request; one that is refused ends it with 2.
+
+    Args:
+        names: Options of ``FoldRequest``, in the order of the help.
+        lines: Help of options that mean something else here, by their names.
+    """
+    options = options_of(FoldRequest)
+
+    def with_options(command: Callable[..., None]) -> Callable[..., None]:
+        own = signature(command, eval_str=True)
+        parameters = list(own.parameters.values())
+        place = list(own.parameters).index("request")
+        parameters[place : place + 1] = [
+            each
+            for name in names
+            for each in _parameters(options[name], lines.get(name, options[name].line))
+        ]
+
+        @wraps(command)
+        def call(*, as_json: bool, **given: Any) -> None:
+            try:
+                if "settings" in names:
+                    given["settings"] = settings_text_of(given["settings"], given.pop("robot"))
+                request = FoldRequest.of(**{name: given.pop(name) for name in names})
+                request.check()
+            except InputError as error:
+                refuse(error, as_json)
+            command(request=request, as_json=as_json, **given)
+
+        vars(call)["__signature__"] = own.replace(parameters=parameters)
+        call.__annotations__ = {each.name: each.annotation for each in parameters}
+        return call
+
+    return with_options
+
+
+def _parameters(option: Option, line: str) -> Iterator[Parameter]:
+    """Yield the parameters of a command that make one option; the settings are two."""
+    if option.name == "settings":
+        yield Parameter("settings", Parameter.KEYWORD_ONLY, default=None, annotation=Settings)
+        yield Parameter("robot", Parameter.KEYWORD_ONLY, default="typical", annotation=Robot)
+        return
+    flag = f"--{option.name.replace('_', '-')}"
+    if option.kind is bool:
+        kind, default = bool, option.default
+    else:  # the planner reads the text, and refuses it in its words
+        kind = str | None if option.optional else str
+        default = None if option.default is None else str(option.default)
+    metavar = option.metavar or METAVARS.get(option.kind)
+    about = typer.Option(flag, metavar=metavar, help=line)
+    yield Parameter(
+        option.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, about]
+    )
 
 
 def settings_text_of(settings: list[str] | None, robot: str) -> str:

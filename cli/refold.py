@@ -11,25 +11,17 @@ import typer
 
 from cli.fold import compute, finish
 from cli.inputs import make_directory, read_input, refuse
-from cli.options import (
-    AsJson,
-    ModuleSize,
-    PlanDirectory,
-    Preset,
-    Robot,
-    Seed,
-    Settings,
-    Workers,
-    settings_text_of,
-)
+from cli.options import AsJson, PlanDirectory, Workers, takes
 from planner.chain.chain import Chain
 from planner.errors import InputError
+from planner.file_names import CHAIN, PLAN
 from planner.motion.timeline import chain_from_attributes
-from planner.pipeline.request import Request
-from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
+from planner.progress import STAGES
 from planner.readers.gallery import Gallery
 
 FIRST_FOLD_DIR = "start"
@@ -37,6 +29,7 @@ FIRST_FOLD_DIR = "start"
 shape rather than a folded chain."""
 
 
+@takes("preset", "settings", "seed", "module_size")
 def refold(
     *,
     start: Annotated[
@@ -53,11 +46,7 @@ def refold(
         ),
     ],
     out: PlanDirectory,
-    preset: Preset = "default",
-    settings: Settings = None,
-    robot: Robot = "typical",
-    seed: Seed = "0",
-    module_size: ModuleSize = None,
+    request: FoldRequest,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
@@ -65,20 +54,13 @@ def refold(
     begins: Chain | None = None
     first = out / FIRST_FOLD_DIR
     try:
-        request = Request.of(
-            preset=preset,
-            settings=settings_text_of(settings, robot),
-            seed=seed,
-            module_size=module_size,
-        )
-        request.check()
         folded = _plan(start)
         if folded is None:
             data, filename = read_input(start)
             make_directory(first)
             Workspace(first).write_request(replace(request, filename=filename), data)
             run_stage(STAGES[0], first)
-            begins = chain_from_attributes(json.loads((first / "chain.json").read_bytes()))
+            begins = chain_from_attributes(json.loads((first / CHAIN).read_bytes()))
         else:
             begins = folded.unfolding().chain
         make_directory(out)
@@ -91,7 +73,7 @@ def refold(
         refuse(error, as_json)
     if folded is None:
         summary = compute(first, workers)
-        folded = Plan.load(first / "plan.npz")
+        folded = Plan.load(first / PLAN)
         try:
             folded.unfolding()
         except InputError:
@@ -102,10 +84,10 @@ def refold(
 
 def _plan(name: str) -> Plan | None:
     """Return the plan in a directory; None when this is none."""
-    return Plan.load(Path(name) / "plan.npz") if Path(name).is_dir() else None
+    return Plan.load(Path(name) / PLAN) if Path(name).is_dir() else None
 
 
-def _second(name: str, request: Request, begins: Chain) -> tuple[Request, bytes]:
+def _second(name: str, request: FoldRequest, begins: Chain) -> tuple[FoldRequest, bytes]:
     """Return the options and the bytes of the second shape."""
     request = replace(request, refold=True)
     plan = _plan(name)

@@ -13,61 +13,31 @@ from rich.console import Console
 from rich.table import Table
 
 from cli.inputs import read_input, refuse
-from cli.options import (
-    AsJson,
-    AsVoxels,
-    Ends,
-    Method,
-    Module,
-    Modules,
-    Repair,
-    Seed,
-    Start,
-    World,
-)
+from cli.options import PATH_OPTIONS, AsJson, takes
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
 from planner.files import write_whole
 from planner.pathfinding.options import table_warning
 from planner.pipeline.prepare import Preparation, prepare_in_any_order
-from planner.pipeline.request import PATH_SEED_MODULUS, Request
+from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.plan.shape_files import write_chain, write_path
 
 if TYPE_CHECKING:
     from planner.table_paths.offers import Offer
 
 
+@takes(*PATH_OPTIONS)
 def shape(
     *,
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
     ],
     out: Annotated[Path, typer.Option(help="Output file for the path or the chain.")],
-    module: Module = "cube",
-    modules: Modules = None,
-    method: Method = "auto",
-    repair: Repair = False,
-    ends: Ends = "any",
-    start: Start = None,
-    as_voxels: AsVoxels = False,
-    world: World = "floating",
-    seed: Seed = "0",
+    request: FoldRequest,
     as_json: AsJson = False,
 ) -> None:
     """Find a path through a shape. Exits 0 with a path, 3 when there is none, 2 for bad input."""
     try:
-        request = Request.of(
-            module=module,
-            modules=modules,
-            method=method,
-            repair=repair,
-            ends=ends,
-            start=start,
-            as_voxels=as_voxels,
-            world=world,
-            seed=seed,
-        )
-        request.check()
         data, filename = read_input(source)
         prepared = prepare_in_any_order(
             data, filename, request.path_options(), seed=request.seed % PATH_SEED_MODULUS
@@ -106,7 +76,7 @@ def print_no_path(prepared: Preparation, offers: Sequence[Offer]) -> None:
     Console(stderr=True, soft_wrap=True, highlight=False).print(text, markup=False)
 
 
-def offers_for(data: bytes, filename: str, request: Request) -> list[Offer]:
+def offers_for(data: bytes, filename: str, request: FoldRequest) -> list[Offer]:
     """Return versions of a shape that have a path for a table; none for another world."""
     from planner.chain.chain import Chain
     from planner.readers import read

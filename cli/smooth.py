@@ -2,41 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich.console import Console
 from rich.table import Table
 
 from cli.fold import compute, finish
 from cli.inputs import make_directory, refuse
-from cli.options import AsJson, FoldDirectory, PlanDirectory, Seed
+from cli.options import AsJson, FoldDirectory, PlanDirectory, takes
 from planner.errors import InputError
-from planner.pipeline.request import Request
-from planner.pipeline.stages import STAGES, run_stage
+from planner.file_names import PLAN
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
+from planner.progress import STAGES
 from words.smoothing import smoothing_note, smoothing_rows
 
 
+@takes(
+    "seed",
+    "module_size",
+    module_size="Module size in the clearance check. Default: the plan's.",
+)
 def smooth(
+    *,
     fold: FoldDirectory,
     out: PlanDirectory,
-    seed: Seed = "0",
-    module_size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FLOAT", help=("Module size in the clearance check. Default: the plan's.")
-        ),
-    ] = None,
+    request: FoldRequest,
     as_json: AsJson = False,
 ) -> None:
     """Make a motion shorter and smoother without losing clearance; exits like `fold`."""
     try:
-        request = Request.of(seed=seed, module_size=module_size)
-        request.check()
-        plan = Plan.load(fold / "plan.npz")
+        plan = Plan.load(fold / PLAN)
         make_directory(out)
         if out.samefile(fold):
             raise InputError(
@@ -44,7 +43,7 @@ def smooth(
                 f"got {out} for the smoothed plan, expected another directory: this one holds the "
                 "original plan.",
             )
-        request = Request.smoothing(plan, seed=request.seed, module_size=request.module_size)
+        request = FoldRequest.smoothing(plan, seed=request.seed, module_size=request.module_size)
         Workspace(out).write_request(request, write_chain(plan.chain), recorded=plan)
         run_stage(STAGES[0], out)
     except InputError as error:

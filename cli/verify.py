@@ -14,7 +14,8 @@ from cli.options import AsJson, FoldDirectory
 from planner.certificate.certificate import followed
 from planner.clearance.largest_size import largest_size as find_largest
 from planner.errors import InputError, TimelineError
-from planner.pipeline.request import Request
+from planner.file_names import PLAN, PLAYBACK
+from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.verification.verify import Verification
@@ -38,7 +39,7 @@ def verify(
 ) -> None:
     """Check a plan again: its files, its figures, and a replay in plain MuJoCo."""
     try:
-        request = Request.of(module_size=module_size)
+        request = FoldRequest.of(module_size=module_size)
         request.check()
         if not directory.is_dir():
             what = "This is not a folder" if directory.exists() else "Folder not found"
@@ -83,9 +84,9 @@ def verify(
 
 def _largest(directory: Path, found: Verification) -> tuple[float, str]:
     """Return the largest module size at which motions are free of collisions, and those motions."""
-    plan = Plan.load(directory / "plan.npz")
+    plan = Plan.load(directory / PLAN)
     motions = (plan.motion,)
-    if (path := directory / "playback.npz").exists():
+    if (path := directory / PLAYBACK).exists():
         motions = followed(Playback.load(path))
     size = find_largest(plan.chain, motions, clear_at=found.certificate.module_size)
     return size, "plan is" if len(motions) < 2 else "plan and playback are"

@@ -8,7 +8,8 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from planner.pipeline.request import Request
+from planner.file_names import TIMELINE
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from web.timeline.frame_batch import thinned
@@ -23,9 +24,9 @@ def main() -> None:
     """Folds the shape and keeps every fourth frame."""
     with tempfile.TemporaryDirectory() as place:
         directory = Path(place)
-        Workspace(directory).write_request(Request(filename=SHAPE.name), SHAPE.read_bytes())
+        Workspace(directory).write_request(FoldRequest(filename=SHAPE.name), SHAPE.read_bytes())
         run_stages(directory)
-        BATCH.write_bytes(thinned(TimelineView(directory / "timeline.zarr"), EVERY))
+        BATCH.write_bytes(thinned(TimelineView(directory / TIMELINE), EVERY))
     print(f"{BATCH.name}: {BATCH.stat().st_size / 1e3:.0f} kB")
 
 

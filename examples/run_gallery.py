@@ -20,7 +20,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from planner.errors import InputError
-from planner.pipeline.request import Request
+from planner.file_names import ATTEMPTS
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
@@ -44,10 +45,10 @@ def fold_once(file: FilePath, seed: int) -> dict[str, Any]:
     """Folds a shape and tells what came of it."""
     begun, worked = time.perf_counter(), time.process_time()
     with TemporaryDirectory(prefix="foldback-gallery-") as directory:
-        request = Request(filename=file.name, preset="default", seed=seed)
+        request = FoldRequest(filename=file.name, preset="default", seed=seed)
         Workspace(FilePath(directory)).write_request(request, file.read_bytes())
         summary = run_stages(FilePath(directory))
-        attempts = len(json.loads((FilePath(directory) / "attempts.json").read_bytes()))
+        attempts = len(json.loads((FilePath(directory) / ATTEMPTS).read_bytes()))
     certificate, playback = summary["certificate"], summary["playback"] or {}
     return {
         "modules": summary["modules"],
@@ -65,13 +66,13 @@ def fold_once_on_table(file: FilePath, seed: int) -> dict[str, Any]:
     """Folds a shape on a table, whichever path it has in its file, and tells what came of it."""
     begun = time.perf_counter()
     with TemporaryDirectory(prefix="foldback-gallery-") as directory:
-        request = Request(filename=file.name, seed=seed, world="table", as_voxels=True)
+        request = FoldRequest(filename=file.name, seed=seed, world="table", as_voxels=True)
         Workspace(FilePath(directory)).write_request(request, file.read_bytes())
         try:
             summary = run_stages(FilePath(directory))
         except InputError as error:
             return {"verdict": "no path", "seed": seed, "reason": error.detail, "attempts": 0}
-        attempts = len(json.loads((FilePath(directory) / "attempts.json").read_bytes()))
+        attempts = len(json.loads((FilePath(directory) / ATTEMPTS).read_bytes()))
     certificate = summary["certificate"]
     table = certificate.get("table") or {}
     return {

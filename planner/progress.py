@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import Final
+from typing import Final, Literal, get_args
 
+Stage = Literal["read", "explode", "play_back", "certify", "export"]
+STAGES: Final[tuple[Stage, ...]] = get_args(Stage)
+"""Stages of a fold, in their order. A fold can be stopped after each and go on with the next."""
 COMPILING: Final = "compiling"
 """Message of a progress report while kernels (numba functions) are compiled, which happens once on
 a machine."""
@@ -20,7 +23,7 @@ class Progress:
     """Progress of one stage.
 
     Attributes:
-        stage: One of ``planner.pipeline.stages.STAGES``.
+        stage: One of ``STAGES``.
         fraction: Estimated progress of the stage, 0 to 1.
         steps: Simulation steps so far.
         steps_per_second: Simulation steps a second of wall time, lately.

@@ -11,17 +11,17 @@ from typing import Any, Final, TypedDict
 from planner.certificate.figures import CertificateFigures
 from planner.certificate.table_figures import TableCertificate
 from planner.motion.record import TableRecord
+from planner.parameters.parameters import BASELINE
 from planner.robot.casings import CASINGS
 from planner.robot.servos import Servo, servos
 from planner.robot.sizing import at_which_pitch, who_would_do
-from words.quantities import length_m, quantity, sentence
+from words.quantities import STRATEGY_LABELS, length_m, quantity, sentence
 
 CERTIFICATE_DIGITS: Final = 2
 """Number of significant digits of a certificate's figures, such as joint errors, on pages.
 Chosen."""
 NOT_SIMULATED: Final = "not simulated"
 NOT_KNOWN: Final = "unknown: computed by an earlier version"
-BASELINE_LABEL: Final = "one joint at a time (a baseline)"
 MAX_NAMED_SERVOS: Final = 8
 """Maximum number of servos with sufficient torque that a fold's page lists, lightest first. A
 larger value makes the list longer. Chosen."""
@@ -302,7 +302,7 @@ def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -
 
 def baseline(strategy: object) -> str | None:
     """Return the note for a plan of the baseline strategy; None of others."""
-    return BASELINE_LABEL if strategy == "one-by-one" else None
+    return STRATEGY_LABELS[BASELINE].lower() if strategy == BASELINE else None
 
 
 def _of_simulation(

@@ -9,8 +9,8 @@ from typing import Final, TypedDict, cast
 
 from planner.certificate.figures import AttemptFigures
 from planner.errors import DamagedError
-from planner.pipeline.fold_layout import CHAIN, PLANS_DIR
-from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
+from planner.file_names import ATTEMPTS, CHAIN, PLANS_DIR
+from planner.pipeline.preference import COMPUTING, PREFERENCES, PlanFigures, Preference
 from planner.verification.integrity import check
 from words.certificate import rounded_down
 from words.quantities import STRATEGY_LABELS, number, quantity, sentence
@@ -27,10 +27,7 @@ PLAN_COLUMNS: Final = (
 torque, largest torque if all plans took as long as the slowest one, proved clearance between
 modules, and computing time."""
 PREFERENCE_WORDS: Final[dict[Preference, str]] = {
-    "computing": "First verified plan",
-    "time": "Shortest folding time",
-    "torque": "Least torque",
-    "clearance": "Most clearance",
+    name: choice.label for name, choice in PREFERENCES.items()
 }
 """Labels of the criteria by which one of several plans is chosen, by their names in the API."""
 SUPERLATIVES: Final[dict[Preference, str]] = {
@@ -85,8 +82,8 @@ def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) ->
     if prefer == COMPUTING:
         return None
     try:
-        check(directory, "attempts.json")
-        values = json.loads((directory / "attempts.json").read_bytes())
+        check(directory, ATTEMPTS)
+        values = json.loads((directory / ATTEMPTS).read_bytes())
     except (DamagedError, OSError, ValueError):
         return None
     tried = cast("list[AttemptFigures]", values)

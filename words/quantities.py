@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Context, Decimal
 from typing import Final, cast
 
+from planner.parameters.parameters import PRESET_CHOICES, STRATEGY_CHOICES
+
 SIGNIFICANT_DIGITS: Final = 3
 """Default number of significant digits of a displayed number. Chosen."""
 MAX_WHOLE_VALUE: Final = 1e6
@@ -21,19 +23,15 @@ SI_UNITS: Final = ("N·m", "rad", "rad/s")
 """Units that pages display with an SI prefix, such as mN·m; quantities in other units get a power
 of ten."""
 STRATEGY_LABELS: Final = {
-    "simultaneous": "All at once",
-    "blocks": "Blocks first",
-    "peel": "One part at a time, from the far end",
-    "one-by-one": "One joint at a time (a baseline)",
+    **{name: choice.label for name, choice in STRATEGY_CHOICES.items()},
     "smoothed": "Smoothed from a recorded motion",
     "softened": "Slightly smoothed from a recorded motion",
     "recorded": "A recorded motion with new timing",
 }
 PRESET_LABELS: Final = {
-    "default": "Default",
-    "paper": "Published parameters",
-    "direct": "Direct servoing",
+    name: choice.label.partition(" (")[0] for name, choice in PRESET_CHOICES.items()
 }
+"""Labels of presets, without the advice that a form adds in brackets."""
 CONTROLLER_LABELS: Final = {
     "robot": "Servos with feed-forward",
     "computed-torque": "Computed torque (an ideal robot)",

@@ -26,13 +26,13 @@ import psutil
 from bench.load.site import ONE_MACHINE, NotReadyError, Setup, Site
 from bench.load.witness import Witness
 from bench.tables import Section
+from planner.progress import STAGES
 from tests.server.service import SNAKE
 
 OUT: Final = Path("out/load")
 PATIENCE_S: Final = 240.0
 SHAPES: Final = ("wrench-24", "wrench-24", "wrench-80", "tetra-ring", None)
 """None is a path of 16 modules that is uploaded."""
-STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 HOURS: Final = 3600
 SEED: Final = 7
 

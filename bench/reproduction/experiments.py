@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from typing import Final, Literal
 
 from bench.reproduction.different import different_shapes
 from examples.run_gallery import SHAPES
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 
 Outcome = Literal["verified", "tangled"]
 PACE: Final = "steps_per_snapshot=10"
@@ -40,7 +40,7 @@ class Experiment:
     id: str
     statement: str
     shape: str
-    request: Request
+    request: FoldRequest
     title: str
     start: str | None = None
     published: Outcome | None = None
@@ -51,10 +51,7 @@ class Experiment:
     @property
     def asked(self) -> str:
         """All that the run depends on, in a line."""
-        plain = Request()
-        names = [field.name for field in fields(Request)]
-        given = {name: getattr(self.request, name) for name in names}
-        told = [f"{name}={v}" for name, v in given.items() if v != getattr(plain, name)]
+        told = [f"{name}={value}" for name, value in self.request.changed().items()]
         begins = [f"start={self.start}"] if self.start else []
         return ", ".join([self.shape, *told, *begins])
 
@@ -229,7 +226,7 @@ def experiments() -> tuple[Experiment, ...]:
             id="refold",
             statement="mallet",
             shape="mallet-160",
-            request=Request(preset="paper"),
+            request=FoldRequest(preset="paper"),
             title="From wrench to mallet, 160 cubes",
             start="wrench-160",
             published="verified",
@@ -249,7 +246,7 @@ def experiments() -> tuple[Experiment, ...]:
                 id=shape,
                 statement="tetrahedra",
                 shape=shape,
-                request=Request(preset="paper"),
+                request=FoldRequest(preset="paper"),
                 title=title,
                 straight=shape == "tetra-bar",
             )
@@ -260,7 +257,7 @@ def experiments() -> tuple[Experiment, ...]:
                 id=f"direct-{shape}",
                 statement="direct",
                 shape=shape,
-                request=Request(preset="direct"),
+                request=FoldRequest(preset="direct"),
                 title=_title(shape),
                 published="tangled",
             )
@@ -271,7 +268,7 @@ def experiments() -> tuple[Experiment, ...]:
                 id=f"direct-{shape}-limited",
                 statement="direct",
                 shape=shape,
-                request=Request(preset="direct", settings=LIMITED),
+                request=FoldRequest(preset="direct", settings=LIMITED),
                 title=f"{_title(shape)}, motors of limited force",
                 published="tangled",
             )
@@ -293,7 +290,7 @@ def experiments() -> tuple[Experiment, ...]:
                 id=f"default-{shape}",
                 statement="default",
                 shape=shape,
-                request=Request(preset="default"),
+                request=FoldRequest(preset="default"),
                 title=f"{_title(shape)}, default",
             )
             for shape in ("wrench-160", "mallet-160")
@@ -317,7 +314,7 @@ def _paper(
         id=shape + suffix,
         statement=statement,
         shape=shape,
-        request=Request(preset="paper", settings=settings),
+        request=FoldRequest(preset="paper", settings=settings),
         title=_title(shape) + told,
         published=published,
         published_steps=published_steps,

@@ -7,7 +7,7 @@ import os
 import resource
 import tempfile
 import time
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -22,7 +22,6 @@ from bench.success_map.stored import version_of
 from examples.run_gallery import SHAPES
 from planner.errors import InputError
 from planner.files import write_whole
-from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
@@ -284,11 +283,11 @@ def _overlap(
 
 def _ask(directory: Path, experiment: Experiment) -> None:
     shape = SHAPES / f"{experiment.shape}.json"
-    values = {name: getattr(experiment.request, name) for name in Request.__dataclass_fields__}
-    asked = {**values, "filename": shape.name, "refold": experiment.start is not None}
+    refold = experiment.start is not None
+    request = replace(experiment.request, filename=shape.name, refold=refold)
     if experiment.start is not None:
         Workspace(directory).write_start(_start(experiment))
-    Workspace(directory).write_request(Request(**asked), shape.read_bytes())
+    Workspace(directory).write_request(request, shape.read_bytes())
 
 
 def _start(experiment: Experiment) -> Plan:

@@ -25,12 +25,12 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from planner.pipeline.workspace import Workspace
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 
 with TemporaryDirectory() as folder:
     data = Path(sys.argv[1]).read_bytes()
-    Workspace(Path(folder)).write_request(Request(filename="own.json"), data)
+    Workspace(Path(folder)).write_request(FoldRequest(filename="own.json"), data)
     assert run_stages(Path(folder))["status"] == "verified"
 """
 

@@ -29,7 +29,7 @@ from planner.kernels.backbite import grow
 from planner.pathfinding.assembly import layered_snake
 from planner.pathfinding.candidates import find_paths
 from planner.pathfinding.lattice import neighbours
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.warm_up import warm_up
 from planner.plan.shape_files import write_path
 from planner.shapes.shape import Shape
@@ -142,7 +142,7 @@ def run(case: Case) -> dict[str, Any]:
     path = Path.from_cells([tuple(cell) for cell in cells.tolist()], name="box")
     with tempfile.TemporaryDirectory() as place:
         directory = FilePath(place)
-        request = Request(seed=case.seed, module_size=MODULE_SIZE, **METHODS[case.method])
+        request = FoldRequest(seed=case.seed, module_size=MODULE_SIZE, **METHODS[case.method])
         try:
             found = judge(directory, request, write_path(path), cancelled=over)
             outcome["verdict"] = found["verdict"]

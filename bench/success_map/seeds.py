@@ -22,7 +22,7 @@ from bench.success_map.stored import judge, run_missing, version_of
 from bench.tables import Section
 from examples.run_gallery import SHAPES
 from planner.errors import InputError
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.warm_up import warm_up
 
 OUT: Final = Path(__file__).parents[2] / "out"
@@ -74,12 +74,12 @@ def run(case: Case) -> dict[str, Any]:
     }
 
 
-def _input(case: Case) -> tuple[Request, bytes]:
+def _input(case: Case) -> tuple[FoldRequest, bytes]:
     if case.kind == "gallery":
         file = SHAPES / f"{case.shape}.json"
-        return Request(filename=file.name, seed=case.seed), file.read_bytes()
+        return FoldRequest(filename=file.name, seed=case.seed), file.read_bytes()
     mesh: Any = MESHES[case.shape]()
-    request = Request(
+    request = FoldRequest(
         filename=f"{case.shape}.stl", seed=case.seed, modules=MODULES, method="blocks"
     )
     return request, mesh.export(file_type="stl")

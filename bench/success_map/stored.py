@@ -13,10 +13,10 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planner.progress import Cancelled, never
+from planner.progress import STAGES, Cancelled, never
 
 if TYPE_CHECKING:
-    from planner.pipeline.request import Request
+    from planner.pipeline.request import FoldRequest
 
 Case = TypeVar("Case")
 Row = dict[str, Any]
@@ -85,7 +85,7 @@ def _each(
 
 
 def judge(
-    directory: Path, request: Request, data: bytes, *, cancelled: Cancelled = never
+    directory: Path, request: FoldRequest, data: bytes, *, cancelled: Cancelled = never
 ) -> dict[str, Any]:
     """Folds as far as the certificate, which is all that a verdict needs; its figures.
 
@@ -93,7 +93,7 @@ def judge(
         InputError: When the input cannot be used.
     """
     # Loaded late: each process that runs cases of another kind would load all of the planner.
-    from planner.pipeline.stages import STAGES, next_stage, run_stage
+    from planner.pipeline.stages import next_stage, run_stage
     from planner.pipeline.workspace import Workspace
 
     Workspace(directory).write_request(request, data)

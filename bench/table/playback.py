@@ -18,9 +18,9 @@ from bench.table.folds import SMALL
 from bench.table.paths import SHAPES
 from bench.tables import Section
 from planner.certificate.table_figures import FRICTIONLESS
-from planner.pipeline.request import Request
+from planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
-from planner.pipeline.steps import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.workspace import Workspace
 from planner.verification.table_replay import TableReplay, table_replay
 from planner.verification.verify import verify
@@ -49,7 +49,7 @@ def _shapes() -> dict[str, bytes]:
 
 def _shape(section: Section, name: str, data: bytes, directory: FilePath) -> None:
     begun = time.perf_counter()
-    Workspace(directory).write_request(Request(world="table", as_voxels=True), data)
+    Workspace(directory).write_request(FoldRequest(world="table", as_voxels=True), data)
     run_stages(directory)
     seconds = time.perf_counter() - begun
     plan, played = Workspace(directory).read_plan(), Workspace(directory).read_playback()

@@ -16,6 +16,7 @@ from planner.chain.chain import Chain
 from planner.motion.angle_steps import snapped
 from planner.motion.motion import Motion
 from planner.motion.record import Record
+from planner.parameters.parameters import BASELINE
 
 MAX_FRAME_TURN_RAD: Final = 0.4
 """Maximum rotation between two frames, rad, of the joint that straightens in the baseline that
@@ -60,5 +61,5 @@ def unbend_one_by_one(chain: Chain, *, sink: Callable[[Motion], None] | None = N
         frames=frames,
         steps=0,
         seconds=time.perf_counter() - begun,
-        strategy="one-by-one",
+        strategy=BASELINE,
     )

@@ -29,7 +29,7 @@ from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.parameters.parameters import (
     AUTO,
     BASELINE,
-    STRATEGY_OPTIONS,
+    STRATEGY_CHOICES,
     Parameters,
     unknown_strategy,
 )
@@ -68,7 +68,7 @@ def strategies_for(
             refold cannot have.
     """
     wished = parameters.strategy
-    if wished not in STRATEGY_OPTIONS:
+    if wished not in STRATEGY_CHOICES:
         raise unknown_strategy(wished)
     possible = _possible(chain, parameters, refolds)
     if not possible:
@@ -144,7 +144,7 @@ def run_strategy(
 
     Args:
         chain: The chain, starting in its folded configuration.
-        strategy: One of ``STRATEGIES``.
+        strategy: One of ``STRATEGY_CHOICES`` except ``auto``.
         parameters: Parameters of the fold.
         seed: Seed of all random numbers.
         gentle: True for half the tension, and steps that bring modules half as near.

@@ -11,21 +11,46 @@ from typing import Any, Final, Literal
 
 from planner.errors import InputError
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters, TableParameters
+from planner.parameters.option import Choice, Choices
 from planner.parameters.playback import PlaybackParameters
 from planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
 
 World = Literal["floating", "table"]
-PRESETS: Final = ("default", "paper", "direct")
-"""Names of sets of parameters: foldback's own method (``default``), the published method
-(``paper``), and servos that turn straight to the shape's angles (``direct``)."""
+PRESET_CHOICES: Final[Choices] = {
+    "default": Choice(label="Default"),
+    "paper": Choice(label="Published parameters", note="as published"),
+    "direct": Choice(
+        label="Direct servoing (usually fails)", note="direct servoing; fails for most shapes"
+    ),
+}
+"""Sets of parameters: foldback's own method (``default``), the published method (``paper``), and
+servos that turn straight to the shape's angles (``direct``)."""
+PRESETS: Final = tuple(PRESET_CHOICES)
 BASELINE: Final = "one-by-one"
-STRATEGIES: Final = ("simultaneous", "blocks", "peel", BASELINE)
 AUTO: Final = "auto"
-STRATEGY_OPTIONS: Final = (AUTO, *STRATEGIES)
+STRATEGY_CHOICES: Final[Choices] = {
+    AUTO: Choice(label="Automatic"),
+    "simultaneous": Choice(label="All at once"),
+    "blocks": Choice(label="Blocks first"),
+    "peel": Choice(label="One part at a time, from the far end"),
+    BASELINE: Choice(label="One joint at a time (a baseline)"),
+}
+"""Explosion strategies, see ``planner.explosion.strategies``; ``auto`` chooses one of the others by
+size and path."""
 FLOATING: Final = "floating"
-WORLDS: Final = (FLOATING, "table")
-"""Names of environments in which a chain folds: floating without gravity, or on a table under
-gravity."""
+WORLD_CHOICES: Final[Choices] = {
+    FLOATING: Choice(
+        label="In zero gravity",
+        note="no gravity",
+        hint="No gravity. Fastest, and works for any shape.",
+    ),
+    "table": Choice(
+        label="On a table",
+        note="on a table, with gravity",
+        hint="The table supports the chain at all times, so the motors need little torque.",
+    ),
+}
+"""Environments in which a chain folds: floating without gravity, or on a table under gravity."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +64,7 @@ class Parameters:
         peeling: Parameters of the explosion when the chain is peeled.
         table: Parameters of the explosion on a table.
         world: ``floating``, or on a ``table`` under gravity.
-        strategy: One of ``STRATEGY_OPTIONS``, see ``planner.explosion.strategies``.
+        strategy: One of ``STRATEGY_CHOICES``, see ``planner.explosion.strategies``.
         module_size: Size at which the plan is verified, as a fraction of the pitch.
         density_kg_m3: Density of a solid module, for torques in newton-metres.
         joint_speed_limit_rad_s: Largest speed of a hinge; sets the fold time in the certificate.
@@ -67,7 +92,7 @@ def unknown_strategy(name: str) -> InputError:
     """Return the error for a strategy that does not exist."""
     return InputError(
         "unknown-strategy",
-        f"got the strategy {name!r}, expected one of: {', '.join(STRATEGY_OPTIONS)}.",
+        f"got the strategy {name!r}, expected one of: {', '.join(STRATEGY_CHOICES)}.",
     )
 
 

@@ -75,6 +75,12 @@ TABLE_SETTINGS: Final = _group("table")
 ALL_SETTINGS: Final = (*SETTINGS, *ROBOT_SETTINGS, *TABLE_SETTINGS)
 
 
+def names_with_units(settings: tuple[Setting, ...]) -> str:
+    """Return names of settings with their units or words, for descriptions of options."""
+    about = {each.name: each.unit or " or ".join(each.words) for each in settings}
+    return ", ".join(f"`{name}`{f' ({what})' if what else ''}" for name, what in about.items())
+
+
 def value_of(setting: Setting, parameters: Parameters) -> Value:
     """Return the value of a setting in the parameters of a preset that uses it."""
     parts = {

@@ -8,10 +8,26 @@ from __future__ import annotations
 
 from typing import Final, TypeAlias
 
+from planner.parameters.option import Choice, Choices
+
 Cell: TypeAlias = tuple[int, int, int]
 
-PATH_METHODS: Final = ("auto", "blocks", "exact", "snake")
+PATH_METHODS: Final[Choices] = {
+    "auto": Choice(label="Auto", hint="Picks the best method for this shape."),
+    "blocks": Choice(
+        label="Blocks",
+        hint="Splits each voxel into 2×2×2 modules. A path always exists, and it folds most "
+        "reliably.",
+    ),
+    "exact": Choice(
+        label="Exact", hint="One module for each voxel. Finer, but there may be no path."
+    ),
+    "snake": Choice(label="Snake", hint="Back and forth, layer by layer. For boxes only."),
+}
 """Methods of searching a path through a shape that a request may name."""
-PATH_ENDS: Final = ("any", "surface")
+PATH_ENDS: Final[Choices] = {
+    "any": Choice(label="Anywhere"),
+    "surface": Choice(label="On the surface", note="both on the outside"),
+}
 """Where a request may want the two ends of a path through a shape: in any cells, or only in cells
 with a free face."""

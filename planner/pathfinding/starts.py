@@ -14,7 +14,7 @@ from planner.errors import InputError
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import index_of
 
-TEXT: Final = r"\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*"
+CELL_TEXT: Final = r"\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*"
 
 
 def cell_of(text: str) -> Cell:
@@ -23,7 +23,7 @@ def cell_of(text: str) -> Cell:
     Raises:
         InputError: ``bad-start`` for anything else.
     """
-    if not re.fullmatch(TEXT, text, re.ASCII):
+    if not re.fullmatch(CELL_TEXT, text, re.ASCII):
         raise InputError(
             "bad-start",
             f"got the start {text[:40]!r}, expected a cell as x,y,z, for example 3,0,12.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
@@ -15,6 +15,11 @@ from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.parameters.parameters import Parameters
 from planner.pipeline.preference import PlanFigures
 from planner.playback.playback import Playback
+
+MAX_EXPLOSIONS: Final = 6
+"""Maximum number of times that one fold explodes its chain (simulates how the folded chain comes
+loose and straightens), each time with another path, strategy or seed. A larger value folds more
+shapes, and takes longer to fail. Chosen."""
 
 Reason = Kind | Literal["refused"]
 

@@ -11,6 +11,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -19,12 +20,13 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final
 
+from planner.file_names import RECORD, TIMELINE, TRIALS_DIR
 from planner.files import write_json
 from planner.motion.record import Record
-from planner.pipeline.attempt import Attempt, Trial
-from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIALS_DIR
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from planner.pipeline.job import Watch
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search_limits import MAX_EXPLOSIONS
+from planner.pipeline.workspace import Workspace
 from planner.progress import Cancelled, Progress, Report
 
 SPECULATION_PULSES: Final = 2
@@ -37,6 +39,11 @@ uses results later; a smaller one wakes the waiting process more often. Chosen."
 ATTEMPT_STOP_GRACE_S: Final = 1.0
 """Time, in s, that a process that computes an attempt may take to write its result after it is told
 to stop; then it is killed. Larger values lose fewer results and end a fold later. Chosen."""
+_PROGRESS: Final = "progress.json"
+"""Name of the file in which a process that computes an attempt reports its progress."""
+_OUTCOME: Final = "attempt.json"
+"""Name of the file with the outcome of an attempt that another process has computed; written last,
+so that its presence marks the result as complete."""
 
 
 class AttemptPool:
@@ -154,10 +161,7 @@ class AttemptPool:
 
 
 class _AttemptProcess:
-    """One try in a process of its own (``planner/pipeline/attempt_process.py`` is its other side).
-
-    When its standard input ends, nobody wants it any more, or this process is gone.
-    """
+    """One try in a process of its own, which runs ``_compute_attempt``."""
 
     def __init__(self, exchange: FilePath, trial: Trial) -> None:
         self.place = exchange / "-".join(map(str, astuple(trial)))
@@ -169,7 +173,7 @@ class _AttemptProcess:
                 sys.executable,
                 "-P",
                 "-m",
-                "planner.pipeline.attempt_process",
+                "planner.pipeline.attempt_pool",
                 json.dumps(asdict(trial)),
             ],
             cwd=self.place,
@@ -188,12 +192,12 @@ class _AttemptProcess:
 
     def progress(self) -> Progress | None:
         """Return its progress; None before it has begun."""
-        told = _read(self.place / "progress.json")
+        told = _read(self.place / _PROGRESS)
         return None if told is None else Progress(**told)
 
     def attempt(self) -> Attempt | None:
         """Return its outcome; None before that is written."""
-        told = None if self.running else _read(self.place / "attempt.json")
+        told = None if self.running else _read(self.place / _OUTCOME)
         return None if told is None else Attempt.from_dict(told)
 
     def record(self) -> Record | None:
@@ -222,7 +226,38 @@ def _read(path: FilePath) -> dict[str, Any] | None:
     return json.loads(path.read_bytes()) if path.exists() else None
 
 
-def write_made(place: FilePath, record: Record, attempt: Attempt) -> None:
-    """Write the result of an attempt; its description last, which marks it as complete."""
+def _compute_attempt() -> None:
+    """Compute the attempt in this process's argument, in the folder that it is started in.
+
+    The process ends when its standard input does: its result is not needed any more, or the fold's
+    process is gone.
+    """
+    from planner.pipeline.exploding import explode  # late: it imports this module
+
+    unwanted = threading.Event()
+    threading.Thread(target=_wait_for_end, args=(unwanted,), daemon=True).start()
+    place = FilePath.cwd()
+    fold = Workspace(place.parent.parent)
+    trial = Trial(**json.loads(sys.argv[1]))
+    parameters, chain = fold.read_request().parameters(), fold.read_candidates().chain_of(trial)
+    watch = Watch(
+        progress=lambda progress: write_json(place / _PROGRESS, asdict(progress)),
+        cancelled=unwanted.is_set,
+        timeline=place / TIMELINE,
+    )
+    record = explode(chain, trial, parameters, watch)
     record.save(place / RECORD)
-    write_json(place / "attempt.json", attempt.as_dict())
+    write_json(place / _OUTCOME, Attempt.of_record(trial, chain, record, parameters).as_dict())
+
+
+def _wait_for_end(unwanted: threading.Event) -> None:
+    # Not sys.stdin: a thread that reads that holds it when the process ends.
+    while os.read(0, 1):
+        pass
+    unwanted.set()
+    time.sleep(ATTEMPT_STOP_GRACE_S)
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    _compute_attempt()

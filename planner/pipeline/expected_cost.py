@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from planner.chain.module import Module, module_named
-from planner.explosion.expected_cost import IN_LAYERS, INTERLOCKED
+from planner.explosion.expected_cost import COSTS_IN_LAYERS, COSTS_INTERLOCKED
 from planner.parameters.parameters import FLOATING, Parameters
 from planner.parameters.playback import PlaybackParameters
 from planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
 from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.preference import COMPUTING
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 
 MAX_EXPECTED_S: Final = 3600.0
 """Maximum expected cost of a fold, in s of processor time; larger estimates are cut to it, because
@@ -94,7 +94,7 @@ class ExpectedCost:
     remedy: str = "Use a smaller shape."
 
 
-def expected_cost(modules: int, request: Request) -> ExpectedCost:
+def expected_cost(modules: int, request: FoldRequest) -> ExpectedCost:
     """Return what a fold is expected to cost.
 
     Args:
@@ -178,7 +178,7 @@ def _direct(modules: int, playback: PlaybackParameters) -> ExpectedCost:
     )
 
 
-def _ours(modules: int, request: Request, parameters: Parameters) -> ExpectedCost:
+def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> ExpectedCost:
     """Return the cost of a fold by foldback's own method."""
     choosing = request.prefer != COMPUTING
     usual_s = expected_seconds(modules, choosing=choosing, world=request.world)
@@ -198,9 +198,9 @@ def _ours(modules: int, request: Request, parameters: Parameters) -> ExpectedCos
         )
         remedy = "Use fewer modules, or the world floating."
     strategy = request.strategy
-    if strategy in INTERLOCKED and not request.smooth:
-        expected_s += INTERLOCKED[strategy].of(modules)
-        if (least := LOWER_BOUND_FRACTION * IN_LAYERS[strategy].of(modules)) > least_s:
+    if strategy in COSTS_INTERLOCKED and not request.smooth:
+        expected_s += COSTS_INTERLOCKED[strategy].of(modules)
+        if (least := LOWER_BOUND_FRACTION * COSTS_IN_LAYERS[strategy].of(modules)) > least_s:
             least_s, stage = least, "explode"
             cause = f"{modules} modules with the strategy {strategy}"
             remedy = "Use fewer modules, or the strategy auto."

@@ -16,13 +16,17 @@ from planner.chain.path import Path
 from planner.files import directory_or_aside
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.attempt_pool import AttemptPool
+from planner.pipeline.certifying import with_certificate
+from planner.pipeline.exploding import rest, with_explosion
+from planner.pipeline.exporting import finish
 from planner.pipeline.job import Job, Search, Watch
+from planner.pipeline.playing_back import with_playback
 from planner.pipeline.preference import COMPUTING
-from planner.pipeline.request import Request
+from planner.pipeline.reading import read_plan, read_shape
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import Explode, next_step, with_choice
+from planner.pipeline.search import Explode, PlayBack, Step, next_step, with_choice
 from planner.pipeline.stages import run_stages
-from planner.pipeline.steps import advance, finish, read_plan, read_shape, rest, with_joint_errors
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain, write_path
@@ -61,7 +65,7 @@ def fold(
     Raises:
         InputError: An unknown preset, or a seed, module size or setting out of range.
     """
-    request = Request(
+    request = FoldRequest(
         filename=shape.name, preset=preset, seed=seed, module_size=module_size, settings=settings
     )
     return _plan_of(request, _data(shape), directory, progress, workers=workers)
@@ -92,7 +96,7 @@ def refold(
         InputError: ``refold-differs`` when the modules or their number do, ``refold-not-folded``
             when ``start`` does not lead from straight to folded, or as ``planner.fold``.
     """
-    request = Request(
+    request = FoldRequest(
         filename=shape.name,
         preset=preset,
         seed=seed,
@@ -124,7 +128,7 @@ def smooth_plan(
     Raises:
         InputError: See ``planner.robot.smoothed.check_smoothable``; or a seed or size out of range.
     """
-    request = Request.smoothing(plan, seed=seed, module_size=module_size)
+    request = FoldRequest.smoothing(plan, seed=seed, module_size=module_size)
     return _plan_of(request, write_chain(plan.chain), directory, progress, recorded=plan)
 
 
@@ -133,7 +137,7 @@ def _data(shape: Path | Chain) -> bytes:
 
 
 def _plan_of(
-    request: Request,
+    request: FoldRequest,
     data: bytes,
     directory: str | FilePath | None,
     progress: Report,
@@ -153,7 +157,7 @@ def _plan_of(
 
 
 def _plan_in_memory(
-    request: Request,
+    request: FoldRequest,
     data: bytes,
     *,
     start: Plan | None,
@@ -194,11 +198,20 @@ def _plan_in_memory(
         history = with_choice(history, best)
     result = search.results[best]
     plan = finish(request, result, history, start=begins, recorded=result.recorded or recorded)
-    return with_joint_errors(plan.as_stored(), result.playback)
+    return plan.as_stored().with_joint_errors_of(result.playback)
+
+
+def advance(job: Job, search: Search, step: Step, watch: Watch, pool: AttemptPool) -> Search:
+    """Return the search after one more step; earlier results stay as they are."""
+    if isinstance(step, Explode):
+        return with_explosion(job, search, step.trial, watch, pool)
+    if isinstance(step, PlayBack):
+        return with_playback(job, search, watch, finer=step.finer)
+    return with_certificate(job, search, watch)
 
 
 @contextmanager
-def _pool(request: Request, candidates: Candidates, workers: int) -> Generator[AttemptPool]:
+def _pool(request: FoldRequest, candidates: Candidates, workers: int) -> Generator[AttemptPool]:
     """Yield what makes explosions beside; it has a directory of its own if it has processes."""
     if workers == 1:
         yield AttemptPool(None)

@@ -23,7 +23,7 @@ from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
 from planner.pipeline.attempt import Attempt, Candidates, latest_playback
 from planner.pipeline.preference import COMPUTING, Preference, Rank, rank
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
@@ -62,7 +62,7 @@ class Job:
         recorded: Plan that is smoothed; None for other folds.
     """
 
-    request: Request
+    request: FoldRequest
     candidates: Candidates
     policy: RetryPolicy
     start: Chain | None = None
@@ -96,7 +96,7 @@ class Result:
     clearances: NDArray[np.float64] | None = None
     forces: TableForces | None = None
 
-    def plan(self, request: Request) -> Plan:
+    def plan(self, request: FoldRequest) -> Plan:
         """Return the plan of an attempt that is judged, without what else was tried."""
         assert self.certificate is not None
         return Plan.assembled(

@@ -2,18 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Final, Literal, get_args
+from typing import Final, Literal
 
 from planner.certificate.figures import CertificateFigures
 from planner.errors import InputError
+from planner.parameters.option import Choice
 
 Preference = Literal["computing", "time", "torque", "clearance"]
-PREFERENCES: Final[tuple[Preference, ...]] = get_args(Preference)
 COMPUTING: Final = "computing"
 """Value of a request's preference that asks for the least computation: the first verified plan is
 taken, and no better one is searched for."""
+PREFERENCES: Final[Mapping[Preference, Choice]] = {
+    COMPUTING: Choice(
+        label="First verified plan",
+        note="the first verified one",
+        hint="Stops at the first plan that works.",
+    ),
+    "time": Choice(
+        label="Shortest folding time",
+        note="the fastest of several",
+        hint="Tries several plans and chooses the one that folds fastest.",
+    ),
+    "torque": Choice(
+        label="Least torque",
+        note="the least torque at equal time",
+        hint="Tries several plans and chooses the one that needs the least torque for the same "
+        "folding time.",
+    ),
+    "clearance": Choice(
+        label="Most clearance",
+        note="the most clearance",
+        hint="Tries several plans and chooses the one with the most clearance.",
+    ),
+}
+"""Goals of the choice among several verified plans."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,30 +1,36 @@
-"""Request: options of a fold, and their only check.
+"""Request: the one description of what can be requested of a fold, and its only check.
 
-The page, the API and the command line refuse what cannot be asked for in these words.
+The page, the API, the command line, the client and the docs take options, limits, texts and
+refusals from here. A new option is one more field.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+import json
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
+from typing import TYPE_CHECKING, Final
 
-from planner.chain.module import CUBE
 from planner.errors import InputError
+from planner.parameters.option import Option, option
 from planner.parameters.parameters import (
     AUTO,
     BASELINE,
-    STRATEGY_OPTIONS,
-    WORLDS,
+    PRESET_CHOICES,
+    STRATEGY_CHOICES,
     Parameters,
-    World,
     preset,
-    unknown_strategy,
 )
-from planner.parameters.settings import read_settings, settings_text, with_settings
-from planner.pathfinding import Cell
-from planner.pathfinding.options import MODULE_COUNTS, PathOptions
-from planner.pathfinding.starts import cell_of
-from planner.pipeline.preference import COMPUTING, Preference, preference_named
+from planner.parameters.settings import (
+    MAX_TEXT_CHARS,
+    SETTINGS,
+    names_with_units,
+    read_settings,
+    settings_text,
+    with_settings,
+)
+from planner.pathfinding.options import PathOptions
+from planner.pipeline.preference import COMPUTING, PREFERENCES, Preference
 
 if TYPE_CHECKING:
     from planner.plan.plan import Plan
@@ -44,69 +50,100 @@ fits into a signed integer of 32 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
-    """Options of a fold, apart from its shape.
+class PreviewRequest(PathOptions):
+    """Everything that can be requested of a preview, apart from its input.
+
+    Attributes:
+        seed: Random seed of the path search.
+        path: True to search for a path; a fold always does.
+    """
+
+    seed: int = 0
+    path: bool = True
+
+    @property
+    def key(self) -> str:
+        """The same for the same options."""
+        text = json.dumps(asdict(self), sort_keys=True)
+        return sha256(text.encode()).hexdigest()[:24]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoldRequest(PathOptions):
+    """Everything that can be requested of a fold, apart from its input.
+
+    Fields with an ``Option`` are what a person can choose; the others follow from the input.
 
     Attributes:
         filename: Name of the input, if any.
-        preset: Name of a parameter set.
-        seed: Random seed.
-        module_size: Size at which the plan is verified; None for the preset's.
-        settings: Other numbers for the preset ``paper`` or ``direct``, see
-            ``planner.parameters.settings``.
-        strategy: Explosion strategy: ``auto``, or one of ``planner.explosion.strategies``.
-        prefer: Preference among several verified plans; ``computing`` takes the first one.
         refold: True if the chain starts folded as in the base plan, not straight.
         smooth: True to smooth the base plan in place of an explosion.
-        world: ``floating``, or on a ``table`` under gravity.
-        module, modules, method, repair, ends, as_voxels, start: See
-            ``planner.pathfinding.options.PathOptions``.
     """
 
+    preset: str = option(
+        "default",
+        Option(
+            title="Preset",
+            help="`direct` is direct servoing: it drives every joint straight to its target (fails "
+            "for most shapes).",
+            label="Preset",
+            choices=PRESET_CHOICES,
+        ),
+    )
+    settings: str = option(
+        "",
+        Option(
+            title="Settings",
+            help="Other values for the presets `paper` and `direct`, for example "
+            "`damping=0.05,radial_gain=0.2`. Available settings: "
+            f"{names_with_units(SETTINGS)}.",
+            max_chars=MAX_TEXT_CHARS,
+        ),
+    )
+    seed: int = option(0, Option(title="Random seed", help="", label="Seed", range=(0, MAX_SEED)))
+    module_size: float | None = option(
+        None,
+        Option(
+            title="Module size in the clearance check, as a fraction of the pitch",
+            noun="module size",
+            help="Edge of a module in pitches (one pitch is the distance between modules).",
+            range=MODULE_SIZE_RANGE,
+            unit="of the pitch",
+        ),
+    )
+    strategy: str = option(
+        AUTO,
+        Option(
+            title="Explosion strategy",
+            help="How the chain is released: all at once, rigid blocks first, or one part at a "
+            "time from its far end, which `auto` uses for long chains. `one-by-one`, a baseline, "
+            "bends one joint at a time.",
+            choices=STRATEGY_CHOICES,
+        ),
+    )
+    prefer: Preference = option(
+        COMPUTING,
+        Option(
+            title="Preferred plan",
+            noun="preference",
+            help="Preferred plan. `computing` is the first verified plan. The others choose from "
+            "several verified plans: `time` by folding time at the joints' speed limit, `torque` "
+            "by torque at equal folding time, `clearance` by proved clearance. They try other "
+            "strategies, paths and smoothings, which takes several times as long. The plan's "
+            "`attempts` list all of them with their figures.",
+            label="Preferred plan",
+            choices=PREFERENCES,
+        ),
+    )
     filename: str | None = None
-    preset: str = "default"
-    seed: int = 0
-    module_size: float | None = None
-    settings: str = ""
-    strategy: str = AUTO
-    prefer: Preference = COMPUTING
-    module: str = CUBE.name
-    modules: int | None = None
-    method: str = "auto"
-    repair: bool = False
-    ends: str = "any"
-    as_voxels: bool = False
-    start: Cell | None = None
     refold: bool = False
     smooth: bool = False
-    world: World = "floating"
 
     @classmethod
-    def smoothing(cls, plan: Plan, *, seed: int, module_size: float | None) -> Request:
+    def smoothing(cls, plan: Plan, *, seed: int, module_size: float | None) -> FoldRequest:
         """Return the request to smooth a plan, at its own module size when that is None."""
         size = plan.certificate.module_size if module_size is None else module_size
         return cls(filename=f"{plan.chain.name}.json", seed=seed, module_size=size, smooth=True)
-
-    @classmethod
-    def of(cls, **given: Any) -> Request:
-        """Return a request of typed values: numbers and the cell may still be texts.
-
-        Raises:
-            InputError: When one of them cannot be read.
-        """
-        read = dict(given)
-        for name, number in (("seed", int), ("modules", int), ("module_size", float)):
-            if isinstance(value := read.get(name), str):
-                try:
-                    read[name] = number(value)
-                except ValueError:
-                    raise _bad(name, repr(value[:40])) from None
-        if isinstance(start := read.get("start"), str):
-            try:
-                read["start"] = cell_of(start)
-            except InputError as error:
-                raise _placed(error) from None
-        return cls(**read)
 
     def check(self) -> None:
         """Refuse an invalid request, with the same message for every interface.
@@ -116,9 +153,7 @@ class Request:
         """
         try:
             self.parameters()
-            self.path_options().check()
-            plain = Request()
-            preference_named(self.prefer)
+            plain = FoldRequest()
             if self.prefer != plain.prefer and self._one_plan:
                 raise InputError(
                     "unsuited-prefer",
@@ -144,7 +179,7 @@ class Request:
         Raises:
             InputError: ``unsuited-world``.
         """
-        plain = Request()
+        plain = FoldRequest()
         for name, what in (
             ("preset", "preset"),
             ("module", "module"),
@@ -182,11 +217,11 @@ class Request:
         """Option that leaves only one plan to choose from; None if there may be several."""
         if self.smooth:
             return "smoothing of a plan"
-        if self.preset != Request().preset:
+        if self.preset != FoldRequest().preset:
             return f"preset {self.preset}"
         return f"strategy {self.strategy}" if self.strategy == BASELINE else None
 
-    def canonical(self) -> Request:
+    def canonical(self) -> FoldRequest:
         """Return the same request with its settings in the canonical form that is compared.
 
         Raises:
@@ -198,25 +233,7 @@ class Request:
 
     def _plain(self) -> Parameters:
         """Return the parameters of the preset in this world, without settings."""
-        if self.world not in WORLDS:
-            raise InputError(
-                "unknown-world",
-                f"got the world {self.world!r}, expected one of: {', '.join(WORLDS)}.",
-            )
         return replace(preset(self.preset), world=self.world)
-
-    def path_options(self) -> PathOptions:
-        """Return the options that turn a shape into a path."""
-        return PathOptions(
-            module=self.module,
-            modules=self.modules,
-            method=self.method,
-            repair=self.repair,
-            ends=self.ends,
-            as_voxels=self.as_voxels,
-            start=self.start,
-            world=self.world,
-        )
 
     def parameters(self, *, smoothed: bool = False) -> Parameters:
         """Return the parameters of the request.
@@ -227,13 +244,10 @@ class Request:
         Raises:
             InputError: An unknown preset, or a seed or module size out of range.
         """
+        PathOptions.check(self)
         found = self._plain()
         if self.settings:
             found = with_settings(found, read_settings(self.settings))
-        if not 0 <= self.seed <= MAX_SEED:
-            raise _bad("seed", str(self.seed))
-        if self.strategy not in STRATEGY_OPTIONS:
-            raise unknown_strategy(self.strategy)
         found = replace(found, strategy=self.strategy)
         if self.strategy == BASELINE:
             # One joint at a time, which no smooth curve does, is played back by kinematics alone.
@@ -245,9 +259,6 @@ class Request:
             found = replace(found, playback=replace(found.playback, spacing_rad=SMOOTH_SPACING_RAD))
         if self.module_size is None:
             return found
-        low, high = MODULE_SIZE_RANGE
-        if not low <= self.module_size <= high:
-            raise _bad("module_size", f"{self.module_size:g}")
         return replace(found, module_size=self.module_size)
 
 
@@ -255,14 +266,3 @@ def _placed(error: InputError) -> InputError:
     """Return the refusal with the parameter that it is about: codes end in its name."""
     where = error.code.partition("-")[2].replace("-", "_")
     return InputError(error.code, error.detail, where=where)
-
-
-def _bad(name: str, got: str) -> InputError:
-    """Return the refusal of a number."""
-    low, high = MODULE_SIZE_RANGE
-    detail = {
-        "seed": f"got the seed {got}, expected a whole number from 0 to {MAX_SEED}.",
-        "modules": f"got {got} modules, expected {MODULE_COUNTS[0]} to {MODULE_COUNTS[1]}.",
-        "module_size": f"got the module size {got}, expected {low:g} to {high:g} of the pitch.",
-    }[name]
-    return InputError(f"bad-{name.replace('_', '-')}", detail, where=name)

@@ -14,14 +14,16 @@ from planner.explosion.diagnosis import Diagnosis
 from planner.explosion.strategies import others_for, strategies_for
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import BASELINE
-from planner.pipeline.attempt import Attempt, Candidates, Reason, Trial
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.preference import COMPUTING
-from planner.pipeline.request import MAX_SEED, Request
-from planner.pipeline.search_limits import MAX_EXPLOSIONS, MAX_SEEDS
+from planner.pipeline.request import MAX_SEED, FoldRequest
 from planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
 Change = Literal["path", "strategy", "end", "forces", "seed"]
+MAX_SEEDS: Final = 3
+"""Maximum number of seeds of the random forces with which one fold tries to explode its chain. A
+larger value folds more shapes, and takes longer to fail. Chosen."""
 FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "knot": ("path", "strategy"),
     "buried": ("end", "strategy", "path", "seed"),
@@ -35,17 +37,18 @@ FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
 """What a fold changes for its next attempt, tried from left to right, by the reason why the last
 explosion failed (for example ``knot``: the chain is knotted). Measured."""
 SMOOTHING_FRAMES_FACTOR: Final = 4
-"""Assumed ratio of a smoothed plan's number of frames to that of the original. A plan whose
-smoothed frames would exceed the memory limit of smoothing is not smoothed; larger values smooth
-fewer plans. Measured: plans of chains that are exploded by peeling need most."""
+"""Smoothing needs memory for each frame, and a smoothed plan may have more frames than the
+original. Assumed ratio of both, by which plans that are too long for smoothing are left as they
+are. Larger values smooth fewer plans. Measured: plans of chains that are unfolded from one end,
+group by group, need most."""
 DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
 """Assumed reason of a failed explosion by the strategy that stalled, if the explosion reports none:
 the most frequent one. All other strategies assume ``joints``."""
 
-DIRECTIONAL_STRATEGIES: Final = ("peel", "one-by-one")
+DIRECTIONAL_STRATEGIES: Final = ("peel", BASELINE)
 """Explosion strategies that release a chain from one of its ends; to begin at the other end is one
 of the changes that a fold tries after a failure."""
-SEED_INDEPENDENT_STRATEGIES: Final = ("one-by-one",)
+SEED_INDEPENDENT_STRATEGIES: Final = (BASELINE,)
 """Explosion strategies without random forces; a retry with another seed would only repeat their
 result, so none is made."""
 
@@ -73,7 +76,7 @@ class RetryPolicy:
     retries_refused: bool = True
 
     @classmethod
-    def of(cls, request: Request, candidates: Candidates) -> RetryPolicy:
+    def of(cls, request: FoldRequest, candidates: Candidates) -> RetryPolicy:
         """Return the policy of a fold."""
         if request.smooth:
             return cls(strategies=(SMOOTHING_WAYS,), seed=request.seed, seeds=1)

@@ -18,19 +18,26 @@ from typing import Final
 from planner.pipeline.attempt import Attempt, Trial, latest_playback
 from planner.pipeline.preference import PlanFigures
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search_limits import (
-    MAX_PLAYBACKS,
-    MAX_PLAYBACKS_BEFORE_VERIFIED,
-    MAX_REFUSED_EXPLOSIONS,
-    REPEATED_PLAYBACK_REFINEMENT,
-)
 from planner.progress import Report
 
+MAX_REFUSED_EXPLOSIONS: Final = 4
+"""Maximum number of explosions of one fold whose plans all fail certification, before the fold
+fails. A larger value folds more shapes, and takes longer to fail. Chosen."""
+MAX_PLAYBACKS_BEFORE_VERIFIED: Final = 6
+"""Maximum number of plans of one fold that are played back and certified (checked for collisions
+and limits) as long as none passes. A larger value folds more shapes, and takes longer to fail.
+Chosen."""
+MAX_PLAYBACKS: Final = 12
+"""Maximum number of plans of one fold that are played back and certified, including those that
+improve a verified plan. A larger value finds better plans and takes longer. Chosen."""
+REPEATED_PLAYBACK_REFINEMENT: Final = 4
+"""Factor by which the number of frames increases when a playback is repeated because its clearance
+between two frames was not proved. Larger values prove more plans and take longer. Chosen."""
 ASSUMED_FIGURES: Final = PlanFigures(
     fold_time_s=None, peak_torque_nm=None, clearance_bound=None, frames=1, seconds=0.0
 )
-"""Placeholder figures of a plan that is not certified yet, used to predict how many attempts
-follow. With one frame, the plan counts as short enough to be smoothed."""
+"""Figures that are assumed of a plan which is not computed yet, to tell users about how many plans
+a fold is going to try. One frame makes the plan short enough to be smoothed as well."""
 VERIFIED: Final = "verified"
 
 

@@ -8,38 +8,26 @@ command line runs them one after the other.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
-from planner.pipeline import manifest
-from planner.pipeline.attempt import Attempt
 from planner.pipeline.attempt_pool import AttemptPool
-from planner.pipeline.fold_layout import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
-from planner.pipeline.job import Search, Watch, is_smoothing
+from planner.pipeline.certifying import Judged, certify_latest
+from planner.pipeline.exploding import Exploded, explode_until_straight
+from planner.pipeline.exporting import Exported, export_best
+from planner.pipeline.job import Watch
+from planner.pipeline.playing_back import Played, play_back_latest
 from planner.pipeline.preference import COMPUTING
+from planner.pipeline.reading import Reading, read_chains
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import (
-    Certify,
-    Explode,
-    PlayBack,
-    before_explosion,
-    before_playback,
-    next_step,
-    with_choice,
-    with_count,
-)
-from planner.pipeline.stage_results import Exploded, Exported, Judged, Played, Reading, StageResult
-from planner.pipeline.steps import advance, finish, read_plan, read_shape, rest
+from planner.pipeline.search import with_count
 from planner.pipeline.workspace import Workspace
-from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.progress import STAGES, Cancelled, Progress, Report, never, silent
 
 STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
 """Stages of a fold that process the attempt that the stage ``explode`` made last; their progress
 reports say which attempt of how many it is."""
-STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
 
 def run_stage(
@@ -53,7 +41,7 @@ def run_stage(
     """Run one stage of the fold in a directory, for a service.
 
     Args:
-        stage: One of ``STAGES``; the earlier ones must have run.
+        stage: One of ``planner.progress.STAGES``; the earlier ones must have run.
         directory: Holds ``request.json`` and ``input``, and the files of the stages so far.
         progress: Called with the progress.
         cancelled: Asked periodically whether to stop.
@@ -72,7 +60,8 @@ def run_stage(
         pool.end_running()  # what is written now is the end
     if stage in STAGES_OF_LAST_ATTEMPT:
         progress = _counting(workspace, progress)
-    found = _STAGES[stage](workspace, Watch(progress=progress, cancelled=cancelled), pool)
+    watch = Watch(progress=progress, cancelled=cancelled)
+    found = _computed(stage, workspace, watch, pool)
     progress(Progress(stage=stage, fraction=1.0, message="done"))
     return found.as_dict()
 
@@ -128,117 +117,19 @@ def run_stages(
     return figures
 
 
-def _read(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Reading:
-    del watch, pool
-    request = workspace.read_request()
-    request.check()
-    if request.smooth:
-        found = read_plan(workspace.read_recorded())
-    else:
-        workspace.drop_recorded()  # of an earlier fold with a preference
-        data, start = workspace.read_input(), workspace.read_start(request)
-        prepared = workspace.read_prepared(request, data)
-        found = read_shape(request, data, start=start, prepared=prepared)
-    workspace.clear()
-    workspace.write_candidates(found.candidates)
-    workspace.drop_prepared()
-    return found
-
-
-def _explode(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Exploded:
-    """Run explosion after explosion, until one ends straight or nothing is left to try."""
-    job = workspace.read_job()
-    if job.request.smooth:
-        job = replace(job, recorded=workspace.read_recorded())
-    search = Search(history=before_explosion(workspace.read_history(), job.policy))
-    if not search.history:  # what an earlier fold left here must not pass for a result of this one
-        workspace.clear()
-    workspace.drop_pictures()
-    while isinstance(step := next_step(search.history, job.policy), Explode):
-        number = len(search.history)
-        begun = (*search.history, Attempt(trial=step.trial, status="begun"))
-        place = workspace.begin(number, job.candidates.chain_of(step.trial))
-        workspace.write_history(begun)
-        if (smooths := step.trial.smooths) is not None:
-            known = workspace.attempt_of(smooths).read_result()
-            search = replace(search, results={**search.results, smooths: known})
-        report = with_count(watch.progress, begun, job.policy)
-        there = replace(watch, progress=report, timeline=place.timeline)
-        search = advance(job, search, step, there, pool)
-        place.write_explosion(search.results[number])
-        workspace.write_history(search.history)
-        workspace.keep_best_explosion()
-    record = search.results[workspace.number or 0].record
-    rest(pool, record, len(search.history), job.request.prefer)
-    return Exploded(record=record, attempts=len(search.history))
-
-
-def _play_back(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Played:
-    place = workspace.attempt
-    place.drop_playback()
-    job = workspace.read_job()
-    search = workspace.read_search(job)
-    record = search.current.record
-    if record is not None and record.status != "straight":
-        return Played(playback=None)
-    job = replace(job, unfolding=workspace.read_unfolding(job.request))
-    search = replace(search, history=before_playback(search.history, job.policy))
-    workspace.write_history(search.history)
-    step = PlayBack(search.history[-1].finer)
-    search = advance(job, search, step, replace(watch, timeline=place.timeline), pool)
-    playback = search.current.playback
-    assert playback is not None
-    place.write_playback(playback)
-    return Played(playback=playback)
-
-
-def _certify(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Judged:
-    place, job = workspace.attempt, workspace.read_job()
-    place.drop_curves()
-    search = advance(job, workspace.read_search(job), Certify(), watch, pool)
-    certificate = search.current.certificate
-    assert certificate is not None
-    place.write_judgement(search.current)
-    workspace.write_history(search.history)
-    if watch.cancelled():
-        return Judged(certificate=certificate, again=None)
-    step = next_step(search.history, job.policy)
-    if isinstance(step, Explode):
-        return Judged(certificate=certificate, again="explode")
-    if step is not None:
-        return Judged(certificate=certificate, again="play_back")
-    workspace.keep_best(job.request.prefer)
-    return Judged(certificate=workspace.read_certificate() or certificate, again=None)
-
-
-def _export(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Exported:
-    del watch, pool
-    request, history = workspace.read_request(), workspace.read_history()
-    best = workspace.keep_best(request.prefer)
-    if best is not None and request.prefer != COMPUTING:
-        history = with_choice(history, best)
-        workspace.write_history(history)
-    workspace.publish(request.prefer)
-    result, start = workspace.read_result(), workspace.read_start(request)
-    recorded = workspace.read_recorded() if is_smoothing(result.record) else None
-    plan = finish(request, result, history, start=start, recorded=recorded)
-    before = [name for name in DESCRIBED if name not in EXPORTED_FILES]
-    with ThreadPoolExecutor(2) as beside:
-        figures = beside.submit(workspace.write_figures)
-        digests = beside.submit(manifest.digests_of, workspace.directory, before)
-        texts = workspace.write_plan(plan)
-        figures.result()
-    # Of a thousand numbers that were just written as text, it is not asked for once more.
-    written = {PLAN_TEXT: manifest.digests_of_texts(texts)}
-    manifest.write_manifest(workspace.directory, digests.result() | written)
-    return Exported(plan=plan)
-
-
-_Stage = Callable[[Workspace, Watch, AttemptPool], StageResult]
-_STAGES: Final[dict[str, _Stage]] = {
-    "read": _read,
-    "explode": _explode,
-    "play_back": _play_back,
-    "certify": _certify,
-    "export": _export,
-}
+def _computed(
+    stage: str, workspace: Workspace, watch: Watch, pool: AttemptPool
+) -> Reading | Exploded | Played | Judged | Exported:
+    match stage:
+        case "read":
+            return read_chains(workspace)
+        case "explode":
+            return explode_until_straight(workspace, watch, pool)
+        case "play_back":
+            return play_back_latest(workspace, watch)
+        case "certify":
+            return certify_latest(workspace, watch)
+        case "export":
+            return export_best(workspace)
+        case _:
+            raise ValueError(f"got the stage {stage!r}, expected one of: {', '.join(STAGES)}.")

@@ -33,7 +33,7 @@ from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.compiling import Compiling, beside, end_with_parent, motions_beside
 from planner.pipeline.compiling_lock import FIRST_LOCK, REST_LOCK, CompilingLock
 from planner.pipeline.fold import fold, smooth_plan
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up_paths import WARM_UP_CELLS, warm_up_chains, warm_up_paths
 from planner.pipeline.workspace import Workspace
@@ -140,7 +140,7 @@ def _peel() -> None:
     """Compile the kernels of long chains, by peeling a small box."""
     path = Path.from_cells(layered_snake(PEELED_BOX_CELLS), name="warm-up")
     with TemporaryDirectory(prefix="foldback-") as place:
-        Workspace(FilePath(place)).write_request(Request(strategy="peel"), write_path(path))
+        Workspace(FilePath(place)).write_request(FoldRequest(strategy="peel"), write_path(path))
         run_stages(FilePath(place))
 
 

@@ -331,6 +331,13 @@ class Plan:
         values = json.loads(str(arrays.pop("plan")))
         return self.of_values(values | arrays, "plan")
 
+    def with_joint_errors_of(self, playback: Playback | None) -> Plan:
+        """Return the plan with the joint errors of its playback, which its file leaves out."""
+        if playback is None:
+            return self
+        motion = replace(self.motion, errors_rad=playback.frames.errors_rad)
+        return replace(self, motion=motion)
+
     @classmethod
     def load(cls, path: FilePath) -> Plan:
         """Read a plan from its JSON or ``.npz`` form.

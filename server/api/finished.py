@@ -18,6 +18,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 
 from planner.files import settle
+from planner.pipeline.request import FoldRequest
 from planner.plan.packed import unpack
 from server.api.submit import Submission
 from server.files.uploads import Upload
@@ -98,9 +99,7 @@ def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str |
             directory=folder, filename=shape.filename, digest=digest, size=len(shape.data)
         ),
         shape=shape.name,
-        preset=about["summary"]["preset"],
-        seed=about["summary"]["seed"],
-        module_size=None,
+        request=FoldRequest(preset=about["summary"]["preset"], seed=about["summary"]["seed"]),
         visitor=SERVICE_VISITOR,
         token="",
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from dataclasses import asdict, replace
 from io import BytesIO
-from typing import Annotated, Any, BinaryIO, Final, Literal
+from typing import Annotated, Any, BinaryIO, Final
 
 from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
 from fastapi.responses import Response
@@ -14,16 +14,12 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from planner.errors import InputError
 from planner.names import clean_name
-from planner.parameters.setting import Setting
-from planner.parameters.settings import MAX_TEXT_CHARS, SETTINGS, TABLE_SETTINGS
-from planner.pathfinding.options import MODULE_COUNTS
-from planner.pathfinding.starts import TEXT as START
-from planner.pathfinding.starts import cell_of
-from planner.pipeline.request import MAX_SEED, MODULE_SIZE_RANGE
-from planner.pipeline.request import Request as Asked
+from planner.pathfinding.options import PathOptions
+from planner.pipeline.request import FoldRequest, PreviewRequest
 from planner.readers.limits import quote
 from server.api.base_folds import beginning_noted, beginning_of
 from server.api.context import Context, context_of, in_list_rate
+from server.api.forms import form_of
 from server.api.schemas import (
     MAX_FOLD_NAME,
     Accepted,
@@ -38,7 +34,6 @@ from server.api.schemas import (
 from server.api.submit import Submission, input_noted, noted, submit
 from server.errors import Forbidden, Unidentified, Unusable
 from server.files.cancelled import sweep_cancelled_of
-from server.files.previews import ShapeOptions
 from server.http.client_address import address_of
 from server.http.response_cache import mark
 from server.store.folds import new_token
@@ -55,68 +50,6 @@ Here = Annotated[Context, Depends(context_of)]
 Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
 
 
-def listed(settings: tuple[Setting, ...]) -> str:
-    """Names of settings with their units or words, for OpenAPI."""
-    told = {s.name: s.unit or " or ".join(s.words) for s in settings}
-    return ", ".join(f"`{name}`{f' ({what})' if what else ''}" for name, what in told.items())
-
-
-def _options(
-    module: Annotated[
-        Literal["cube", "tetrahedron"],
-        Form(description="Module type for meshes, voxels and cells. A chain file states its own."),
-    ] = "cube",
-    modules: Annotated[
-        int | None,
-        Form(
-            ge=MODULE_COUNTS[0],
-            le=MODULE_COUNTS[1],
-            description="Approximate number of modules. Default for meshes: 160.",
-        ),
-    ] = None,
-    method: Annotated[
-        Literal["auto", "blocks", "exact", "snake"],
-        Form(description="Path method. `blocks` splits each voxel into 2×2×2 modules."),
-    ] = "auto",
-    repair: Annotated[
-        bool, Form(description="Add or remove cells if the shape has no path.")
-    ] = False,
-    ends: Annotated[
-        Literal["any", "surface"],
-        Form(description=("`surface` puts both ends of the chain on the outside.")),
-    ] = "any",
-    as_voxels: Annotated[
-        bool, Form(description="Read a list of cells as a shape, not as a path.")
-    ] = False,
-    start: Annotated[
-        str | None,
-        Form(
-            pattern=rf"^{START}$",
-            description="The cell where the chain starts: `x,y,z`, one of the preview's `cells`.",
-        ),
-    ] = None,
-    world: Annotated[
-        Literal["floating", "table"],
-        Form(
-            description="World: `floating` has no gravity; on a `table` the chain is always "
-            "supported and needs as little torque as possible. Settings on a table: "
-            f"{listed(TABLE_SETTINGS)}."
-        ),
-    ] = "floating",
-) -> ShapeOptions:
-    return ShapeOptions(
-        module=module,
-        modules=modules,
-        method=method,
-        repair=repair,
-        ends=ends,
-        as_voxels=as_voxels,
-        start=cell_of(start) if start else None,
-        world=world,
-    )
-
-
-PathOptions = Annotated[ShapeOptions, Depends(_options)]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
 GalleryShape = Annotated[str | None, Form(description="Or: the name of a gallery shape.")]
 
@@ -138,7 +71,7 @@ def post_fold(
     request: Request,
     context: Here,
     credentials: Bearer,
-    options: PathOptions,
+    asked: Annotated[FoldRequest, Depends(form_of(FoldRequest))],
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
@@ -170,71 +103,16 @@ def post_fold(
             "smoother. Preset and strategy do not apply, because there is no new explosion.",
         ),
     ] = None,
-    preset: Annotated[
-        Literal["default", "paper", "direct"],
-        Form(
-            description=(
-                "`direct` is direct servoing: it drives every joint straight to its target (fails "
-                "for most shapes)."
-            )
-        ),
-    ] = "default",
-    settings: Annotated[
-        str,
-        Form(
-            # Longer ones are refused in the planner's words.
-            json_schema_extra={"maxLength": MAX_TEXT_CHARS},
-            description="Other values for the presets `paper` and `direct`, for example "
-            f"`damping=0.05,radial_gain=0.2`. Available settings: {listed(SETTINGS)}.",
-        ),
-    ] = "",
-    seed: Annotated[int, Form(ge=0, le=MAX_SEED)] = 0,
-    module_size: Annotated[
-        float | None,
-        Form(
-            ge=MODULE_SIZE_RANGE[0],
-            le=MODULE_SIZE_RANGE[1],
-            description=(
-                "Edge of a module in pitches (one pitch is the distance between modules)."
-            ),
-        ),
-    ] = None,
-    strategy: Annotated[
-        Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"],
-        Form(
-            description="How the chain is released: all at once, rigid blocks first, or one part "
-            "at a time from its far end, which `auto` uses for long chains. `one-by-one`, a "
-            "baseline, bends one joint at a time."
-        ),
-    ] = "auto",
-    prefer: Annotated[
-        Literal["computing", "time", "torque", "clearance"],
-        Form(
-            description="Preferred plan. `computing` is the first verified plan. The others choose "
-            "from several verified plans: `time` by folding time at the joints' speed limit, "
-            "`torque` by torque at equal folding time, `clearance` by proved clearance. They try "
-            "other strategies, paths and smoothings, which takes several times as long. The plan's "
-            "`attempts` list all of them with their figures."
-        ),
-    ] = "computing",
 ) -> Accepted:
     """Accept a fold and add it to the queue.
 
     The same request with the same token returns the same fold. A gallery shape with default
     options is folded once for everyone.
     """
-    asked = Asked(
-        preset=preset,
-        settings=settings,
-        strategy=strategy,
-        prefer=prefer,
-        world=options.world,  # pyright: ignore[reportArgumentType]
-        refold=refold is not None,
-        smooth=smooth is not None,
-    )
-    checked(asked, options)
-    if shape is not None and options.world == "table":
-        options = replace(options, as_voxels=True)  # likewise those of the gallery
+    asked = replace(asked, refold=refold is not None, smooth=smooth is not None)
+    validate(asked)
+    if shape is not None and asked.world == "table":
+        asked = replace(asked, as_voxels=True)  # likewise those of the gallery
     source, filename = input_of(context, file, shape, preview, fold, smooth)
     if smooth is not None and refold is not None:
         source.close()
@@ -242,7 +120,7 @@ def post_fold(
             "smooth-or-refold", "got the form fields 'smooth' and 'refold', expected one."
         )
     with source:
-        previewed = replace(options, seed=seed)
+        previewed = PreviewRequest(**asdict(asked.path_options()), seed=asked.seed)
         cells = _previewed(context, preview, previewed)
         prepared = None if preview is None else context.previews.prepared(preview, previewed)
         again = smooth if fold is None else fold
@@ -250,24 +128,25 @@ def post_fold(
         if again is not None:
             row = context.store.fold(again)
             shape = row.shape
-            world, (options, cells) = options.world, noted(context.store.directory(again))
-            if world != row.world and world == "table":
+            path, cells = noted(context.store.directory(again))
+            if asked.world != row.world and asked.world == "table":
                 # The path of a floating chain is not used; a mesh gets 2×2×2 modules as before.
                 mesh = cells is None or (filename or "").lower().endswith(MESH_SUFFIXES)
-                method = "blocks" if mesh and options.method == "auto" else "auto"
-                options = replace(options, as_voxels=True, method=method)
-            options = replace(options, world=world)  # which is asked for each time
-            checked(asked, options)
-            if smooth is not None and module_size is None:
-                module_size = row.module_size
+                method = "blocks" if mesh and path.method == "auto" else "auto"
+                path = replace(path, as_voxels=True, method=method)
+            # The world is asked for each time.
+            asked = replace(asked, **{**asdict(path), "world": asked.world})
+            validate(asked)
+            if smooth is not None and asked.module_size is None:
+                asked = replace(asked, module_size=row.module_size)
         beginning = None
         if smooth is not None:
             beginning = beginning_of(context, smooth, "smooth")
         elif refold is not None:
             beginning = beginning_of(context, refold, "refold")
             if file is not None or preview is not None:  # others know what they are made of
-                modules = options.modules or beginning.modules
-                options = replace(options, module=beginning.module, modules=modules)
+                modules = asked.modules or beginning.modules
+                asked = replace(asked, module=beginning.module, modules=modules)
         elif fold is not None and row is not None:
             beginning = beginning_noted(context.store.directory(fold), row)
         with context.uploads.stored(source, filename) as upload:
@@ -276,18 +155,12 @@ def post_fold(
                 Submission(
                     upload=upload,
                     shape=shape,
-                    preset=preset,
-                    settings=asked.canonical().settings,
-                    seed=seed,
-                    module_size=module_size,
+                    request=asked.canonical(),
                     visitor=context.visitor(request),
                     token=token_of(credentials) or new_token(),
-                    options=options,
                     cells=cells,
                     prepared=prepared,
                     beginning=beginning,
-                    strategy=strategy,
-                    prefer=prefer,
                     again=None if fold is None else row,
                 ),
             )
@@ -424,15 +297,14 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
     return Response(status_code=204)
 
 
-def checked(asked: Asked, options: ShapeOptions) -> None:
+def validate(request: PathOptions) -> None:
     """Refuse an invalid request with the planner's error.
 
     Raises:
         Unusable: When it is so.
     """
-    wished = {k: v for k, v in asdict(options).items() if k not in ("path", "seed")}
     try:
-        replace(asked, **wished).check()
+        request.check()
     except InputError as error:
         raise Unusable.of(error) from None
 
@@ -487,7 +359,7 @@ def input_of(
 
 
 def _previewed(
-    context: Context, preview: str | None, options: ShapeOptions
+    context: Context, preview: str | None, options: PreviewRequest
 ) -> list[list[int]] | None:
     """Return the cells that a preview has found, so that the fold's page can draw them at once."""
     return None if preview is None else context.previews.cells(preview, options)

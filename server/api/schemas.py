@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
+from planner.progress import Stage
 from planner.readers.gallery import GalleryShape
 from server.jobs.remaining import EtaEstimator
 from server.store.estimates import Expected, plain_fold
@@ -25,7 +26,6 @@ SMOOTHING_MESSAGE: Final = "smoothing"
 the stage by this text."""
 PAUSED_MESSAGE: Final = "Paused because others are waiting. It continues automatically."
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
-Stage = Literal["read", "explode", "play_back", "certify", "export"]
 MAX_FOLD_NAME: Final = 200
 """Maximum length of the name that an owner gives a fold, in characters; a longer one is refused. A
 larger value makes lists and pages harder to read. Chosen."""

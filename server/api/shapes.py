@@ -11,27 +11,26 @@ from dataclasses import replace
 from typing import Annotated, Any, Final
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Form, Request
+from fastapi import APIRouter, Depends, Form, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
-from planner.pipeline.request import MAX_SEED
-from planner.pipeline.request import Request as Asked
+from planner.parameters.option import options_of
+from planner.pipeline.request import FoldRequest, PreviewRequest
 from server.api.folds import (
     OPTIONAL_ID,
     Bearer,
     GalleryShape,
     Here,
-    PathOptions,
     Uploaded,
-    checked,
     input_of,
     problems,
     token_of,
+    validate,
 )
+from server.api.forms import field, form_of
 from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
 from server.errors import NotFound, Unusable
-from server.files.previews import ShapeOptions
 from server.store.folds import hash_of
 from server.store.owned import note_preview
 from server.store.tables import PreviewRow
@@ -40,6 +39,8 @@ router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 DISCONNECT_POLL_S: Final = 0.1
 """Time between two checks whether the client that waits for a preview has disconnected, in s. With
 a larger value, computing for a disconnected client stops later. Chosen."""
+Options = Annotated[PreviewRequest, Depends(form_of(PreviewRequest))]
+Seed = Annotated[int, field(options_of(FoldRequest)["seed"])]
 
 
 @router.get("", summary="List the gallery shapes")
@@ -58,7 +59,7 @@ async def post_preview(
     request: Request,
     context: Here,
     credentials: Bearer,
-    options: PathOptions,
+    options: Options,
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
@@ -69,7 +70,7 @@ async def post_preview(
             description="Or: the id of an earlier preview, with other options.",
         ),
     ] = None,
-    seed: Annotated[int, Form(ge=0, le=MAX_SEED)] = 0,
+    seed: Seed = 0,
     path: Annotated[
         bool,
         Form(
@@ -116,11 +117,11 @@ async def post_preview(
 async def post_offers(
     request: Request,
     context: Here,
-    options: PathOptions,
+    options: Options,
     preview: Annotated[
         str, Form(max_length=64, pattern=OPTIONAL_ID, description="The id of an earlier preview.")
     ],
-    seed: Annotated[int, Form(ge=0, le=MAX_SEED)] = 0,
+    seed: Seed = 0,
 ) -> TableOffers:
     """Search for a repair, 2×2×2 modules and nearby counts, until the client disconnects.
 
@@ -141,23 +142,23 @@ async def post_offers(
     return TableOffers.model_validate(found)
 
 
-def bounded(options: ShapeOptions, max_modules: int) -> ShapeOptions:
+def bounded(options: PreviewRequest, max_modules: int) -> PreviewRequest:
     """Return the options, refused if they cannot be had or ask for too many modules.
 
     Raises:
-        Unusable: ``too-many-modules``, or as ``checked`` does.
+        Unusable: ``too-many-modules``, or as ``validate`` does.
     """
     if options.modules is not None and options.modules > max_modules:
         raise Unusable(
             "too-many-modules",
             f"got {options.modules} modules, expected at most {max_modules}.",
         )
-    checked(Asked(), options)
+    validate(options)
     return options
 
 
 def preview_row(
-    preview_id: str, token: str, options: ShapeOptions, report: dict[str, Any]
+    preview_id: str, token: str, options: PreviewRequest, report: dict[str, Any]
 ) -> PreviewRow:
     """Return a preview's row for its list, as its owner accesses it now."""
     now = time.time()

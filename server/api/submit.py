@@ -8,23 +8,21 @@ import json
 import os
 import shutil
 import time
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from planner.errors import InputError
+from planner.file_names import PREPARED
 from planner.files import json_of
-from planner.parameters.parameters import AUTO
+from planner.pathfinding.options import PathOptions
 from planner.pipeline.expected_cost import ExpectedCost
-from planner.pipeline.preference import COMPUTING, Preference
-from planner.pipeline.request import Request
-from planner.plan.prepared import PREPARED
+from planner.pipeline.request import FoldRequest
 from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
 from server.api.context import Context
 from server.errors import Conflict, NotFound, Unavailable, Unusable, nearly_full, not_stored
-from server.files.previews import ShapeOptions
 from server.files.uploads import Upload
 from server.limits.queue_room import Waiting, check_room
 from server.processes.children import ChildError
@@ -41,36 +39,24 @@ class Submission:
 
     upload: Upload
     shape: str | None
-    preset: str
-    settings: str = ""
-    """As ``planner.pipeline.request.Request.canonical`` writes them."""
-    seed: int
-    module_size: float | None
+    request: FoldRequest
+    """Canonical request, see ``FoldRequest.canonical``."""
     visitor: str
     token: str
     """Of who asks: he owns what is made for him."""
-    options: ShapeOptions = field(default_factory=ShapeOptions)
     cells: list[list[int]] | None = None
     """For a drawing until there is a chain; those that a preview has found."""
     prepared: Path | None = None
     """File of the chains that a preview has found."""
     beginning: BaseFold | None = None
-    strategy: str = AUTO
-    prefer: Preference = COMPUTING
     again: FoldRow | None = None
     """The fold that is asked for once more, by its id."""
 
     @property
     def public(self) -> bool:
         """True if everyone may find it: a gallery shape, folded with the default options."""
-        plain = Request()
-        return (
-            self.shape is not None
-            and self.beginning is None
-            and (self.preset, self.seed, self.module_size, self.strategy, self.prefer)
-            == (plain.preset, plain.seed, plain.module_size, plain.strategy, plain.prefer)
-            and not self.options.changed()
-        )
+        default = not self.request.changed()
+        return self.shape is not None and self.beginning is None and default
 
     @property
     def refolds(self) -> BaseFold | None:
@@ -95,15 +81,12 @@ class Submission:
         parameters = {
             "format": "foldback-fold/1",
             "version": version("foldback"),
-            "preset": self.preset,
-            "seed": self.seed,
-            "module_size": self.module_size,
+            "preset": self.request.preset,
+            "seed": self.request.seed,
+            "module_size": self.request.module_size,
             "content": self.upload.digest,
-            **self.options.changed(),
+            **self.request.changed(),
             **({} if self.beginning is None else {self.beginning.use: self.beginning.digest}),
-            **({} if self.strategy == AUTO else {"strategy": self.strategy}),
-            **({} if self.prefer == COMPUTING else {"prefer": self.prefer}),
-            **({"settings": self.settings} if self.settings else {}),
             **({} if self.public else {"owner": owner}),
         }
         return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
@@ -147,20 +130,20 @@ def submit(context: Context, submission: Submission) -> Receipt:
             module=found.module,
             shape=submission.shape,
             public=submission.public,
-            preset=submission.preset,
-            settings=submission.settings,
-            seed=submission.seed,
-            module_size=submission.module_size,
+            preset=submission.request.preset,
+            settings=submission.request.settings,
+            seed=submission.request.seed,
+            module_size=submission.request.module_size,
             content_key=submission.content_key,
             visitor=submission.visitor,
             cancel_requested=False,
             progress={},
             summary={},
             error=None,
-            world=submission.options.world,
+            world=submission.request.world,
             refold=submission.refolds and submission.refolds.name,
-            strategy=submission.strategy,
-            prefer=submission.prefer,
+            strategy=submission.request.strategy,
+            prefer=submission.request.prefer,
             smooths=submission.smooths and submission.smooths.fold,
             bytes=size,
         )
@@ -215,22 +198,18 @@ def _no_input() -> NotFound:
     return NotFound("no-input", "The input file of this fold has expired; send the file again.")
 
 
-def noted(directory: Path) -> tuple[ShapeOptions, list[list[int]] | None]:
-    """Return a preview's options for its path, and its cells for a drawing if there are any.
+def noted(directory: Path) -> tuple[PathOptions, list[list[int]] | None]:
+    """Return a fold's options for its path, and its cells for a drawing if there are any.
 
     Raises:
         NotFound: When they are not there any more.
     """
-    request = _request(directory)
-    names = {each.name for each in fields(ShapeOptions)} - {"seed"}
-    options = {name: value for name, value in request.items() if name in names}
-    if options.get("start") is not None:
-        options["start"] = tuple(options["start"])
+    options = PathOptions.from_json(_request(directory))
     try:
         cells = json.loads((directory / "cells.json").read_bytes())
     except (OSError, ValueError):
         cells = None
-    return ShapeOptions(**options), cells
+    return options, cells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -302,23 +281,18 @@ def _check_limits(cost: ExpectedCost, settings: Settings) -> None:
 
 
 def _write(directory: Path, submission: Submission) -> None:
-    request = {
-        "filename": submission.upload.filename,
-        "preset": submission.preset,
-        "settings": submission.settings,
-        "seed": submission.seed,
-        "module_size": submission.module_size,
-        **submission.options.changed(),
-        "strategy": submission.strategy,
-        "prefer": submission.prefer,
-        **({} if submission.beginning is None else {submission.beginning.use: True}),
-    }
+    request = replace(
+        submission.request,
+        filename=submission.upload.filename,
+        refold=submission.refolds is not None,
+        smooth=submission.smooths is not None,
+    )
     if submission.beginning is not None:
         submission.beginning.copy(directory)
         for name in submission.beginning.files:
             sync(directory / name)
     with open(directory / "request.json", "w") as file:
-        json.dump(request, file)
+        json.dump(request.to_json(), file)
         file.flush()
         os.fsync(file.fileno())
     sync(directory)

@@ -167,6 +167,7 @@ def _allow_files(count: int) -> None:
 def _fold_first(context: Context, name: str) -> str:
     from io import BytesIO
 
+    from planner.pipeline.request import FoldRequest
     from server.api.submit import Submission, submit
     from server.store.folds import new_token
 
@@ -180,9 +181,7 @@ def _fold_first(context: Context, name: str) -> str:
             Submission(
                 upload=upload,
                 shape=name,
-                preset="default",
-                seed=0,
-                module_size=None,
+                request=FoldRequest(),
                 visitor="the service itself",
                 token=new_token(),
             ),

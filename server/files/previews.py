@@ -6,7 +6,6 @@ A directory holds one upload; under it lies a directory for each set of options,
 
 from __future__ import annotations
 
-import hashlib
 import json
 import logging
 import os
@@ -16,13 +15,13 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from planner.chain.module import CUBE
 from planner.errors import InputError
-from planner.plan.prepared import PREPARED
+from planner.file_names import PREPARED
+from planner.pipeline.request import PreviewRequest
 from server.errors import (
     NoSuch,
     ServiceError,
@@ -81,34 +80,6 @@ MAX_PROTECTED_UPLOADS: Final = 4
 """Maximum number of one visitor's newest uploads that sweeps do not delete while they are being
 read. With a larger value a flood of uploads could exceed the limit of the disk. Chosen."""
 log = logging.getLogger("foldback.web")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShapeOptions:
-    """Options that turn a shape into a path, as in ``planner.pathfinding.options``."""
-
-    module: str = "cube"
-    modules: int | None = None
-    method: str = "auto"
-    repair: bool = False
-    ends: str = "any"
-    as_voxels: bool = False
-    start: tuple[int, int, int] | None = None
-    world: str = "floating"
-    seed: int = 0
-    path: bool = True
-    """Whether a preview looks for a path; a fold always does."""
-
-    @property
-    def key(self) -> str:
-        """The same for the same options."""
-        text = json.dumps(asdict(self), sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:24]
-
-    def changed(self) -> dict[str, Any]:
-        """Return the options that differ from their defaults, without the seed."""
-        plain = asdict(ShapeOptions())
-        return {k: v for k, v in asdict(self).items() if k != "seed" and v != plain[k]}
 
 
 class NoSuchPreviewError(NoSuch):
@@ -218,7 +189,7 @@ class Previews:
     def report(
         self,
         preview_id: str,
-        options: ShapeOptions,
+        options: PreviewRequest,
         reader: Reader,
         *,
         visitor: str,
@@ -257,7 +228,7 @@ class Previews:
         place.mkdir(exist_ok=True)
         if stranger:
             (place / STRANGER_FILE).touch()
-        request = {"filename": self.filename(preview_id), **asdict(options)}
+        request = {"filename": self.filename(preview_id), **options.to_json()}
         request["time_limit_s"] = self._settings.preview_search_seconds
         (place / "request.json").write_text(json.dumps(request))
         try:
@@ -280,7 +251,7 @@ class Previews:
     def offers(
         self,
         preview_id: str,
-        options: ShapeOptions,
+        options: PreviewRequest,
         reader: Reader,
         *,
         visitor: str,
@@ -342,7 +313,7 @@ class Previews:
             self._swept = -PREVIEW_SWEEP_S
         self._sweep_soon()
 
-    def cells(self, preview_id: str, options: ShapeOptions) -> list[list[int]] | None:
+    def cells(self, preview_id: str, options: PreviewRequest) -> list[list[int]] | None:
         """Return the cube cells of an upload with these options, if they have been computed.
 
         Raises:
@@ -351,7 +322,7 @@ class Previews:
         report = read_report(self.place(preview_id, options.key))
         return report["cells"] if report is not None and report["module"] == CUBE.name else None
 
-    def prepared(self, preview_id: str, options: ShapeOptions) -> Path | None:
+    def prepared(self, preview_id: str, options: PreviewRequest) -> Path | None:
         """Return the file of the chains that came of an upload with these options, if there is one.
 
         Raises:

@@ -25,7 +25,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
 from planner.errors import DamagedError, InputError
-from planner.pipeline.request import Request as Asked
+from planner.parameters.option import options_of
+from planner.pipeline.request import FoldRequest
 from server import errors
 from server.errors import (
     FULL_DISK_RETRY_S,
@@ -253,10 +254,10 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
 def _refusal(error: Any) -> InputError | None:
     """Return the planner's error about a parameter, worded as on the command line."""
     place, name = error["loc"][0], str(error["loc"][-1])
-    if place != "body" or name not in Asked.__dataclass_fields__:
+    if place != "body" or name not in options_of(FoldRequest):
         return None
     try:
-        Asked.of(**{name: error["input"]}).check()
+        FoldRequest.of(**{name: error["input"]}).check()
     except InputError as refusal:
         return refusal
     except TypeError:  # not even a text

@@ -8,10 +8,10 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
+from planner.progress import STAGES
 from server.store.tables import passes
 
-STAGES: Final = ("read", "explode", "play_back", "certify", "export")
-REPEATED_STAGES: Final = ("explode", "play_back", "certify")
+REPEATED_STAGES: Final = STAGES[1:4]
 """Stages of a fold that run again if several plans are computed and the best one is chosen."""
 REPORT_INTERVAL_S: Final = 0.2
 """Minimum time between two reports of a stage's progress to the database, in s; cancellations are

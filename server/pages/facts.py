@@ -15,13 +15,14 @@ from planner.certificate.figures import (
 from planner.certificate.verdict import summary_told_honestly, told_honestly
 from planner.errors import UNREADABLE
 from planner.exports import exports_of
+from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
 from planner.files import json_of
 from planner.motion.record import TableRecord
 from planner.parameters.parameters import AUTO, FLOATING
 from planner.parameters.settings import TABLE_SETTINGS
-from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
+from planner.pipeline.fold_layout import result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
-from planner.pipeline.request import MAX_SEED, Request
+from planner.pipeline.request import MAX_SEED, FoldRequest
 from planner.robot import MAX_SMOOTHED_ANGLES
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
@@ -51,7 +52,6 @@ from words.quantities import PRESET_LABELS, sentence
 from words.settings import in_a_line
 from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
 
-RECORD: Final = "record.npz"
 SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
 """Files that the page of a fold needs; the page reports those that are damaged."""
 VIEW_DOWNLOADS: Final = (
@@ -172,7 +172,7 @@ def fold_facts(
     where = "" if row.world == FLOATING else ", on a table"
     problem = _problem(row, summary)
     choice = choice_of(directory, preference_named(row.prefer), playable=api) if done else None
-    there = api and done and (directory / "plan.npz").is_file()
+    there = api and done and (directory / PLAN).is_file()
     downloads: list[Download] = [
         {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
         for export in (exports_of(moving=has_motion(summary)) if there else ())
@@ -307,7 +307,7 @@ def _again(row: ShownFold) -> Suggestion | None:
         return {"text": "Fold again", "form": form}
     if row.status != "failed" or row.stage == "read":  # such an input fails again
         return None
-    plain = Request()
+    plain = FoldRequest()
     if row.preset != plain.preset:
         plainly = {key: value for key, value in form.items() if key != "settings"}
         plainly["preset"] = plain.preset
@@ -357,7 +357,7 @@ def _compare(found: Found, expected: Expected) -> list[Suggestion]:
         if (preset, "") != (row.preset, row.settings)
     ]
     unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
-    if row.preset == Request().preset:
+    if row.preset == FoldRequest().preset:
         takes_s = expected(plain_fold(row.modules, module=row.module, prefer=unlike))
         best: Suggestion = {
             "text": PREFERENCE_WORDS[unlike],
@@ -385,7 +385,7 @@ def _compare(found: Found, expected: Expected) -> list[Suggestion]:
 
 def _may_rest(row: ShownFold) -> bool:
     """Return True if the same shape may be folded on a table."""
-    plain = Request()
+    plain = FoldRequest()
     asked, usual = (row.preset, row.module), (plain.preset, plain.module)
     return asked == usual and not row.refold and not row.settings
 

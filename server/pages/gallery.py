@@ -8,10 +8,10 @@ from typing import Literal
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
+from planner.pipeline.request import FoldRequest
 from server.api.context import context_of, in_list_rate
 from server.api.folds import post_fold
 from server.errors import ServiceError
-from server.files.previews import ShapeOptions
 from server.http.problems import Problem
 from server.pages.cards import (
     CARD_STATUS_LABELS,
@@ -68,7 +68,7 @@ def fold_shape(
             request=request,
             context=context_of(request),
             credentials=None,
-            options=ShapeOptions(world=world),
+            asked=FoldRequest(world=world),
             shape=name,
         )
     except ServiceError as error:

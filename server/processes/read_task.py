@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path as CellPath
+from planner.file_names import START_PLAN
 from planner.files import write_json
-from planner.playback.unfolding import START_PLAN, check_fits
+from planner.pipeline.request import FoldRequest, PreviewRequest
+from planner.playback.unfolding import check_fits
 from planner.readers import read
 from planner.shapes.shape import Shape
-
-if TYPE_CHECKING:
-    from planner.pathfinding.options import PathOptions
 
 MAX_STORED_CELLS: Final = 4000
 """Maximum number of cells of an upload that are stored for the first drawing on a fold's page;
@@ -32,33 +31,11 @@ OFFERS_TIME_FACTOR: Final = 2.0
 """Time limit of the search for variants of a shape that can fold on a table, as a multiple of the
 time limit of one path search. A larger value finds more variants and could exceed the time limit of
 a preview. Chosen."""
-PATH_OPTIONS: Final = (
-    "module",
-    "modules",
-    "method",
-    "repair",
-    "ends",
-    "as_voxels",
-    "start",
-    "world",
-)
 
 
 def warm_up() -> None:
     """Compiles what checks of chains need: their time is for the upload alone."""
     _ = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)])).folded_poses
-
-
-def options_of(request: dict[str, Any]) -> PathOptions:
-    """Return the options in a request; missing ones have their defaults."""
-    from planner.pathfinding.options import PathOptions
-
-    values = {name: request[name] for name in PATH_OPTIONS if name in request}
-    if values.get("start") is not None:
-        values["start"] = tuple(values["start"])
-    options = PathOptions(**values)
-    options.check()
-    return options
 
 
 def check(directory: Path) -> dict[str, Any]:
@@ -69,22 +46,20 @@ def check(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: The input cannot become a fold.
     """
-    request = json.loads((directory / "request.json").read_bytes())
-    if request.get("smooth"):
+    request = FoldRequest.from_json(_request(directory))
+    if request.smooth:
         return _smoothed(directory, request)
     data = (directory / "input").read_bytes()
-    more = {"as_voxels": True} if request.get("as_voxels") else {}
-    found = read(data, filename=request["filename"], **more)
-    begins = _begins(directory) if request.get("refold") else None
-    other = request.get("module", CUBE.name) != CUBE.name
-    if isinstance(found, CellPath) and not other:
+    found = read(data, filename=request.filename, as_voxels=request.as_voxels)
+    begins = _begins(directory) if request.refold else None
+    if isinstance(found, CellPath) and request.module == CUBE.name:
         found = Chain.from_path(found)
     if isinstance(found, Chain):
         if found.module.fills_cell:
             _note(directory, np.rint(found.folded_poses.positions))
         if begins is not None:
             check_fits(begins, found.module.name, len(found))
-        if request.get("world") == "table":
+        if request.world == "table":
             from planner.pipeline.prepare import check_for_table
 
             check_for_table(found)
@@ -92,7 +67,8 @@ def check(directory: Path) -> dict[str, Any]:
     from planner.pathfinding.options import DEFAULT_MODULES
     from planner.pipeline.prepare import filling_of
 
-    options = options_of(request)
+    options = request.path_options()
+    options.check()
     modules = options.modules or DEFAULT_MODULES
     if isinstance(found, Shape | CellPath):
         shape = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
@@ -116,15 +92,13 @@ def _begins(directory: Path) -> Chain:
     return Plan.load(directory / START_PLAN).unfolding().chain
 
 
-def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
+def _smoothed(directory: Path, request: FoldRequest) -> dict[str, Any]:
     """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
-    from planner.pipeline.request import Request
+    from planner.file_names import RECORDED_PLAN
     from planner.plan.plan import Plan
-    from planner.robot import RECORDED_PLAN
     from planner.robot.smoothed import check_smoothable
 
-    wishes = {name: request[name] for name in ("preset", "strategy", "prefer")}
-    Request(**wishes, smooth=True).check()
+    request.check()
     plan = Plan.load(directory / RECORDED_PLAN)
     check_smoothable(plan)
     chain = plan.chain
@@ -140,19 +114,21 @@ def preview(directory: Path) -> dict[str, Any]:
     from planner.pipeline.prepare import prepare_in_any_order
     from planner.plan.prepared import key_of
 
-    request = json.loads((directory / "request.json").read_bytes())
+    about = _request(directory)
+    request = PreviewRequest.from_json(about)
+    request.check()
     data = (directory.parent / "input").read_bytes()
-    options = options_of(request)
+    options = request.path_options()
     made = prepare_in_any_order(
         data,
-        request["filename"],
+        about["filename"],
         options,
-        seed=request["seed"],
-        time_limit_s=request["time_limit_s"],
-        searching=request["path"],
+        seed=request.seed,
+        time_limit_s=about["time_limit_s"],
+        searching=request.path,
     )
     if made.options == options and made.repeatable:  # a fold reads its input in this way alone
-        key = key_of(data, request["filename"], options, request["seed"])
+        key = key_of(data, about["filename"], options, request.seed)
         made.prepared().save(directory, key)
     write_json(directory / "report.json", made.report())
     return {"kind": made.kind}
@@ -170,15 +146,19 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     """
     from planner.table_paths.offers import table_offers
 
-    request = json.loads((directory / "request.json").read_bytes())
+    about = _request(directory)
+    request = PreviewRequest.from_json(about)
+    request.check()
     data = (directory.parent / "input").read_bytes()
-    options = options_of(request)
-    found = read(data, filename=request["filename"], as_voxels=options.as_voxels)
+    found = read(data, filename=about["filename"], as_voxels=request.as_voxels)
     made: list[dict[str, Any]] = []
     if not isinstance(found, Chain | CellPath):
-        limit = OFFERS_TIME_FACTOR * request["time_limit_s"]
         search = table_offers(
-            found, options, seed=request["seed"], time_limit_s=limit, cancelled=cancelled
+            found,
+            request.path_options(),
+            seed=request.seed,
+            time_limit_s=OFFERS_TIME_FACTOR * about["time_limit_s"],
+            cancelled=cancelled,
         )
         for offer in search:  # what is found stays, even if the next shape takes too long
             made.append(offer.report())
@@ -186,6 +166,11 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     if not made and not cancelled():
         write_json(directory / "offers.json", {"offers": []})
     return {"offers": len(made)}
+
+
+def _request(directory: Path) -> dict[str, Any]:
+    """Return the values in a directory's ``request.json``."""
+    return json.loads((directory / "request.json").read_bytes())
 
 
 def _note(directory: Path, cells: NDArray[Any]) -> None:

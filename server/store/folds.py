@@ -22,7 +22,7 @@ from sqlalchemy.orm import Session, sessionmaker
 from planner.parameters.parameters import AUTO, FLOATING
 from planner.pipeline.expected_cost import ExpectedCost, expected_cost
 from planner.pipeline.preference import COMPUTING, preference_named
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.progress import COMPILING
 from server.limits.fair_queue import (
     QUICK_FOLD_S,
@@ -618,7 +618,7 @@ class Store:
 
 def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
     """Return what computing a fold is expected to cost, or one like it of so many modules."""
-    request = Request(
+    request = FoldRequest(
         preset=row.preset,
         settings=row.settings or "",
         strategy=row.strategy or AUTO,

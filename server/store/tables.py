@@ -27,7 +27,7 @@ class Base(DeclarativeBase):
 class FoldRow(Base):
     """One fold of a visitor.
 
-    ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.pipeline.stages.STAGES`` or None;
+    ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.progress.STAGES`` or None;
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
     ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
     ``prefer`` tells which of several plans is wanted, see ``planner.pipeline.preference``;

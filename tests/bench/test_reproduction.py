@@ -18,7 +18,7 @@ from bench.reproduction.reproduce import reproduce, tell
 from bench.reproduction.runs import stored_runs
 from bench.reproduction.telling import figure, told
 from planner.chain.path import Path as CellPath
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.plan.shape_files import write_path
 from web.pictures.colours import STALLED_RGB
 
@@ -41,7 +41,7 @@ def tiny(tmp_path: Path) -> tuple[Experiment, ...]:
             id=name,
             statement="direct",
             shape=str(tmp_path / name),
-            request=Request(preset="direct"),
+            request=FoldRequest(preset="direct"),
             title=name,
             published="tangled",
             straight=name == "tiny",

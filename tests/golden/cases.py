@@ -14,7 +14,7 @@ from typing import Final
 import trimesh
 
 from planner.chain.path import Path
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -34,7 +34,7 @@ BOX: Final = json.dumps([[x, y, z] for z in range(2) for y in range(2) for x in 
 TILE: Final = json.dumps([[x, y, 0] for y in range(3) for x in range(2)]).encode()
 
 
-def _begin(directory: FilePath, request: Request, data: bytes) -> None:
+def _begin(directory: FilePath, request: FoldRequest, data: bytes) -> None:
     Workspace(directory).write_request(request, data)
 
 
@@ -50,8 +50,8 @@ class Case:
     """
 
     data: Callable[[], bytes]
-    request: Request = Request()
-    begin: Callable[[FilePath, Request, bytes], None] = _begin
+    request: FoldRequest = FoldRequest()
+    begin: Callable[[FilePath, FoldRequest, bytes], None] = _begin
     long: bool = False
 
     def fold(self, directory: FilePath, *, workers: int = 1) -> None:
@@ -95,54 +95,56 @@ def _folded_square(directory: FilePath) -> Plan:
     """Return the plan of a fold in a directory below another one, which it leaves there."""
     first = directory / "first"
     first.mkdir()
-    Case(data=_square, request=Request(settings="robots=0")).fold(first)
+    Case(data=_square, request=FoldRequest(settings="robots=0")).fold(first)
     return Workspace(first).read_plan()
 
 
-def _begin_refold(directory: FilePath, request: Request, data: bytes) -> None:
+def _begin_refold(directory: FilePath, request: FoldRequest, data: bytes) -> None:
     Workspace(directory).write_request(request, data, start=_folded_square(directory))
 
 
-def _begin_smooth(directory: FilePath, request: Request, data: bytes) -> None:
+def _begin_smooth(directory: FilePath, request: FoldRequest, data: bytes) -> None:
     del data
     plan = _folded_square(directory)
-    smoothing = Request.smoothing(plan, seed=request.seed, module_size=request.module_size)
+    smoothing = FoldRequest.smoothing(plan, seed=request.seed, module_size=request.module_size)
     Workspace(directory).write_request(smoothing, write_chain(plan.chain), recorded=plan)
 
 
 CASES: Final = {
-    "all-at-once": Case(data=_shape("wrench-24"), request=Request(strategy="simultaneous")),
-    "blocks": Case(data=_shape("mallet-24"), request=Request(strategy="blocks", seed=1)),
-    "peeled": Case(data=_long_coil, request=Request(strategy="peel")),
+    "all-at-once": Case(data=_shape("wrench-24"), request=FoldRequest(strategy="simultaneous")),
+    "blocks": Case(data=_shape("mallet-24"), request=FoldRequest(strategy="blocks", seed=1)),
+    "peeled": Case(data=_long_coil, request=FoldRequest(strategy="peel")),
     "peeled-kinematic": Case(
-        data=_long_coil, request=Request(strategy="peel", settings="simulated_modules=9")
+        data=_long_coil, request=FoldRequest(strategy="peel", settings="simulated_modules=9")
     ),
-    "one-by-one": Case(data=_coil, request=Request(strategy="one-by-one")),
+    "one-by-one": Case(data=_coil, request=FoldRequest(strategy="one-by-one")),
     "automatic": Case(data=_coil),
-    "ideal-robot": Case(data=_coil, request=Request(settings="robots=0")),
-    "tetrahedra": Case(data=lambda: CUBE, request=Request(module="tetrahedron", as_voxels=True)),
-    "paper": Case(data=_square, request=Request(preset="paper", settings="radial_gain=0.4")),
-    "direct": Case(data=_square, request=Request(preset="direct")),
+    "ideal-robot": Case(data=_coil, request=FoldRequest(settings="robots=0")),
+    "tetrahedra": Case(
+        data=lambda: CUBE, request=FoldRequest(module="tetrahedron", as_voxels=True)
+    ),
+    "paper": Case(data=_square, request=FoldRequest(preset="paper", settings="radial_gain=0.4")),
+    "direct": Case(data=_square, request=FoldRequest(preset="direct")),
     "refold": Case(
-        data=lambda: write_path(HAIRPIN), request=Request(refold=True), begin=_begin_refold
+        data=lambda: write_path(HAIRPIN), request=FoldRequest(refold=True), begin=_begin_refold
     ),
     "smooth": Case(data=_square, begin=_begin_smooth),
-    "prefer-time": Case(data=_hook, request=Request(prefer="time", strategy="simultaneous")),
-    "mesh": Case(data=_mesh, request=Request(filename="block.stl", modules=12)),
-    "knot": Case(data=_knot, request=Request(strategy="peel")),
-    "too-large": Case(data=_square, request=Request(module_size=1.0, strategy="simultaneous")),
+    "prefer-time": Case(data=_hook, request=FoldRequest(prefer="time", strategy="simultaneous")),
+    "mesh": Case(data=_mesh, request=FoldRequest(filename="block.stl", modules=12)),
+    "knot": Case(data=_knot, request=FoldRequest(strategy="peel")),
+    "too-large": Case(data=_square, request=FoldRequest(module_size=1.0, strategy="simultaneous")),
     "table-free": Case(
         data=lambda: TILE,
-        request=Request(world="table", as_voxels=True, settings="table_friction=0.1"),
+        request=FoldRequest(world="table", as_voxels=True, settings="table_friction=0.1"),
     ),
     "table-clamped": Case(
         data=lambda: TILE,
-        request=Request(
+        request=FoldRequest(
             world="table", as_voxels=True, settings="table_friction=0.1,table_base=clamped"
         ),
     ),
     "table-stuck": Case(
         data=lambda: BOX,
-        request=Request(world="table", as_voxels=True, settings="table_torque=0.5"),
+        request=FoldRequest(world="table", as_voxels=True, settings="table_torque=0.5"),
     ),
 }

@@ -14,7 +14,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -75,7 +75,7 @@ def folded(tmp_path_factory: pytest.TempPathFactory) -> Fold:
     @cache
     def made(shape: str, preset: str = "default", seed: int = 0) -> Folded:
         directory = shared / f"folded-{shape}-{preset}-{seed}"
-        request = Request(preset=preset, seed=seed)
+        request = FoldRequest(preset=preset, seed=seed)
         with open(directory.with_suffix(".lock"), "w") as lock:
             flock(lock, LOCK_EX)
             if not directory.exists():

@@ -12,7 +12,7 @@ from planner.chain.path import Path as CellPath
 from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.snake import snake_path
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from tests.tools import OPENGL
@@ -73,7 +73,7 @@ def timeline_path(chain: Chain, tmp_path_factory: pytest.TempPathFactory) -> Pat
 def peeled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Directory of a box that was peeled and that two robots with faults folded again."""
     directory = tmp_path_factory.mktemp("peeled")
-    request = Request(strategy="peel", settings="robots=2")
+    request = FoldRequest(strategy="peel", settings="robots=2")
     Workspace(directory).write_request(request, json.dumps(snake_path((3, 3, 4)).tolist()).encode())
     run_stages(directory)
     return directory

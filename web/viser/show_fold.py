@@ -7,10 +7,11 @@ from pathlib import Path as FilePath
 from typing import Final
 
 from planner.errors import InputError, TimelineError
+from planner.file_names import TIMELINE
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import TIMELINE, result
+from planner.pipeline.fold_layout import result
 from planner.plan.plan import Plan
-from planner.progress import Progress
+from planner.progress import STAGES, Progress
 from web.timeline.moments import MotionMoments, MotionSource
 from web.timeline.view import TimelineView
 from web.timeline.views import TimelineViews
@@ -20,7 +21,7 @@ DEFAULT_HOST: Final = "127.0.0.1"
 DEFAULT_PORT: Final = 8080
 """Default TCP port of the web server that shows a fold from Python; if it is occupied, the next
 free one is used. Chosen: viser's default."""
-LAST_STAGE: Final = "export"
+LAST_STAGE: Final = STAGES[-1]
 
 
 class Live(Shown):

@@ -13,7 +13,7 @@ from planner.chain.path import Path
 from planner.chain.rotations import aligned_distances
 from planner.exports import mjcf
 from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -85,7 +85,7 @@ def test_so_does_a_peeled_chain_in_pieces(
 ) -> None:
     monkeypatch.setattr(mjcf, "MAX_TREE_MODULES", 64)
     cells = [tuple(cell) for cell in layered_snake(sides).tolist()]
-    request = Request(strategy="peel", module_size=0.98)
+    request = FoldRequest(strategy="peel", module_size=0.98)
     Workspace(tmp_path).write_request(request, write_path(Path.from_cells(cells, name="box")))
     run_stages(tmp_path)
     plan = Plan.load(tmp_path / "plan.npz")

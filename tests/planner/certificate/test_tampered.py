@@ -18,7 +18,7 @@ from planner.errors import InputError, TimelineError
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.fold import refold, smooth_plan
 from planner.pipeline.manifest import Digests, digests_of
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -39,7 +39,7 @@ def box(*sides: int) -> bytes:
 
 def made(place: FilePath, data: bytes, **options: Any) -> FilePath:
     place.mkdir(parents=True)
-    Workspace(place).write_request(Request(filename="typed.txt", **options), data)
+    Workspace(place).write_request(FoldRequest(filename="typed.txt", **options), data)
     run_stages(place)
     return place
 

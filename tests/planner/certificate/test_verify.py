@@ -22,7 +22,7 @@ from planner.motion.inverse import inverse_dynamics
 from planner.motion.timeline import TimelineWriter
 from planner.parameters.playback import PlaybackParameters
 from planner.pipeline.manifest import write_manifest
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -197,7 +197,7 @@ def test_a_straight_line_has_no_torques_and_is_verified(
     """Where it is not simulated, all of its frames are at one time, so none can be looked at."""
     straight = Path.from_cells([(k, 0, 0) for k in range(5)], name="line")
     Workspace(tmp_path).write_request(
-        Request(strategy=strategy, settings=settings), write_path(straight)
+        FoldRequest(strategy=strategy, settings=settings), write_path(straight)
     )
     run_stages(tmp_path)
     assert verify(tmp_path).problems == ()
@@ -233,7 +233,7 @@ def forge(directory: FilePath, **changes: Any) -> None:
 def peeled(hook: Path, tmp_path: FilePath) -> FilePath:
     """A fold that was not simulated."""
     Workspace(tmp_path).write_request(
-        Request(strategy="peel", settings=KINEMATIC), write_path(hook)
+        FoldRequest(strategy="peel", settings=KINEMATIC), write_path(hook)
     )
     run_stages(tmp_path)
     return tmp_path
@@ -527,7 +527,7 @@ QUICK: Final = "radial_gain=5"
     "change", ["value", *(pytest.param(c, marks=pytest.mark.long) for c in ("fewer", "none"))]
 )
 def test_snapshots_that_were_changed_are_told(change: str, tmp_path: FilePath) -> None:
-    request = Request(preset="paper", settings=QUICK)
+    request = FoldRequest(preset="paper", settings=QUICK)
     Workspace(tmp_path).write_request(request, write_path(COIL))
     run_stages(tmp_path)
     assert verify(tmp_path).problems == ()

@@ -32,7 +32,7 @@ from planner.parameters.parameters import Parameters, preset
 from planner.pathfinding.assembly import layered_snake
 from planner.pathfinding.candidates import find_paths
 from planner.pathfinding.lattice import neighbours
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan import plan as plan_module
@@ -55,7 +55,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     place = tmp_path_factory.mktemp("peeled")
     cells = [tuple(cell) for cell in layered_snake(BOX).tolist()]
     path = Path.from_cells(cells, name="box-96")
-    request = Request(strategy="peel", settings="simulated_modules=50")
+    request = FoldRequest(strategy="peel", settings="simulated_modules=50")
     Workspace(place).write_request(request, write_path(path))
     run_stages(place)
     return place
@@ -443,12 +443,12 @@ def test_a_strategy_that_cannot_be_had_is_refused(tmp_path: FilePath) -> None:
         with pytest.raises(InputError, match="strategy"):
             ways(chain, wish, name, refolds=refolds)
     with pytest.raises(InputError) as refused:
-        Request(strategy="fastest").check()
+        FoldRequest(strategy="fastest").check()
     assert (refused.value.code, refused.value.where) == ("unknown-strategy", "strategy")
     # It is said when the input is read, before anything is computed.
     cells = [tuple(cell) for cell in layered_snake((2, 2, 2)).tolist()]
     path = write_path(Path.from_cells(cells, name="box"))
-    Workspace(tmp_path).write_request(Request(strategy="blocks", preset="paper"), path)
+    Workspace(tmp_path).write_request(FoldRequest(strategy="blocks", preset="paper"), path)
     with pytest.raises(InputError, match="expected one of: auto, simultaneous"):
         run_stage("read", tmp_path)
 
@@ -459,7 +459,7 @@ def test_a_box_can_be_laid_joint_by_joint(tmp_path: FilePath) -> None:
     """Row by row, layer by layer: what is straight swings where nothing lies yet."""
     path = Path.from_cells([tuple(c) for c in layered_snake((6, 7, 8)).tolist()], name="box")
     Workspace(tmp_path).write_request(
-        Request(strategy="one-by-one", module_size=0.98), write_path(path)
+        FoldRequest(strategy="one-by-one", module_size=0.98), write_path(path)
     )
     assert run_stages(tmp_path)["status"] == "verified"
     plan = Plan.load(tmp_path / "plan.npz")
@@ -471,7 +471,7 @@ def test_a_box_can_be_laid_joint_by_joint(tmp_path: FilePath) -> None:
 def test_a_baseline_that_fails_is_not_tried_again(tmp_path: FilePath) -> None:
     cube = Shape.from_cells(np.argwhere(np.ones((4, 4, 4), dtype=bool)))
     path = find_paths(cube, method="blocks", candidates=1).paths[0]
-    Workspace(tmp_path).write_request(Request(strategy="one-by-one"), write_path(path))
+    Workspace(tmp_path).write_request(FoldRequest(strategy="one-by-one"), write_path(path))
     summary = run_stages(tmp_path)
     assert summary["status"] == "failed" and "overlap" in summary["reason"]
     assert len(Plan.load(tmp_path / "plan.npz").attempts) == 1

@@ -150,7 +150,7 @@ def test_disconnected_blocks_are_explained() -> None:
 
 
 def test_options_that_are_none_are_refused() -> None:
-    assert PATH_METHODS == ("auto", "blocks", "exact", "snake")
+    assert tuple(PATH_METHODS) == ("auto", "blocks", "exact", "snake")
     with pytest.raises(InputError, match="expected one of: auto, blocks, exact, snake"):
         find_paths(BOX, method="magic")
     with pytest.raises(InputError, match="any or surface"):

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from planner.pipeline.expected_cost import MAX_EXPECTED_S, expected_cost
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 
 STAGE_S = 1800.0
 PAPER: dict[str, Any] = {"preset": "paper"}
@@ -43,7 +43,7 @@ ENDLESS = [
 def test_expected_cost_is_within_a_factor_of_three_of_what_was_measured(
     modules: int, asked: dict[str, Any], measured_s: float
 ) -> None:
-    cost = expected_cost(modules, Request(**asked))
+    cost = expected_cost(modules, FoldRequest(**asked))
     assert measured_s / 3.0 < cost.expected_s < 3.0 * measured_s
     assert cost.least_s < STAGE_S
 
@@ -52,7 +52,7 @@ def test_expected_cost_is_within_a_factor_of_three_of_what_was_measured(
 def test_expected_cost_of_what_cannot_end_is_above_the_limit(
     modules: int, asked: dict[str, Any]
 ) -> None:
-    cost = expected_cost(modules, Request(**asked))
+    cost = expected_cost(modules, FoldRequest(**asked))
     assert cost.least_s > STAGE_S
     assert cost.cause and cost.remedy.endswith(".")
     assert 0.0 < cost.expected_s <= MAX_EXPECTED_S
@@ -75,4 +75,4 @@ def test_expected_cost_of_what_cannot_end_is_above_the_limit(
 def test_expected_cost_of_what_may_end_is_below_the_limit(
     modules: int, asked: dict[str, Any]
 ) -> None:
-    assert expected_cost(modules, Request(**asked)).least_s < STAGE_S
+    assert expected_cost(modules, FoldRequest(**asked)).least_s < STAGE_S

@@ -9,13 +9,12 @@ from pathlib import Path as FilePath
 import pytest
 
 from planner.errors import InputError
-from planner.pipeline.attempt import Attempt, Trial
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
 from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import Explode, next_step
-from planner.pipeline.search_limits import MAX_EXPLOSIONS
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -144,13 +143,13 @@ def test_the_best_by_each_wish(prefer: Preference, best: int) -> None:
 
 def test_what_has_one_plan_leaves_no_choice() -> None:
     with pytest.raises(InputError, match="got the preference 'speed', expected one of: computing"):
-        Request.of(prefer="speed").check()
+        FoldRequest.of(prefer="speed").check()
     for other in ({"preset": "paper"}, {"smooth": True}, {"strategy": "one-by-one"}):
         with pytest.raises(InputError, match="got the preference time for the .* one plan") as told:
-            Request.of(prefer="time", **other).check()
+            FoldRequest.of(prefer="time", **other).check()
         assert told.value.where == "prefer"
     for prefer in PREFERENCES:
-        Request(prefer=prefer, strategy="peel").check()
+        FoldRequest(prefer=prefer, strategy="peel").check()
 
 
 @pytest.mark.long
@@ -160,7 +159,7 @@ def test_the_quickest_is_taken_whatever_the_number_of_workers(tmp_path: FilePath
     for name, prefer, workers in (("plain", "computing", 1), ("1", "time", 1), ("2", "time", 2)):
         place = tmp_path / name
         place.mkdir()
-        Workspace(place).write_request(Request(prefer=prefer), write_chain(chain))
+        Workspace(place).write_request(FoldRequest(prefer=prefer), write_chain(chain))
         run_stages(place, workers=workers)
         plans.append(Plan.load(place / "plan.npz"))
     plain, one, two = plans

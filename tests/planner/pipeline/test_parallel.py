@@ -18,18 +18,17 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import Diagnosis, Kind
+from planner.file_names import TIMELINE, TRIALS_DIR
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import preset
-from planner.pipeline.attempt import Attempt, Trial
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.attempt_pool import SPECULATION_PULSES, AttemptPool
-from planner.pipeline.fold_layout import TIMELINE, TRIALS_DIR
+from planner.pipeline.exploding import explode
 from planner.pipeline.job import Watch
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search_limits import MAX_EXPLOSIONS
 from planner.pipeline.stages import run_stage, run_stages
-from planner.pipeline.steps import explode
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain, write_path
@@ -51,7 +50,7 @@ PUSHED = Progress(stage="explode", fraction=0.5, pushes=SPECULATION_PULSES)
 
 def read(directory: FilePath, data: bytes, **values: Any) -> FilePath:
     directory.mkdir()
-    Workspace(directory).write_request(Request(**values), data)
+    Workspace(directory).write_request(FoldRequest(**values), data)
     run_stage("read", directory)
     return directory
 
@@ -61,7 +60,7 @@ def beside() -> list[psutil.Process]:
     return [
         child
         for child in psutil.Process().children()
-        if "planner.pipeline.attempt_process" in _command(child)
+        if "planner.pipeline.attempt_pool" in _command(child)
     ]
 
 
@@ -234,7 +233,7 @@ FOLDS: dict[str, Callable[[FilePath], FilePath]] = {
 
 def asked(directory: FilePath, data: bytes, **values: Any) -> FilePath:
     directory.mkdir()
-    Workspace(directory).write_request(Request(**values), data)
+    Workspace(directory).write_request(FoldRequest(**values), data)
     return directory
 
 

@@ -9,8 +9,7 @@ import pytest
 from planner.pipeline.attempt import Attempt
 from planner.pipeline.preference import PREFERENCES, Preference
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import count_plans, with_count
-from planner.pipeline.search_limits import REPEATED_PLAYBACK_REFINEMENT
+from planner.pipeline.search import REPEATED_PLAYBACK_REFINEMENT, count_plans, with_count
 from planner.progress import Progress
 from tests.planner.pipeline.test_improvements import choice, refused, tried_of, verified
 

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
+from planner.file_names import CANDIDATES, PREPARED
 from planner.pathfinding.options import PathOptions
-from planner.pipeline import steps
-from planner.pipeline.fold_layout import CANDIDATES
+from planner.pipeline import reading
 from planner.pipeline.prepare import Preparation, prepare
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
-from planner.plan.prepared import PREPARED, PreparedChains, key_of
+from planner.plan.prepared import PreparedChains, key_of
 
 CELLS = b"\n".join(b"%d,%d,%d" % (x, y, z) for x in range(4) for y in range(2) for z in range(2))
 OPTIONS = PathOptions(as_voxels=True, method="blocks")
@@ -27,7 +27,7 @@ def previewed() -> Preparation:
 
 
 def read(directory: Path) -> tuple[dict[str, Any], bytes]:
-    request = Request(filename="bar.csv", as_voxels=True, method="blocks", seed=3)
+    request = FoldRequest(filename="bar.csv", as_voxels=True, method="blocks", seed=3)
     Workspace(directory).write_request(request, CELLS)
     return run_stage("read", directory), (directory / CANDIDATES).read_bytes()
 
@@ -40,7 +40,7 @@ def test_read_of_stored_chains_equals_a_search(
         directory.mkdir()
     expected = read(searched)
     previewed().prepared().save(stored, KEY)
-    monkeypatch.delattr(steps, "prepare")  # the second fold does not search
+    monkeypatch.delattr(reading, "prepare")  # the second fold does not search
     assert read(stored) == expected
     assert not (stored / PREPARED).exists()
 

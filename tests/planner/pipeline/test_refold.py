@@ -25,13 +25,13 @@ from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters
 from planner.pipeline.fold import fold, refold
 from planner.pipeline.manifest import write_manifest
-from planner.pipeline.request import Request
-from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
-from planner.progress import Progress
+from planner.progress import STAGES, Progress
 from planner.readers import read
 from planner.verification.verify import verify
 from tests.planner.chains import line
@@ -311,7 +311,7 @@ def test_it_stays_the_chain_that_it_is(wrench: Folded, tmp_path: FilePath) -> No
     larger = replace(wrench.plan, chain=replace(wrench.chain, pitch_m=0.05))
     Workspace(tmp_path).write_start(larger)
     Workspace(tmp_path).write_request(
-        Request(refold=True), (SHAPES / "mallet-24.json").read_bytes()
+        FoldRequest(refold=True), (SHAPES / "mallet-24.json").read_bytes()
     )
     assert run_stage("read", tmp_path)["pitch_m"] == 0.05
 
@@ -351,7 +351,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch, frame: float) -> None:
             min_clearance_at=replace(found.min_clearance_at, frame=frame),
         )
 
-    monkeypatch.setattr("planner.pipeline.steps.certify", refusing)
+    monkeypatch.setattr("planner.pipeline.certifying.certify", refusing)
 
 
 @pytest.mark.slow

@@ -20,11 +20,10 @@ from planner.motion.record import Record, Spent
 from planner.motion.timeline import Timeline
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.parameters.parameters import Parameters
-from planner.pipeline.attempt import Attempt, Reason, Trial
-from planner.pipeline.request import Request
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Reason, Trial
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import Explode, next_step
-from planner.pipeline.search_limits import MAX_EXPLOSIONS
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -254,7 +253,7 @@ def test_all_that_was_tried_is_in_the_plan(
     cells += [(2 - x if y % 2 == 0 else x, 2 - y, 1) for y in range(3) for x in range(3)]
     path = write_path(Path.from_cells(cells, name="slab"))
     (tmp_path / "auto").mkdir()
-    Workspace(tmp_path / "auto").write_request(Request(), path)
+    Workspace(tmp_path / "auto").write_request(FoldRequest(), path)
     summary = run_stages(tmp_path / "auto")
     assert summary["status"] == "verified"
     plan = Plan.load(tmp_path / "auto" / "plan.npz")
@@ -265,7 +264,7 @@ def test_all_that_was_tried_is_in_the_plan(
     assert plan.attempts[0]["diagnosis"]["kind"] in ("contacts", "joints", "limit")
     assert plan.attempts[-1]["diagnosis"] is None
     (tmp_path / "one").mkdir()
-    Workspace(tmp_path / "one").write_request(Request(strategy="simultaneous"), path)
+    Workspace(tmp_path / "one").write_request(FoldRequest(strategy="simultaneous"), path)
     failed = run_stages(tmp_path / "one")
     assert failed["status"] == "failed" and "it sticks" in failed["reason"]
     tried = Plan.load(tmp_path / "one" / "plan.npz").attempts

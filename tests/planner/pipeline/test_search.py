@@ -11,9 +11,12 @@ import pytest
 from planner.pipeline.attempt import Attempt, Candidates, Trial, latest_playback
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.preference import PlanFigures
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import (
+    MAX_PLAYBACKS_BEFORE_VERIFIED,
+    MAX_REFUSED_EXPLOSIONS,
+    REPEATED_PLAYBACK_REFINEMENT,
     Certify,
     Explode,
     PlayBack,
@@ -22,11 +25,6 @@ from planner.pipeline.search import (
     before_playback,
     next_step,
     with_choice,
-)
-from planner.pipeline.search_limits import (
-    MAX_PLAYBACKS_BEFORE_VERIFIED,
-    MAX_REFUSED_EXPLOSIONS,
-    REPEATED_PLAYBACK_REFINEMENT,
 )
 from tests.planner.chains import coil
 
@@ -172,4 +170,4 @@ def test_published_recipes_and_baselines_are_not_tried_again(
     values: dict[str, Any], retries: bool
 ) -> None:
     candidates = Candidates((coil(8),), two_ended=False)
-    assert RetryPolicy.of(Request(**values), candidates).retries_refused == retries
+    assert RetryPolicy.of(FoldRequest(**values), candidates).retries_refused == retries

@@ -17,7 +17,7 @@ from planner.parameters.settings import (
     with_settings,
 )
 from planner.pipeline.fold import fold, refold
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 
 PAPER = preset("paper")
 
@@ -114,7 +114,9 @@ def test_longer_chains_are_simulated_on_wish(name: str) -> None:
 def test_what_is_set_to_what_it_is_anyway_is_the_same_request(
     name: str, given: str, kept: str
 ) -> None:
-    assert Request(preset=name, settings=given).canonical() == Request(preset=name, settings=kept)
+    assert FoldRequest(preset=name, settings=given).canonical() == FoldRequest(
+        preset=name, settings=kept
+    )
 
 
 def test_a_default_is_that_of_the_preset() -> None:

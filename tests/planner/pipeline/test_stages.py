@@ -19,12 +19,12 @@ from planner.motion.motion import PHASES
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.fold_layout import result
-from planner.pipeline.request import Request
-from planner.pipeline.stages import STAGES, next_stage, run_stage, run_stages
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import next_stage, run_stage, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_path
-from planner.progress import Progress
+from planner.progress import STAGES, Progress
 from planner.simulation.anchored import Anchored
 from planner.simulation.engine import SpringChain
 from planner.simulation.reduced import Acceleration, State
@@ -45,7 +45,7 @@ OUTPUTS = {
 
 def begun(directory: FilePath, **values: Any) -> FilePath:
     directory.mkdir(exist_ok=True)
-    Workspace(directory).write_request(Request(**values), write_path(COIL))
+    Workspace(directory).write_request(FoldRequest(**values), write_path(COIL))
     return directory
 
 
@@ -223,7 +223,7 @@ def test_a_good_fold_leaves_nothing_to_a_bad_one_in_the_same_place(
     assert run(directory, *STAGES)[-1]["status"] == "verified"
     (directory / "picture.png").write_bytes(b"of the shape before")
     break_explosions(monkeypatch, 60)
-    Workspace(directory).write_request(Request(seed=1), write_path(COIL))
+    Workspace(directory).write_request(FoldRequest(seed=1), write_path(COIL))
     export = run(directory, *STAGES)[-1]
     assert not (directory / "picture.png").exists()
     assert export["status"] == "failed"
@@ -234,7 +234,7 @@ def test_a_good_fold_leaves_nothing_to_a_bad_one_in_the_same_place(
 def test_direct_servoing_has_no_explosion(tmp_path: FilePath) -> None:
     directory = begun(tmp_path / "fold")
     run(directory, *STAGES)
-    Workspace(directory).write_request(Request(preset="direct"), write_path(COIL))
+    Workspace(directory).write_request(FoldRequest(preset="direct"), write_path(COIL))
     _, explode, play_back, certify, export = run(directory, *STAGES)
     assert explode["status"] == "none"
     assert play_back["steps"] > 0
@@ -297,7 +297,9 @@ def test_a_chain_that_sticks_makes_room_for_the_next_candidate(
     cells = [[x, y, z] for x in range(4) for y in range(2) for z in range(2)]
     data = json.dumps({"format": "foldback-voxels/1", "name": "bar", "cells": cells}).encode()
     # One strategy, so that there is little else to change.
-    Workspace(tmp_path).write_request(Request(filename="bar.json", strategy="simultaneous"), data)
+    Workspace(tmp_path).write_request(
+        FoldRequest(filename="bar.json", strategy="simultaneous"), data
+    )
     read = run_stage("read", tmp_path)
     assert read["kind"] == "voxels"
     assert read["candidates"] >= 2
@@ -346,7 +348,7 @@ def refuse_first(monkeypatch: pytest.MonkeyPatch, times: int, *, frame: float) -
             min_clearance_playback_at=Place(frame=frame, modules=(1, 9)),
         )
 
-    monkeypatch.setattr("planner.pipeline.steps.certify", refused)
+    monkeypatch.setattr("planner.pipeline.certifying.certify", refused)
 
 
 def test_an_overlap_between_frames_is_looked_at_with_more_of_them(
@@ -376,7 +378,7 @@ def test_a_refused_plan_is_tried_with_the_next_seed(
     assert [attempt["seed"] for attempt in attempts] == [7, 8]
     assert [attempt["verdict"].startswith("verified") for attempt in attempts] == [False, True]
     record = Record.load(directory / "record.npz")
-    anew = explode(Chain.from_path(COIL), Request().parameters().explosion, seed=8)
+    anew = explode(Chain.from_path(COIL), FoldRequest().parameters().explosion, seed=8)
     np.testing.assert_array_equal(record.frames.joint_angles_rad, anew.frames.joint_angles_rad)
 
 
@@ -425,7 +427,7 @@ def test_what_was_published_is_not_tried_again(
 
 
 def test_a_fold_that_was_read_before_there_were_other_ends_goes_on(tmp_path: FilePath) -> None:
-    Workspace(tmp_path).write_request(Request(), write_path(COIL))
+    Workspace(tmp_path).write_request(FoldRequest(), write_path(COIL))
     run_stage("read", tmp_path)
     candidates = tmp_path / "candidates.json"
     chains = json.loads(candidates.read_bytes())["chains"]

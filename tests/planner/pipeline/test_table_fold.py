@@ -15,17 +15,17 @@ from examples.run_gallery import SHAPES
 from planner.certificate.table_forces import TableForces
 from planner.errors import InputError
 from planner.parameters.parameters import Parameters
+from planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.prepare import prepare
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
-from planner.pipeline.steps import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.verification.own_parameters import own_parameters
 from planner.verification.verify import verify
 
 CELLS = [[x, y, z] for z in range(2) for y in range(2) for x in range(2)]
-ON_TABLE = Request(world="table", as_voxels=True)
+ON_TABLE = FoldRequest(world="table", as_voxels=True)
 RUBBING = "table_friction=0.1"
 
 
@@ -127,30 +127,30 @@ def test_what_lies_flat_is_verified_again_from_its_files(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("request_", "code"),
     [
-        (Request(world="moon"), "unknown-world"),  # pyright: ignore[reportArgumentType]
-        (Request(world="table", preset="paper"), "unsuited-world"),
-        (Request(world="table", module="tetrahedron"), "unsuited-world"),
-        (Request(world="table", strategy="blocks"), "unsuited-world"),
-        (Request(world="table", refold=True), "unsuited-world"),
-        (Request(settings="table_torque=4"), "bad-settings"),
-        (Request(settings="table_base=free"), "bad-settings"),
+        (FoldRequest(world="moon"), "unknown-world"),  # pyright: ignore[reportArgumentType]
+        (FoldRequest(world="table", preset="paper"), "unsuited-world"),
+        (FoldRequest(world="table", module="tetrahedron"), "unsuited-world"),
+        (FoldRequest(world="table", strategy="blocks"), "unsuited-world"),
+        (FoldRequest(world="table", refold=True), "unsuited-world"),
+        (FoldRequest(settings="table_torque=4"), "bad-settings"),
+        (FoldRequest(settings="table_base=free"), "bad-settings"),
     ],
 )
-def test_what_a_table_cannot_have_is_refused(request_: Request, code: str) -> None:
+def test_what_a_table_cannot_have_is_refused(request_: FoldRequest, code: str) -> None:
     with pytest.raises(InputError) as error:
         request_.check()
     assert error.value.code == code
 
 
 def test_settings_of_the_table_reach_the_explosion() -> None:
-    asked = Request(
+    asked = FoldRequest(
         world="table", settings="table_torque=4, table_friction=0.1, table_base=clamped"
     )
     table = asked.parameters().table
     assert (table.most_torque, table.friction, table.base) == (4.0, 0.1, "clamped")
-    assert Request(world="table", settings=RUBBING).parameters().table.base == "free"
+    assert FoldRequest(world="table", settings=RUBBING).parameters().table.base == "free"
     same = replace(asked, settings="table_base=free").canonical()
-    assert same == Request(world="table")
+    assert same == FoldRequest(world="table")
 
 
 def test_a_shape_without_a_path_for_a_table_is_told_why() -> None:
@@ -163,5 +163,5 @@ def test_a_shape_without_a_path_for_a_table_is_told_why() -> None:
 def test_a_path_that_goes_down_is_refused() -> None:
     path = [[0, 0, 1], [1, 0, 1], [2, 0, 1], [2, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0]]
     with pytest.raises(InputError) as error:
-        prepare(json.dumps(path).encode(), None, Request(world="table").path_options())
+        prepare(json.dumps(path).encode(), None, FoldRequest(world="table").path_options())
     assert error.value.code == "not-for-a-table"

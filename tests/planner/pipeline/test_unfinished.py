@@ -13,7 +13,7 @@ from planner.chain.path import Path
 from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
 from planner.pipeline.attempt import Attempt, Trial
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.shape_files import write_path
@@ -112,7 +112,9 @@ def test_without_a_frame_there_is_nothing_to_tell(tmp_path: FilePath) -> None:
 
 def test_what_was_tried_is_known_while_the_next_is_under_way(tmp_path: FilePath) -> None:
     cells = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1)]
-    Workspace(tmp_path).write_request(Request(), write_path(Path.from_cells(cells, name="hook")))
+    Workspace(tmp_path).write_request(
+        FoldRequest(), write_path(Path.from_cells(cells, name="hook"))
+    )
     run_stage("read", tmp_path)
     seen: list[object] = []
 

@@ -30,7 +30,7 @@ from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.workspace import Workspace
 from planner.chain.path import Path
 from planner.plan.plan import Plan
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.fold import smooth_plan
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
@@ -40,20 +40,20 @@ few = write_path(Path.from_cells(layered_snake((2, 2, 3)), name="few"))
 path = write_path(Path.from_cells(layered_snake((4, 4, 4)), name="box"))
 for strategy in ("simultaneous", "peel", "blocks"):
     with TemporaryDirectory() as place:
-        Workspace(FilePath(place)).write_request(Request(strategy=strategy), path)
+        Workspace(FilePath(place)).write_request(FoldRequest(strategy=strategy), path)
         assert run_stages(FilePath(place))["status"] == "verified", strategy
         if strategy == "simultaneous":
             assert smooth_plan(Plan.load(FilePath(place) / "plan.npz")).verified
 for options in ({"preset": "paper"}, {"strategy": "one-by-one"}):
     with TemporaryDirectory() as place:
-        Workspace(FilePath(place)).write_request(Request(**options), few)
+        Workspace(FilePath(place)).write_request(FoldRequest(**options), few)
         assert run_stages(FilePath(place))["status"] == "verified", options
 box = trimesh.creation.box((2, 2, 3))
 turned = box.copy()
 turned.faces[3] = turned.faces[3][::-1]
 for solid, module in ((box, "tetrahedron"), (turned, "cube")):
     with TemporaryDirectory() as place:
-        request = Request(module=module, modules=24)
+        request = FoldRequest(module=module, modules=24)
         Workspace(FilePath(place)).write_request(request, solid.export(file_type="off").encode())
         assert run_stages(FilePath(place))["status"] == "verified", module
 """

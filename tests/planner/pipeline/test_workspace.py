@@ -15,22 +15,14 @@ import pytest
 from planner.certificate.certificate import Certificate, Place, certify
 from planner.chain.chain import Chain
 from planner.explosion.simultaneous import explode
+from planner.file_names import CERTIFICATE, PLANS_DIR, PLAYABLE, RESULT_FILES, TIMELINE
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.explosion import ExplosionParameters
 from planner.pipeline.attempt import Attempt, Trial
-from planner.pipeline.fold_layout import (
-    CERTIFICATE,
-    PLANS_DIR,
-    PLAYABLE,
-    RESULT_FILES,
-    TIMELINE,
-    folder,
-    numbers,
-    result,
-)
-from planner.pipeline.request import Request
+from planner.pipeline.fold_layout import folder, numbers, result
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import next_stage, run_stage, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -42,7 +34,7 @@ pytestmark = pytest.mark.slow
 
 def begun(directory: FilePath, **values: Any) -> FilePath:
     directory.mkdir()
-    Workspace(directory).write_request(Request(**values), write_path(COIL))
+    Workspace(directory).write_request(FoldRequest(**values), write_path(COIL))
     return directory
 
 
@@ -65,7 +57,7 @@ def refusing(monkeypatch: pytest.MonkeyPatch, *clearances: float) -> None:
             min_clearance_at=Place(frame=3.0, modules=(1, 9)),
         )
 
-    monkeypatch.setattr("planner.pipeline.steps.certify", judge)
+    monkeypatch.setattr("planner.pipeline.certifying.certify", judge)
 
 
 def sticking(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,7 +113,7 @@ def test_the_closest_of_the_refused_is_shown(
     summary = run_stages(directory)
     assert summary["certificate"]["min_clearance"] == clearances[shown]
     plan = Plan.load(directory / "plan.npz")
-    anew = explode(plan.chain, Request().parameters().explosion, seed=shown)
+    anew = explode(plan.chain, FoldRequest().parameters().explosion, seed=shown)
     record = Record.load(directory / "record.npz")
     np.testing.assert_array_equal(record.frames.joint_angles_rad, anew.frames.joint_angles_rad)
     assert not (directory / "attempts").exists()

@@ -19,7 +19,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline import stages
 from planner.pipeline.fold import refold, smooth_plan
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -126,7 +126,7 @@ def test_what_the_certificate_refuses_is_smoothed_less(
         angles[len(angles) // 2] = plan.chain.module.angle_limit_rad
         return replace(record, frames=record.frames.with_columns(joint_angles_rad=angles))
 
-    monkeypatch.setattr("planner.pipeline.steps.smoothed_record", spoiled)
+    monkeypatch.setattr("planner.pipeline.exploding.smoothed_record", spoiled)
     plan = smooth_plan(wrench, directory=tmp_path)
     assert tried == [SMOOTHED, SOFTENED, RECORDED]
     assert plan.verified
@@ -154,7 +154,7 @@ def test_overlaps_between_frames_leave_the_last_way_to_be_tried(
             min_clearance_playback_at=place,
         )
 
-    monkeypatch.setattr("planner.pipeline.steps.certify", judge)
+    monkeypatch.setattr("planner.pipeline.certifying.certify", judge)
     plan = smooth_plan(folded("wrench-24").plan, directory=tmp_path)
     assert plan.verified
     assert [(a["strategy"], a.get("finer", 1)) for a in plan.attempts] == [
@@ -185,7 +185,7 @@ def test_an_interrupted_smoothing_comes_to_the_same(
 
 
 def test_a_cancelled_smoothing_is_no_plan(mallet: Folded, tmp_path: FilePath) -> None:
-    request = Request.smoothing(mallet.plan, seed=0, module_size=None)
+    request = FoldRequest.smoothing(mallet.plan, seed=0, module_size=None)
     data = write_chain(mallet.plan.chain)
     Workspace(tmp_path).write_request(request, data, recorded=mallet.plan)
     summary = run_stages(tmp_path, cancelled=lambda: True)
@@ -217,5 +217,5 @@ def test_what_cannot_be_smoothed_is_refused_in_words(
 @pytest.mark.parametrize("wish", [{"preset": "paper"}, {"strategy": "peel"}])
 def test_it_is_not_recorded_again(wish: dict[str, str]) -> None:
     with pytest.raises(InputError, match="smoothing runs no new explosion") as told:
-        Request(smooth=True, **wish).check()  # pyright: ignore[reportArgumentType]
+        FoldRequest(smooth=True, **wish).check()  # pyright: ignore[reportArgumentType]
     assert told.value.where == next(iter(wish))

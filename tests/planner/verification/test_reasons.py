@@ -19,7 +19,7 @@ from planner.motion.record import Record, Spent, TableRecord
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.parameters.parameters import Parameters
 from planner.pathfinding.lattice import neighbours
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -250,7 +250,7 @@ def test_record_of_earlier_version_is_checked_by_the_limits_of_then() -> None:
 
 
 def test_failed_table_fold_is_verified_with_the_limit_that_ended_it(tmp_path: FilePath) -> None:
-    request = Request(world="table", as_voxels=True, settings="table_torque=0.5")
+    request = FoldRequest(world="table", as_voxels=True, settings="table_torque=0.5")
     cells = [[x, y, z] for z in range(2) for y in range(2) for x in range(2)]
     Workspace(tmp_path).write_request(request, json.dumps(cells).encode())
     summary = run_stages(tmp_path)
@@ -271,12 +271,12 @@ def test_a_fold_that_gives_up_is_verified_with_its_reason(
 ) -> None:
     hasty = replace(HASTY, strategy="simultaneous")
 
-    def parameters(request: Request, **more: Any) -> Parameters:
+    def parameters(request: FoldRequest, **more: Any) -> Parameters:
         del request, more
         return hasty
 
-    monkeypatch.setattr(Request, "parameters", parameters)
-    Workspace(tmp_path).write_request(Request(strategy="simultaneous"), write_path(COIL))
+    monkeypatch.setattr(FoldRequest, "parameters", parameters)
+    Workspace(tmp_path).write_request(FoldRequest(strategy="simultaneous"), write_path(COIL))
     summary = run_stages(tmp_path)
     assert summary["status"] == "failed"
     assert summary["stuck"]["evidence"]["spent"] == "steps"

@@ -145,26 +145,6 @@ def test_problems_say_what_the_service_said(desk: Service) -> None:
         client.ask("GET", "http://example.org/api/folds")
 
 
-def test_only_owners_cancel(desk: Service) -> None:
-    with client_of(desk) as mine, client_of(desk) as other:
-        fold = mine.fold(SNAKE, seed=42)
-        assert fold.token == mine.token
-        with pytest.raises(Problem) as caught:
-            other.get(fold.id).cancel()
-        assert (caught.value.status, caught.value.code) == (403, "not-owner")
-        assert fold.cancel().status == "cancelled"
-        assert fold.over and not fold.verified
-
-
-def test_a_shape_that_others_asked_for_too_is_nobody_s(desk: Service) -> None:
-    with client_of(desk) as first, client_of(desk) as second:
-        assert first.fold(shape="wrench-80").id == second.fold(shape="wrench-80").id
-        fold = second.fold(shape="wrench-80")
-        assert (fold.existing, fold.token) == (True, None)
-        with pytest.raises(Problem, match="no-owner-token"):
-            fold.cancel()
-
-
 def test_an_upload_whose_answer_was_lost_has_one_owner(desk: Service) -> None:
     def lose_the_first(method: str, path: str, time: int) -> str | None:
         return "lose" if (method, path, time) == ("POST", FOLDS, 1) else None

@@ -179,18 +179,6 @@ def test_a_gallery_shape_keeps_its_title(service: Service, desk: Service, wrench
     assert '<h1 id="name">Small wrench</h1>' in service.http.get(f"/folds/{wrench}").text
 
 
-def test_only_owners_cancel_and_delete(desk: Service) -> None:
-    mine, other = desk.fold(SNAKE, seed="9"), desk.fold(SNAKE, seed="10")
-    here = f"/api/folds/{mine['id']}"
-    for method, address in (("POST", f"{here}/cancel"), ("DELETE", here)):
-        assert desk.http.request(method, address).status_code == 401
-        assert desk.http.request(method, address, headers=owner(other)).status_code == 403
-    assert desk.state(mine["id"])["status"] == "queued"
-    assert desk.http.delete(here, headers=owner(mine)).status_code == 204
-    assert desk.http.get(here).status_code == 404
-    assert not (desk.directory(mine["id"])).exists()
-
-
 def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Service) -> None:
     options = {"shape": "mallet-64", "preset": "paper"}  # it explodes slowly
     accepted = service.fold(**options)

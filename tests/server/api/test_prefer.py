@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from planner.pipeline.expected_cost import expected_cost
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
 from tests.server.service import STAIRS, Service
 
@@ -62,7 +62,7 @@ def test_a_baseline_has_no_choice(desk: Service) -> None:
 
 
 def test_who_wants_a_choice_waits_for_it() -> None:
-    plain, choosing = Request(), Request(prefer="time")
+    plain, choosing = FoldRequest(), FoldRequest(prefer="time")
     short, long = (
         [expected_cost(modules, request).expected_s for request in (plain, choosing)]
         for modules in (288, 9600)

@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from planner.pipeline.expected_cost import expected_cost
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from tests.server.service import STAIRS, Service
 from web.timeline.columns import decode
 
@@ -174,7 +174,7 @@ def test_floating_it_is_another_fold(service: Service, resting: dict[str, Any]) 
 
 
 def test_who_wants_it_on_a_table_waits_for_it() -> None:
-    floating, table = (expected_cost(64, Request(world=w)) for w in ("floating", "table"))
+    floating, table = (expected_cost(64, FoldRequest(world=w)) for w in ("floating", "table"))
     assert table.expected_s > 10 * floating.expected_s
 
 

@@ -12,13 +12,13 @@ from typing import Any, cast
 
 import pytest
 
+from planner.pipeline.request import PreviewRequest
 from server.errors import TooMany
 from server.files import previews as previews_module
 from server.files.previews import (
     MAX_OPTION_SETS,
     NoSuchPreviewError,
     Previews,
-    ShapeOptions,
     _measure,
 )
 from server.files.stored_previews import (
@@ -72,7 +72,7 @@ def test_previews_of_an_upload_by_strangers_leave_the_owner_its_own(tmp_path: Pa
     reader = cast("Reader", SimpleNamespace(call=write_report))
 
     def ask(seed: int, visitor: str) -> None:
-        previews.report(preview_id, ShapeOptions(seed=seed), reader, visitor=visitor)
+        previews.report(preview_id, PreviewRequest(seed=seed), reader, visitor=visitor)
 
     with uploads.stored(BytesIO(b"[]"), "thing.stl") as upload:
         preview_id = previews.add(upload, "owner")
@@ -139,16 +139,20 @@ def test_sweep_of_previews_measures_only_what_changed(
 def test_other_options_have_a_report_of_their_own() -> None:
     others = [
         *(
-            ShapeOptions(module="tetrahedron"),
-            ShapeOptions(modules=64),
-            ShapeOptions(method="exact"),
+            PreviewRequest(module="tetrahedron"),
+            PreviewRequest(modules=64),
+            PreviewRequest(method="exact"),
         ),
-        *(ShapeOptions(repair=True), ShapeOptions(ends="surface"), ShapeOptions(as_voxels=True)),
-        *(ShapeOptions(start=(0, 0, 0)), ShapeOptions(seed=1), ShapeOptions(path=False)),
-        ShapeOptions(world="table"),
+        *(
+            PreviewRequest(repair=True),
+            PreviewRequest(ends="surface"),
+            PreviewRequest(as_voxels=True),
+        ),
+        *(PreviewRequest(start=(0, 0, 0)), PreviewRequest(seed=1), PreviewRequest(path=False)),
+        PreviewRequest(world="table"),
     ]
-    assert len(others) == len(fields(ShapeOptions))
-    assert len({options.key for options in (ShapeOptions(), *others)}) == len(others) + 1
+    assert len(others) == len(fields(PreviewRequest))
+    assert len({options.key for options in (PreviewRequest(), *others)}) == len(others) + 1
 
 
 @pytest.mark.parametrize("about", [b"[]", b"7", b"\xff", b"[" * 100_000])

@@ -15,7 +15,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 import pytest
 
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -95,7 +95,7 @@ def make(here: Here, tmp_path: Path) -> Make:
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The plan of a small fold."""
     directory = tmp_path_factory.mktemp("snake")
-    Workspace(directory).write_request(Request(), json.dumps(SNAKE).encode())
+    Workspace(directory).write_request(FoldRequest(), json.dumps(SNAKE).encode())
     run_stages(directory)
     return directory / "plan.npz"
 

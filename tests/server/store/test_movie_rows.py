@@ -20,7 +20,6 @@ from server.jobs.queue import Jobs
 from server.limits.networks import visitor_at
 from server.settings import Settings
 from server.store.folds import Store, new_token
-from server.store.owned import change_fold
 from server.store.tables import FoldRow, MovieRow
 from tests.server.rows import a_fold
 from web.movies.movie import Movie
@@ -241,25 +240,6 @@ def test_strangers_push_out_no_movie_of_the_owner(
     here.movies.ask("a1", MOVIES[3], "a stranger")
     there.make(MOVIES[3])
     assert len(left(here)) == 3
-
-
-def test_movies_are_listed_to_who_asked_for_them(
-    processes: Callable[..., list[Process]],
-) -> None:
-    here, there = processes()
-    owner, stranger = new_token(), new_token()
-    assert change_fold(here.store, "a1", OWNER, name="Mine", new_token=owner)
-    here.movies.ask("a1", MOVIES[0], "an owner", of_owner=True, token=owner)
-    assert there.movies.ask("a1", MOVIES[1], "a stranger", token=stranger)[1] == stranger
-
-    def listed(token: str) -> list[tuple[str, str]]:
-        return [(movie.id, fold.name) for movie, fold in here.movies.made(token)]
-
-    assert listed(owner) == [(MOVIES[0].key, "Mine")]
-    assert listed(stranger) == [(MOVIES[1].key, "Mine")]
-    assert listed(OWNER) == listed(new_token()) == []
-    here.movies.ask("a1", MOVIES[1], "an owner", of_owner=True, token=owner)  # his from now on
-    assert (len(listed(owner)), listed(stranger)) == (2, [])
 
 
 def test_a_movie_asked_for_at_once_by_a_stranger_and_the_owner_is_the_owner_s(

@@ -98,33 +98,6 @@ def test_a_cancelled_fold_is_not_begun_and_frees_its_key(store: Store) -> None:
     assert store.ask("b", TOKEN) is None
 
 
-def test_a_private_fold_has_one_owner_for_good(store: Store) -> None:
-    fold, stranger = row("key"), new_token()
-    store.add(fold, TOKEN)
-    for token in (stranger, TOKEN):
-        found = store.ask("key", token)
-        assert found is not None and found.id == fold.id
-    assert (store.owns(fold.id, TOKEN), store.owns(fold.id, stranger)) == (True, False)
-    assert ([r.id for r in store.list_owned(TOKEN)], store.list_owned(stranger)) == ([fold.id], [])
-    assert not store.cancel(fold.id, stranger)
-    assert not store.delete(fold.id, stranger)
-    assert store.delete(fold.id, TOKEN)
-    with pytest.raises(NoSuchFoldError):
-        store.fold(fold.id)
-    assert not store.finish(fold.id, "verified", summary={})
-
-
-def test_a_fold_of_the_gallery_is_nobody_s_once_two_have_asked_for_it(store: Store) -> None:
-    fold, second = row("key", public=True, shape="wrench-24"), new_token()
-    store.add(fold, TOKEN)
-    assert not store.owns(fold.id, TOKEN)  # others' movies of it are not his to delete
-    assert store.ask("key", TOKEN) is not None and not store.delete(fold.id, TOKEN)
-    found = store.ask("key", second)
-    assert found is not None and found.owner is None
-    assert not store.cancel(fold.id, TOKEN) and not store.cancel(fold.id, second)
-    assert store.fold(fold.id).status == "queued"
-
-
 @pytest.mark.parametrize("database", DATABASES)
 def test_what_somebody_asks_for_is_never_what_another_has_just_cancelled(
     database: str, tmp_path: Path, request: pytest.FixtureRequest

@@ -12,7 +12,7 @@ from planner.certificate.metrics import Figures
 from planner.errors import TimelineError
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters
-from planner.pipeline.request import Request
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -26,7 +26,7 @@ from web.timeline.metrics import curves_of, stretch_of
 @pytest.fixture(scope="module")
 def fold(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("fold")
-    Workspace(directory).write_request(Request(), json.dumps(SNAKE).encode())
+    Workspace(directory).write_request(FoldRequest(), json.dumps(SNAKE).encode())
     run_stages(directory)
     return directory
 

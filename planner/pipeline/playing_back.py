@@ -1,0 +1,200 @@
+"""Playing back: record → playback, floating or on a table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+from planner.certificate.table import table_certificate
+from planner.chain.chain import Chain
+from planner.motion.motion import Motion
+from planner.motion.record import Record
+from planner.motion.timeline import TimelineWriter
+from planner.parameters.explosion import TableParameters
+from planner.parameters.parameters import Parameters
+from planner.pipeline.job import Job, Search, Watch, is_smoothing
+from planner.pipeline.search import before_playback
+from planner.pipeline.workspace import Workspace
+from planner.playback.playback import Playback
+from planner.playback.playback import play_back as simulate_playback
+from planner.playback.table_playback import play_on_table
+from planner.playback.unfolding import Unfolding
+from planner.progress import Progress
+
+TABLE_MOTOR_RESERVE: Final = 1.5
+"""Torque limit of the simulated motors on a table, as a multiple of the largest static torque in
+the recorded motion. A larger value lets the chain accelerate more, so that it folds faster but
+needs stronger motors. Chosen."""
+MIN_SIZING_TORQUE_WP: Final = 1.0
+"""Minimum static torque from which the torque limit of the motors on a table is computed, in w·p
+(module weight × pitch). Smaller values leave motors of hardly loaded chains too little torque to
+accelerate. Chosen."""
+Sink = Callable[[Motion], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Played:
+    """Result of the stage ``play_back``.
+
+    Attributes:
+        playback: None when the chain was not straight after the explosion.
+    """
+
+    playback: Playback | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        if self.playback is not None:
+            return self.playback.summary()
+        return {
+            "status": "skipped",
+            "reason": "the chain was not straight after the explosion",
+            "steps": 0,
+            "seconds": 0.0,
+            "rms_position_error": None,
+            "max_angle_error_rad": None,
+        }
+
+
+def play_back_latest(workspace: Workspace, watch: Watch) -> Played:
+    """Run the stage ``play_back``: play the latest record back, if it ends straight."""
+    place = workspace.attempt
+    place.drop_playback()
+    job = workspace.read_job()
+    search = workspace.read_search(job)
+    record = search.current.record
+    if record is not None and record.status != "straight":
+        return Played(playback=None)
+    job = replace(job, unfolding=workspace.read_unfolding(job.request))
+    search = replace(search, history=before_playback(search.history, job.policy))
+    workspace.write_history(search.history)
+    watch = replace(watch, timeline=place.timeline)
+    search = with_playback(job, search, watch, finer=search.history[-1].finer)
+    playback = search.current.playback
+    assert playback is not None
+    place.write_playback(playback)
+    return Played(playback=playback)
+
+
+def with_playback(job: Job, search: Search, watch: Watch, *, finer: int) -> Search:
+    """Return the search after a playback of its current record.
+
+    Args:
+        job: Job of the fold.
+        search: Attempts so far.
+        watch: Channels to the observer.
+        finer: Factor on the number of frames.
+    """
+    search = replace(search, history=before_playback(search.history, job.policy))
+    result = search.current
+    playback = play_back(
+        result.chain,
+        result.record,
+        job.parameters(result.record),
+        watch,
+        seed=job.request.seed,
+        finer=finer,
+        unfolding=job.unfolding,
+    )
+    result = replace(result, playback=playback, certificate=None)
+    return search.with_current(result, replace(search.history[search.latest], played=True))
+
+
+def play_back(
+    chain: Chain,
+    record: Record | None,
+    parameters: Parameters,
+    watch: Watch,
+    *,
+    seed: int,
+    finer: int = 1,
+    unfolding: Unfolding | None = None,
+) -> Playback | None:
+    """Return the playback of a record; None when the chain was not straight after the explosion.
+
+    Args:
+        chain: Chain that is folded.
+        record: Record of its explosion; None where nothing explodes.
+        parameters: Parameters of the fold.
+        watch: Channels to whoever follows.
+        seed: Seed of the robots.
+        finer: Factor of the number of frames.
+        unfolding: Way of a refold to straight; None for other folds.
+    """
+    if record is not None and record.status != "straight":
+        return None
+    if record is not None and record.table is not None:
+        return _play_on_table(chain, record, parameters.table, watch)
+    # A refold's timeline goes from one shape to the other; a smoothed one only folds.
+    whole = unfolding is not None or is_smoothing(record)
+    start_s, frames = 0.0, 0
+    if record is not None and not whole:
+        start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
+    if watch.timeline is not None and whole:
+        TimelineWriter.create(watch.timeline, chain)
+    with _sink(watch.timeline, partial(TimelineWriter.reopen, frames=frames)) as sink:
+        return simulate_playback(
+            chain,
+            record,
+            parameters.playback,
+            module_size=parameters.module_size,
+            sink=sink,
+            progress=watch.progress,
+            cancelled=watch.cancelled,
+            start_s=start_s,
+            finer=finer,
+            unfolding=unfolding,
+            seed=seed,
+        )
+
+
+def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: Watch) -> Playback:
+    """Fold the chain on the table, with motors slightly stronger than standing needs."""
+    assert record.frames.is_windowed
+    assert record.table is not None
+    # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.
+    exploded = record.frames.dense(chain)
+    watch.progress(
+        Progress(stage="play_back", fraction=0.0, message="computing the balance of each frame")
+    )
+    standing = table_certificate(
+        chain,
+        record.frames[::-1],
+        friction=table.friction,
+        base=table.base,
+        on_table=True,
+        height=chain.table_height,
+    )
+    asked = record.table.bound if standing.torque is None else standing.torque
+    with _sink(watch.timeline, partial(TimelineWriter.create, chain=chain)) as sink:
+        if sink is not None:
+            sink(exploded)
+        playback = play_on_table(
+            chain,
+            record.frames,
+            torque_limit_wp=TABLE_MOTOR_RESERVE * max(asked, MIN_SIZING_TORQUE_WP),
+            friction=table.friction,
+            clamped=table.held,
+            start_s=float(exploded.time_s[-1]),
+            progress=watch.progress,
+            cancelled=watch.cancelled,
+        ).as_playback(chain.pitch_m)
+        if sink is not None:
+            sink(playback.frames)
+    return playback
+
+
+@contextmanager
+def _sink(
+    timeline: FilePath | None, opened: Callable[[FilePath], TimelineWriter]
+) -> Generator[Sink | None]:
+    """Yield what takes the frames of a playback; None where nobody follows."""
+    if timeline is None:
+        yield None
+        return
+    with opened(timeline) as writer:
+        yield writer.append

@@ -1,0 +1,121 @@
+"""Reading: from the bytes of an input to the chains that a fold may explode."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from planner.chain.chain import Chain
+from planner.explosion.strategies import on_lattice, strategies_for
+from planner.pipeline.attempt import Candidates
+from planner.pipeline.prepare import prepare
+from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from planner.plan.prepared import PreparedChains
+from planner.playback.unfolding import check_fits
+from planner.robot.smoothed import check_smoothable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """Result of the stage ``read``.
+
+    Attributes:
+        candidates: Chains that may be folded.
+        kind: ``path``, ``chain``, ``voxels``, ``mesh`` or ``plan``: what the input was.
+        method: Method that found the paths; None for a plan.
+        notes: Notes for users.
+        knot: Verdict on the knot of the first candidate; None without one.
+    """
+
+    candidates: Candidates
+    kind: str
+    method: str | None = None
+    notes: Sequence[str] = ()
+    knot: str | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        chain = self.candidates.chains[0]
+        return {
+            "kind": self.kind,
+            "method": self.method,
+            "notes": list(self.notes),
+            "knot": self.knot,
+            "candidates": len(self.candidates.chains),
+            "name": chain.name,
+            "module": chain.module.name,
+            "modules": len(chain),
+            "joints": chain.joint_count,
+            "hinges": len(chain.folded_rad),
+            "pitch_m": chain.pitch_m,
+        }
+
+
+def read_chains(workspace: Workspace) -> Reading:
+    """Run the stage ``read``: find the chains that may be folded, and write them."""
+    request = workspace.read_request()
+    request.check()
+    if request.smooth:
+        found = read_plan(workspace.read_recorded())
+    else:
+        workspace.drop_recorded()  # of an earlier fold with a preference
+        data, start = workspace.read_input(), workspace.read_start(request)
+        prepared = workspace.read_prepared(request, data)
+        found = read_shape(request, data, start=start, prepared=prepared)
+    workspace.clear()
+    workspace.write_candidates(found.candidates)
+    workspace.drop_prepared()
+    return found
+
+
+def read_plan(recorded: Plan) -> Reading:
+    """Return the chain of a plan that is smoothed.
+
+    Raises:
+        InputError: When it cannot be smoothed.
+    """
+    check_smoothable(recorded)
+    return Reading(candidates=Candidates((recorded.chain,), two_ended=False), kind="plan")
+
+
+def read_shape(
+    request: FoldRequest,
+    data: bytes,
+    *,
+    start: Chain | None = None,
+    prepared: PreparedChains | None = None,
+) -> Reading:
+    """Return the chains that fold into a shape, and how they were found.
+
+    Args:
+        request: Request of the fold.
+        data: Bytes of the shape.
+        start: Chain as it is folded at the beginning of a refold; None for other folds.
+        prepared: Chains that a preview has found with the same request; None to search for them.
+
+    Raises:
+        InputError: When the input cannot be used.
+    """
+    if prepared is None:
+        seed = request.seed % PATH_SEED_MODULUS
+        prepared = prepare(data, request.filename, request.path_options(), seed=seed).prepared()
+    chain, chains = prepared.chains[0], prepared.chains
+    if start is not None:
+        check_fits(start, chain.module.name, len(chain))
+        # It is the same chain, whatever size the other shape was drawn in.
+        chains = tuple(replace(c, pitch_m=start.pitch_m) for c in chains if len(c) == len(start))
+        chain = chains[0]
+    strategies_for(chain, request.parameters(), refolds=request.refold)  # or it is refused
+    # A chain comes as it is wanted; what only shows cells may as well begin at their other end.
+    given = prepared.kind == "chain" or request.start is not None or request.refold
+    given = given or request.world == "table"  # whose path begins on it
+    return Reading(
+        candidates=Candidates(chains, two_ended=not given and on_lattice(chain)),
+        kind=prepared.kind,
+        method=prepared.method,
+        notes=prepared.notes,
+        knot=prepared.knot,
+    )

@@ -1,0 +1,46 @@
+"""Forms: requests read from the fields of a form, which their options describe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from inspect import Parameter, Signature
+from typing import Annotated, Any, TypeVar
+
+from fastapi import Form
+
+from planner.parameters.option import Option, options_of
+from planner.pathfinding.options import PathOptions
+
+RequestT = TypeVar("RequestT", bound=PathOptions)
+
+
+def form_of(request: type[RequestT]) -> Callable[..., RequestT]:
+    """Return the dependency that reads a request from a form with a field for each option."""
+
+    def read(**given: Any) -> RequestT:
+        return request.of(**given)
+
+    parameters = [
+        Parameter(
+            name,
+            Parameter.KEYWORD_ONLY,
+            default=each.default,
+            annotation=Annotated[each.annotation, field(each)],
+        )
+        for name, each in options_of(request).items()
+    ]
+    vars(read)["__signature__"] = Signature(parameters)
+    return read
+
+
+def field(option: Option) -> Any:
+    """Return what the API says of an option, as a field of a form."""
+    low, high = option.range or (None, None)
+    return Form(
+        ge=low,
+        le=high,
+        pattern=option.pattern,
+        description=option.meaning or None,
+        # Longer ones are refused in the planner's words.
+        json_schema_extra={"maxLength": option.max_chars} if option.max_chars else None,
+    )

@@ -1,0 +1,125 @@
+"""Folds in every state, made without computing: rows, and files of the included folds."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from planner.files import settle
+from planner.plan.packed import unpack
+from server.api.context import Context
+from server.api.finished import FINISHED_FOLDS_DIR
+from tests.server.rows import a_fold
+from tests.server.service import SNAKE
+
+DAY = 1_700_000_000.0
+"""Time of all requests, s since 1970."""
+REASON = (
+    "in the plan, modules 3 and 7 overlap by 0.02 pitch at module size 0.95, 40 % into the fold "
+    "(frame 12.5 of the plan)"
+)
+KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
+TRIED = [
+    {"candidate": 0, "seed": 0, "strategy": "simultaneous", "status": "stalled", "steps": 900}
+    | {"seconds": 2.5, "stuck": KNOT},
+    {"candidate": 0, "seed": 0, "strategy": "peel", "status": "stalled", "steps": 120}
+    | {"seconds": 4.0, "stuck": {"kind": "budget", "modules": [3], "words": "time was up."}},
+]
+FIGURES = {
+    "verdict": "verified (simulated)",
+    "simulated": True,
+    "module_size": 0.95,
+    "min_clearance": 0.0489,
+    "min_clearance_playback": 0.0481,
+    "min_clearance_record": 0.049,
+    "clearance_bound": 0.0319,
+    "rms_position_error": 1e-12,
+    "max_angle_error_rad": 0.0007,
+    "peak_torque_nm": 0.0004,
+    "torque_source": "simulation, every step",
+    "frames": 4036,
+    "fold_time_s": 17.7,
+}
+SUMMARY = {"explosion": {"strategy": "simultaneous", "frames": 211, "steps": 200}, "hinges": 28}
+
+INCLUDED = {"pawn": "pawn", "cube": "tetra-cube-2", "refold": "wrench-80-to-mallet-80"}
+"""Included folds by the id that they get."""
+
+ROWS: Mapping[str, Mapping[str, Any]] = {
+    "queued": {"status": "queued", "name": "wrench-16", "world": "table"},
+    "running": {
+        "status": "running",
+        "stage": "explode",
+        "progress": {"stage": "explode", "fraction": 0.25, "frames": 40},
+        "prefer": "time",
+    },
+    "unreadable": {
+        "stage": "read",
+        "error": {"code": "not-adjacent", "detail": "got a gap.", "where": "cells 1 and 2"},
+    },
+    "knotted": {
+        "stage": "explode",
+        "summary": {**SUMMARY, "reason": "the path is knotted", "stuck": KNOT},
+        "seed": 7,
+    },
+    "stopped": {
+        "stage": "play_back",
+        "preset": "paper",
+        "settings": "damping=0.05,radial_gain=0.2",
+        "error": {"code": "time-limit", "detail": "the stage 'play_back' took long."},
+    },
+    "refuted": {
+        "stage": "certify",
+        "module_size": 0.99,
+        "summary": {
+            **SUMMARY,
+            "reason": REASON,
+            "certificate": {**FIGURES, "verdict": f"failed: {REASON}"},
+        },
+        "error": {"code": "not-verified", "detail": REASON},
+    },
+    "unwritten": {
+        "stage": "export",
+        "error": {"code": "internal", "detail": "the stage 'export' failed: KeyError: 'x'"},
+    },
+    "cancelled": {"status": "cancelled", "cancel_requested": True, "strategy": "peel"},
+    "smoothed": {
+        "status": "verified",
+        "smooths": "pawn",
+        "renamed": True,
+        "name": "My <pawn> & me",
+        "summary": {**SUMMARY, "status": "verified", "certificate": FIGURES},
+    },
+}
+"""Values of the made-up rows by their ids."""
+NAMES = (*INCLUDED, *ROWS)
+"""Ids of all folds."""
+
+
+def add_folds(context: Context) -> None:
+    """Add all folds to a store that has none of them."""
+    for fold_id, name in INCLUDED.items():
+        directory = context.store.directory(fold_id)
+        directory.mkdir(parents=True)
+        about = unpack((FINISHED_FOLDS_DIR / f"{name}.fold").read_bytes(), directory)
+        settle(directory)
+        summary = about["summary"]
+        known = {key: summary[key] for key in ("module", "modules", "preset", "seed")}
+        shape = about["shape"] if about["refold"] is None else None
+        included = {**summary, "included": {"version": about["version"]}}
+        values = known | {"public": True, "pinned": True, "shape": shape, "summary": included}
+        _add(context, fold_id, name=about["name"], refold=about["refold"], **values)
+    for fold_id, values in ROWS.items():
+        _add(context, fold_id, **{"status": "failed", **values})
+    directory = context.store.directory("knotted")
+    (directory / "attempts.json").write_text(json.dumps(TRIED))
+    (context.store.directory("queued") / "cells.json").write_text(json.dumps(SNAKE))
+
+
+def _add(context: Context, fold_id: str, **values: Any) -> None:
+    Path(context.store.directory(fold_id)).mkdir(parents=True, exist_ok=True)
+    row = a_fold(fold_id, **{"created_at": DAY, "ended_at": DAY, "seen_at": DAY, **values})
+    with context.store.changing() as session:
+        session.add(row)

@@ -1,0 +1,44 @@
+"""Descriptions of the service for programs and for the command line, as text."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from importlib.metadata import version
+from typing import Any
+
+from typer.testing import CliRunner
+
+from server.cli.command_line import COMMANDS, application
+
+WIDTH = 100
+"""Columns of the terminal for which help texts are laid out."""
+
+
+def openapi_text(description: dict[str, Any]) -> str:
+    """Return an OpenAPI description with its fields in their order, without the version."""
+    known = {**description, "info": {**description["info"], "version": "…"}}
+    return json.dumps(known, indent=1, ensure_ascii=False) + "\n"
+
+
+def help_text() -> str:
+    """Return the help of every command and of its subcommands."""
+    return "\n".join(f"$ foldback {' '.join(words)}\n{text}" for words, text in _helps())
+
+
+def _helps() -> Iterator[tuple[list[str], str]]:
+    yield ["--help"], _help("--help")
+    for command in COMMANDS:
+        text = _help(command, "--help")
+        yield [command, "--help"], text
+        _, _, listed = text.partition("─ Commands ─")
+        for line in listed.splitlines()[1:]:
+            if (name := line.strip("│ ").partition(" ")[0]).isidentifier():
+                yield [command, name, "--help"], _help(command, name, "--help")
+
+
+def _help(*words: str) -> str:
+    runner = CliRunner(env={"COLUMNS": str(WIDTH), "TERM": "dumb", "NO_COLOR": "1"})
+    told = runner.invoke(application(), words, prog_name="foldback").stdout
+    lines = [line.rstrip() for line in told.replace(version("foldback"), "…").splitlines()]
+    return "\n".join(lines).strip("\n") + "\n"

@@ -1,0 +1,112 @@
+"""Folds, movies and previews that belong to somebody, and those who ask for a change of them."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+from server.files.stored_previews import UPLOAD_FILE
+from server.store.folds import hash_of, new_id, new_token
+from server.store.tables import FoldRow, MovieRow, PreviewRow
+from tests.server.contract.application import Application
+from tests.server.rows import a_fold, a_movie
+
+ACTORS = ("none", "short", "stranger", "asker", "owner", "heir")
+"""Holders of no token, of one that is too short, of a random one; the client that has requested the
+same fold or a movie of it; the one that has requested the fold first; and the one that the fold or
+all things of its owner go to."""
+MOVIE_ID = "movie"
+STATES: dict[str, dict[str, Any]] = {
+    **{status: {"status": status} for status in ("queued", "running", "verified", "failed")},
+    "cancelled": {"status": "cancelled", "cancel_requested": True, "content_key": None},
+    "gallery": {"status": "queued", "public": True, "shape": "wrench-24"},
+}
+"""Values of folds by the first word for a thing."""
+
+
+class Thing:
+    """One fold with what belongs to it.
+
+    Args:
+        application: Application that has it.
+        words: Its state, and what has happened to it since, as in ``gallery+shared``.
+    """
+
+    def __init__(self, application: Application, words: str) -> None:
+        self.fold_id = new_id()
+        self.tokens = {actor: None if actor == "none" else new_token() for actor in ACTORS}
+        self.tokens["short"] = "short-and-guessable"
+        self._application = application
+        self._store = application.context.store
+        state, *events = words.split("+")
+        row = a_fold(self.fold_id, **{"content_key": new_token(), **STATES[state]})
+        self._store.add(row, self.token("owner"))
+        happen: dict[str, Callable[[], object]] = {
+            "shared": self._share,
+            "movie": lambda: self._add_movie(self.token("owner"), of_owner=True),
+            "asked-movie": lambda: self._add_movie(self.token("asker"), of_owner=False),
+            "taken-movie": lambda: self._add_movie(None, of_owner=True),
+            "preview": self._add_preview,
+            "handed": self._hand_over,
+            "rekeyed": self._replace_key,
+            "deleted": lambda: self._store.delete(self.fold_id),
+        }
+        for event in events:
+            happen[event]()
+
+    def token(self, actor: str) -> str:
+        """Return the token of an actor that has one."""
+        token = self.tokens[actor]
+        assert token is not None
+        return token
+
+    def state(self) -> tuple[object, ...]:
+        """Return all that an action may change."""
+        with self._store.reading() as session:
+            fold = session.get(FoldRow, self.fold_id)
+            movie = session.get(MovieRow, (self.fold_id, MOVIE_ID))
+            preview = session.get(PreviewRow, self.fold_id)
+        known = fold and (fold.name, fold.status, fold.cancel_requested, fold.owner)
+        return known, movie is None, preview is None
+
+    def _share(self) -> None:
+        content_key = self._store.fold(self.fold_id).content_key
+        assert content_key is not None
+        assert self._store.ask(content_key, self.token("asker")) is not None
+
+    def _hand_over(self) -> None:
+        self._give("PATCH", f"/api/folds/{self.fold_id}")
+
+    def _replace_key(self) -> None:
+        self._give("POST", "/api/mine/key")
+
+    def _give(self, method: str, path: str) -> None:
+        body = {"owner_token": self.token("heir")}
+        answer = self._application.ask(method, path, token=self.token("owner"), body=body)
+        assert answer.status_code == 200, answer.text
+
+    def _add_movie(self, token: str | None, *, of_owner: bool) -> None:
+        token_hash = "" if token is None else hash_of(token)
+        movie = a_movie(self.fold_id, MOVIE_ID, token_hash=token_hash, of_owner=of_owner)
+        with self._store.changing() as session:
+            session.add(movie)
+
+    def _add_preview(self) -> None:
+        directory = self._application.context.settings.previews_dir / self.fold_id
+        directory.mkdir()
+        (directory / UPLOAD_FILE).write_text(json.dumps({"filename": None, "visitor": "somebody"}))
+        row = PreviewRow(
+            id=self.fold_id,
+            owner=hash_of(self.token("owner")),
+            name="a shape",
+            modules=16,
+            module="cube",
+            key="0" * 24,
+            query="",
+            created_at=time.time(),
+            seen_at=time.time(),
+        )
+        with self._store.changing() as session:
+            session.add(row)
