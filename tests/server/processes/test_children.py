@@ -306,8 +306,6 @@ def test_a_child_ends_with_its_parent() -> None:
         stdout=subprocess.PIPE,
     )
     with child:
-        assert child.stdout is not None
         assert json.loads(child.stdout.readline())["event"] == "ready"
-        assert child.stdin is not None
         child.stdin.close()
         assert child.wait(60) == 1
