@@ -61,6 +61,11 @@ class PreviewRequest(PathOptions):
     seed: int = 0
     path: bool = True
 
+    @classmethod
+    def of_fold(cls, request: FoldRequest) -> PreviewRequest:
+        """Return the preview that finds the same path as a fold."""
+        return cls(**asdict(request.path_options()), seed=request.seed)
+
     @property
     def key(self) -> str:
         """The same for the same options."""

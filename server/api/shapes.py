@@ -17,19 +17,10 @@ from fastapi.responses import Response
 
 from planner.parameters.option import options_of
 from planner.pipeline.request import FoldRequest, PreviewRequest
-from server.api.folds import (
-    OPTIONAL_ID,
-    Bearer,
-    GalleryShape,
-    Here,
-    Uploaded,
-    input_of,
-    problems,
-    token_of,
-    validate,
-)
+from server.api.folds import Bearer, Here, problems, token_of
 from server.api.forms import field, form_of
 from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
+from server.api.source import GalleryShape, Origin, Uploaded, id_field, open_source, validate
 from server.errors import NotFound, Unusable
 from server.store.folds import hash_of
 from server.store.owned import note_preview
@@ -63,12 +54,7 @@ async def post_preview(
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
-        str | None,
-        Form(
-            max_length=64,
-            pattern=OPTIONAL_ID,
-            description="Or: the id of an earlier preview, with other options.",
-        ),
+        str | None, id_field("Or: the id of an earlier preview, with other options.")
     ] = None,
     seed: Seed = 0,
     path: Annotated[
@@ -92,8 +78,11 @@ async def post_preview(
     def reported(gone: Callable[[], bool]) -> Preview:
         known = preview
         if known is None or file is not None or shape is not None:
-            source, filename = input_of(context, file, shape, preview)
-            with source, context.uploads.stored(source, filename) as upload:
+            origin = Origin(file=file, shape=shape, preview=preview)
+            with (
+                open_source(context, origin, FoldRequest()) as (stream, source),
+                context.uploads.stored(stream, source.request.filename) as upload,
+            ):
                 known = context.previews.add(upload, visitor)
         report = context.previews.report(
             known, options, context.preparer, visitor=visitor, gone=gone
@@ -118,9 +107,7 @@ async def post_offers(
     request: Request,
     context: Here,
     options: Options,
-    preview: Annotated[
-        str, Form(max_length=64, pattern=OPTIONAL_ID, description="The id of an earlier preview.")
-    ],
+    preview: Annotated[str, id_field("The id of an earlier preview.")],
     seed: Seed = 0,
 ) -> TableOffers:
     """Search for a repair, 2×2×2 modules and nearby counts, until the client disconnects.

@@ -11,6 +11,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from planner.pipeline.request import FoldRequest
 from server.api.context import context_of, in_list_rate
 from server.api.folds import post_fold
+from server.api.source import Origin
 from server.errors import ServiceError
 from server.http.problems import Problem
 from server.pages.cards import (
@@ -65,11 +66,11 @@ def fold_shape(
     """Fold an example shape and redirect to its fold, for browsers without scripts."""
     try:
         accepted = post_fold(
-            request=request,
+            http=request,
             context=context_of(request),
             credentials=None,
+            origin=Origin(shape=name),
             asked=FoldRequest(world=world),
-            shape=name,
         )
     except ServiceError as error:
         problem = Problem.of(error)
