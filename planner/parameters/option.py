@@ -91,8 +91,9 @@ class Option:
     @property
     def annotation(self) -> Any:
         """The type of its values in a form: one of the choices, a text that is parsed, or as is."""
-        kind = self.kind if self.parse is None else str
-        kind = Literal[tuple(self.choices)] if self.choices else kind
+        kind: Any = self.kind if self.parse is None else str
+        if self.choices:
+            kind = Literal[tuple(self.choices)]
         return kind | None if self.optional else kind
 
     def read(self, value: Any) -> Any:
@@ -117,7 +118,7 @@ class Option:
         Raises:
             InputError: ``unknown-…`` or ``bad-…``, with the option in ``where``.
         """
-        if value is None and self.optional:
+        if value is None:
             return
         if self.choices and value not in self.choices:
             raise InputError(

@@ -137,7 +137,7 @@ class FoldRequest(PathOptions):
             "strategies, paths and smoothings, which takes several times as long. The plan's "
             "`attempts` list all of them with their figures.",
             label="Preferred plan",
-            choices=PREFERENCES,
+            choices={**PREFERENCES},
         ),
     )
     filename: str | None = None
