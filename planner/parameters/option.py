@@ -47,7 +47,7 @@ class Option:
         label: Label of its control on the preview page; empty if there is none.
         choices: Allowed values by name, in their order; empty if it has others.
         range: Smallest and largest number, inclusive; None for other values.
-        unit: What a number counts or is a fraction of, in error messages.
+        unit: Unit of the number, in error messages.
         pattern: Regular expression of the texts that ``parse`` reads.
         max_chars: Maximum number of characters of a text.
         metavar: Name of the value on the command line; that of its type if empty.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from typing import Any, Final, Literal, cast, overload
 
@@ -13,6 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
+from planner.parameters.parameters import World
+from planner.pipeline.request import FoldRequest
 from planner.progress import Stage
 from planner.readers.gallery import GalleryShape
 from server.jobs.remaining import EtaEstimator
@@ -431,13 +433,13 @@ class ExpectedTimes:
     expected_preferred_s: float
 
     @classmethod
-    def of(cls, report: Mapping[str, Any], world: str, expected: Expected) -> ExpectedTimes:
+    def of(cls, report: Mapping[str, Any], world: World, expected: Expected) -> ExpectedTimes:
         """Return the times of the chain that a preview reports."""
-        modules, module = int(report["modules"]), str(report["module"])
+        modules, plain = int(report["modules"]), FoldRequest(module=str(report["module"]))
         return cls(
-            expected_s=expected(plain_fold(modules, module=module, world=world)),
-            expected_as_published_s=expected(plain_fold(modules, module=module, preset="paper")),
-            expected_preferred_s=expected(plain_fold(modules, module=module, prefer="time")),
+            expected_s=expected(plain_fold(modules, replace(plain, world=world))),
+            expected_as_published_s=expected(plain_fold(modules, replace(plain, preset="paper"))),
+            expected_preferred_s=expected(plain_fold(modules, replace(plain, prefer="time"))),
         )
 
 

@@ -1,4 +1,4 @@
-"""Sources: what a fold is made from, and how each source completes the request."""
+"""Sources: inputs of folds, and how each of them completes the request."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def id_field(description: str) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
-    """What a form names as the input of a fold: one of its fields, and a refold's beginning.
+    """Input of a fold as a form names it, and the fold that a refold begins with.
 
     Attributes:
         file: An upload.
@@ -139,7 +139,7 @@ class Source:
 def open_source(
     context: Context, origin: Origin, request: FoldRequest
 ) -> Generator[tuple[BinaryIO, Source]]:
-    """Open what a form names, and complete a valid request by what is known of it.
+    """Open the input that a form names, and complete a valid request by it.
 
     Raises:
         NoSuchFoldError: When there is no such fold.
@@ -189,7 +189,7 @@ def _of_gallery(source: Source, shape: str) -> Source:
 
 
 def _of_preview(context: Context, source: Source, preview_id: str) -> Source:
-    """Complete the source of a preview by what it has found with the same options."""
+    """Complete the source of a preview by the cells and chains that it has found."""
     options = PreviewRequest.of_fold(source.request)
     return replace(
         source,

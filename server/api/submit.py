@@ -11,7 +11,6 @@ import time
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
 
 from planner.errors import InputError
 from planner.pipeline.expected_cost import ExpectedCost
@@ -27,18 +26,7 @@ from server.processes.read_task import MAX_STORED_CELLS
 from server.settings import Settings
 from server.store.fold_files import size_of, sync
 from server.store.folds import cost_of, hash_of, new_id
-from server.store.tables import FoldRow
-
-REQUESTED_COLUMNS: Final = (
-    "preset",
-    "settings",
-    "seed",
-    "module_size",
-    "strategy",
-    "prefer",
-    "world",
-)
-"""Options of a request that are columns of a fold's row, under the same names."""
+from server.store.tables import FoldRow, columns_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +35,7 @@ class Submission:
 
     Attributes:
         upload: Bytes of the input.
-        source: What the fold is made from, with its request.
+        source: Origin of the input, with the request that it completes.
         visitor: Name of the visitor with its networks.
         token: Token of the client, which owns the new fold.
     """
@@ -148,7 +136,7 @@ def _row(context: Context, submission: Submission, found: _Found) -> FoldRow:
         refold=parent.name if parent and parent.use == "refold" else None,
         smooths=parent.fold if parent and parent.use == "smooth" else None,
         bytes=size_of(submission.upload.directory),
-        **{name: getattr(source.request, name) for name in REQUESTED_COLUMNS},
+        **columns_of(source.request),
     )
 
 

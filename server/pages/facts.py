@@ -358,7 +358,7 @@ def _compare(found: Found, expected: Expected) -> list[Suggestion]:
     ]
     unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
     if row.preset == FoldRequest().preset:
-        takes_s = expected(plain_fold(row.modules, module=row.module, prefer=unlike))
+        takes_s = expected(plain_fold(row.modules, FoldRequest(module=row.module, prefer=unlike)))
         best: Suggestion = {
             "text": PREFERENCE_WORDS[unlike],
             "hint": f"Takes {_about(takes_s)}",
@@ -366,11 +366,13 @@ def _compare(found: Found, expected: Expected) -> list[Suggestion]:
         }
         others = [best, *others]
     if _may_rest(row) and not ruled_out_on_table(result(found.directory, CHAIN)):
-        takes = _about(expected(plain_fold(row.modules, world="table")))
+        takes = _about(expected(plain_fold(row.modules, FoldRequest(world="table"))))
         rests: Suggestion = {"text": "On a table", "hint": f"With gravity, takes {takes}"}
         rests["form"] = {**form, "world": "table"}
         others = [rests, *others]
-    takes = _about(expected(plain_fold(row.modules, module=row.module, preset="paper")))
+    takes = _about(
+        expected(plain_fold(row.modules, FoldRequest(module=row.module, preset="paper")))
+    )
     published: Suggestion = {
         "text": "Published method",
         "hint": f"Takes {takes}",

@@ -13,11 +13,10 @@ from typing import Final
 
 from cachetools import TTLCache
 
-from planner.parameters.parameters import AUTO, FLOATING
-from planner.pipeline.preference import COMPUTING
+from planner.pipeline.request import FoldRequest
 from server.store.durations import Duration, durations_like, typical_s
 from server.store.folds import Store, cost_of
-from server.store.tables import FoldRow
+from server.store.tables import FoldRow, columns_of
 
 DURATIONS_CACHE_S: Final = 5.0
 """Time for which durations of earlier folds are cached, in s. A larger value includes the newest
@@ -40,26 +39,10 @@ Expected = Callable[[FoldRow], float]
 """Returns the seconds that a fold is expected to take."""
 
 
-def plain_fold(
-    modules: int,
-    *,
-    module: str = "cube",
-    preset: str = "default",
-    prefer: str = COMPUTING,
-    world: str = FLOATING,
-) -> FoldRow:
-    """Return the row of a fold that nobody has asked for, to estimate its time."""
-    return FoldRow(
-        modules=modules,
-        module=module,
-        preset=preset,
-        prefer=prefer,
-        world=world,
-        strategy=AUTO,
-        settings="",
-        smooths=None,
-        refold=None,
-    )
+def plain_fold(modules: int, request: FoldRequest) -> FoldRow:
+    """Return the row of a fold that no client has requested, to estimate its time."""
+    columns = columns_of(request)
+    return FoldRow(modules=modules, module=request.module, smooths=None, refold=None, **columns)
 
 
 def expected_of_cost(row: FoldRow) -> float:

@@ -16,8 +16,7 @@ from docs import make_options
 from planner.parameters.option import Choice, Option, option, options_of
 from planner.pipeline.request import FoldRequest
 from server.api.forms import form_of
-from server.api.submit import REQUESTED_COLUMNS
-from server.store.tables import FoldRow
+from server.store.tables import REQUESTED_COLUMNS, FoldRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
