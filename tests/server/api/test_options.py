@@ -16,6 +16,7 @@ from docs import make_options
 from planner.parameters.option import Choice, Option, option, options_of
 from planner.pipeline.request import FoldRequest
 from server.api.forms import form_of
+from server.pages.page import rendered
 from server.store.tables import REQUESTED_COLUMNS, FoldRow
 
 
@@ -88,6 +89,24 @@ def test_the_client_and_the_docs_have_a_new_option() -> None:
     assert '\n    pace: Literal["brisk", "slow"]\n' in make_options.client_types(Extended)
     row = "| `pace` | `brisk`, `slow` | `brisk` | Pace: `brisk`, or `slow` for spectators. |"
     assert row in make_options.page(make_options.PAGE.read_text(encoding="utf-8"), Extended)
+
+
+def test_the_preview_page_has_a_control_for_a_new_option() -> None:
+    facts = {"name": "Cup", "most_modules": 100}
+    html = rendered("preview.html", facts=facts, facts_json="{}", options=options_of(Extended))
+    _, _, more = html.partition('id="more"')  # the script sends all fields in there
+    control, _, _ = more.partition("</div>")
+    assert '<select id="pace" name="pace"><option value="brisk" selected>Brisk</option>' in control
+    for name in ("preset", "seed"):
+        assert f'name="{name}"' in control
+
+
+def test_the_preview_page_names_every_choice() -> None:
+    html = rendered("preview.html", facts={"name": "Cup", "most_modules": 100}, facts_json="{}")
+    for each in options_of(FoldRequest).values():
+        for value, choice in each.choices.items() if each.label else ():
+            assert f'value="{value}"' in html
+            assert choice.label in html
 
 
 def test_the_client_and_the_docs_are_up_to_date() -> None:
