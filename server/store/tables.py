@@ -18,6 +18,7 @@ from planner.pipeline.request import FoldRequest
 
 if TYPE_CHECKING:
     from server.settings import Settings
+    from server.store.shown import ShownFold
 
 
 class Base(DeclarativeBase):
@@ -130,7 +131,7 @@ def columns_of(request: FoldRequest) -> dict[str, Any]:
     return {name: getattr(request, name) for name in REQUESTED_COLUMNS}
 
 
-def request_of(row: FoldRow) -> FoldRequest:
+def request_of(row: FoldRow | ShownFold) -> FoldRequest:
     """Return the request of a fold, without the options that turn its shape into a path."""
     values = {name: getattr(row, name) for name in (*REQUESTED_COLUMNS, "module")}
     given: dict[str, Any] = {name: each for name, each in values.items() if each is not None}
