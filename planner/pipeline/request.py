@@ -72,6 +72,14 @@ class PreviewRequest(PathOptions):
         text = json.dumps(asdict(self), sort_keys=True)
         return sha256(text.encode()).hexdigest()[:24]
 
+    def check(self) -> None:
+        """Refuse what no fold can have either.
+
+        Raises:
+            InputError: Naming the parameter in ``where``.
+        """
+        FoldRequest(**asdict(self.path_options()), seed=self.seed).check()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoldRequest(PathOptions):
