@@ -14,6 +14,7 @@ from cli.inputs import make_directory, refuse
 from cli.options import AsJson, FoldDirectory
 from planner.errors import InputError
 from planner.exports import EXPORTS, Export, export_named, exports_of
+from planner.file_names import PLAN
 from planner.files import write_whole
 from planner.plan.plan import Plan
 
@@ -35,7 +36,7 @@ def export(
     """Export a finished fold as URDF, MCAP, an animated scene and more."""
     try:
         chosen = None if formats is None else _chosen(formats)
-        plan = Plan.load(directory / "plan.npz")
+        plan = Plan.load(directory / PLAN)
         exports = chosen or exports_of(moving=len(plan.time_s) > 0)
         make_directory(out)
         sizes = {one.filename: _written(one, plan, out) for one in exports}

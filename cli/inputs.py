@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from planner.errors import InputError
+from planner.file_names import PLAN
 from planner.readers.angle_strings import HEADING
 from planner.readers.gallery import Gallery
 from planner.readers.limits import megabytes
@@ -64,7 +65,7 @@ def read_plan(directory: Path) -> Plan:
     """
     from planner.plan.plan import Plan  # brings the whole planner
 
-    path = directory / "plan.npz"
+    path = directory / PLAN
     if not path.is_file():
         raise InputError(
             "no-plan",

@@ -14,6 +14,7 @@ from cli.inputs import make_directory, read_input, refuse
 from cli.options import AsJson, PlanDirectory, Workers, takes
 from planner.chain.chain import Chain
 from planner.errors import InputError
+from planner.file_names import CHAIN, PLAN
 from planner.motion.timeline import chain_from_attributes
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
@@ -59,7 +60,7 @@ def refold(
             make_directory(first)
             Workspace(first).write_request(replace(request, filename=filename), data)
             run_stage(STAGES[0], first)
-            begins = chain_from_attributes(json.loads((first / "chain.json").read_bytes()))
+            begins = chain_from_attributes(json.loads((first / CHAIN).read_bytes()))
         else:
             begins = folded.unfolding().chain
         make_directory(out)
@@ -72,7 +73,7 @@ def refold(
         refuse(error, as_json)
     if folded is None:
         summary = compute(first, workers)
-        folded = Plan.load(first / "plan.npz")
+        folded = Plan.load(first / PLAN)
         try:
             folded.unfolding()
         except InputError:
@@ -83,7 +84,7 @@ def refold(
 
 def _plan(name: str) -> Plan | None:
     """Return the plan in a directory; None when this is none."""
-    return Plan.load(Path(name) / "plan.npz") if Path(name).is_dir() else None
+    return Plan.load(Path(name) / PLAN) if Path(name).is_dir() else None
 
 
 def _second(name: str, request: FoldRequest, begins: Chain) -> tuple[FoldRequest, bytes]:

@@ -11,6 +11,7 @@ from cli.fold import compute, finish
 from cli.inputs import make_directory, refuse
 from cli.options import AsJson, FoldDirectory, PlanDirectory, takes
 from planner.errors import InputError
+from planner.file_names import PLAN
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
@@ -34,7 +35,7 @@ def smooth(
 ) -> None:
     """Make a motion shorter and smoother without losing clearance; exits like `fold`."""
     try:
-        plan = Plan.load(fold / "plan.npz")
+        plan = Plan.load(fold / PLAN)
         make_directory(out)
         if out.samefile(fold):
             raise InputError(

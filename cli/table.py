@@ -15,6 +15,7 @@ from cli.options import AsJson
 from planner.certificate.table import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.errors import InputError
+from planner.file_names import PLAN
 from planner.files import write_whole
 from planner.parameters.explosion import Base
 from planner.plan.plan import Plan
@@ -88,7 +89,7 @@ def table(
 
 
 def _file(plan: Path) -> Path:
-    path = plan / "plan.npz" if plan.is_dir() else plan
+    path = plan / PLAN if plan.is_dir() else plan
     if not path.is_file():
         raise InputError(
             "no-plan",

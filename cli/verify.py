@@ -14,6 +14,7 @@ from cli.options import AsJson, FoldDirectory
 from planner.certificate.certificate import followed
 from planner.clearance.largest_size import largest_size as find_largest
 from planner.errors import InputError, TimelineError
+from planner.file_names import PLAN, PLAYBACK
 from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
@@ -83,9 +84,9 @@ def verify(
 
 def _largest(directory: Path, found: Verification) -> tuple[float, str]:
     """Return the largest module size at which motions are free of collisions, and those motions."""
-    plan = Plan.load(directory / "plan.npz")
+    plan = Plan.load(directory / PLAN)
     motions = (plan.motion,)
-    if (path := directory / "playback.npz").exists():
+    if (path := directory / PLAYBACK).exists():
         motions = followed(Playback.load(path))
     size = find_largest(plan.chain, motions, clear_at=found.certificate.module_size)
     return size, "plan is" if len(motions) < 2 else "plan and playback are"

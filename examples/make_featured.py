@@ -8,6 +8,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from planner.file_names import TIMELINE
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
@@ -25,7 +26,7 @@ def main() -> None:
         directory = Path(place)
         Workspace(directory).write_request(FoldRequest(filename=SHAPE.name), SHAPE.read_bytes())
         run_stages(directory)
-        BATCH.write_bytes(thinned(TimelineView(directory / "timeline.zarr"), EVERY))
+        BATCH.write_bytes(thinned(TimelineView(directory / TIMELINE), EVERY))
     print(f"{BATCH.name}: {BATCH.stat().st_size / 1e3:.0f} kB")
 
 

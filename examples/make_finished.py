@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from planner.certificate.metrics import Figures, write
+from planner.file_names import FIGURES, PLAN, PLAYBACK, RECORD, START_CHAIN, TIMELINE
 from planner.motion.angle_steps import PLAN_STEP_RAD
 from planner.motion.motion import Motion
 from planner.motion.record import Record
@@ -53,7 +54,7 @@ def fold_into(directory: Path, shape: str, start: str | None) -> None:
     if start is not None:
         with tempfile.TemporaryDirectory() as place:
             fold_into(Path(place), start, None)
-            Workspace(directory).write_start(Plan.load(Path(place) / "plan.npz"))
+            Workspace(directory).write_start(Plan.load(Path(place) / PLAN))
     Workspace(directory).write_request(request, path.read_bytes())
     run_stages(directory)
 
@@ -74,8 +75,8 @@ def rounded(frames: Motion, angles_rad: np.ndarray, errors_rad: np.ndarray) -> M
 
 def round_motion(directory: Path) -> None:
     """Round the record and the simulated playbacks, and certify them as they are then."""
-    record = Record.load(directory / "record.npz")
-    playback = Playback.load(directory / "playback.npz")
+    record = Record.load(directory / RECORD)
+    playback = Playback.load(directory / PLAYBACK)
     exploded, played, reference = record.frames, playback.frames, playback.reference_rad
     assert not exploded.is_windowed and not played.is_windowed and reference is not None
     wanted = np.rint(reference / PLAN_STEP_RAD)
@@ -92,7 +93,7 @@ def round_motion(directory: Path) -> None:
     )
     angles = angles * PLAN_STEP_RAD + 0.0
     nothing = np.full_like(exploded.joint_error_rad, np.nan)
-    replace(record, frames=rounded(exploded, angles, nothing)).save(directory / "record.npz")
+    replace(record, frames=rounded(exploded, angles, nothing)).save(directory / RECORD)
     simulated = followed(played.joint_angles_rad)
     others = playback.others_rad
     playback = replace(
@@ -101,13 +102,13 @@ def round_motion(directory: Path) -> None:
         reference_rad=reference,
         others_rad=None if others is None else followed(np.asarray(others)),
     )
-    playback.save(directory / "playback.npz")
+    playback.save(directory / PLAYBACK)
     _write_timeline(directory)
     run_stage("certify", directory)
     certificate = Workspace(directory).read_certificate()
     assert certificate is not None
     ends = certificate.rms_position_error  # of the rounded angles
-    replace(playback, rms_position_error=ends).save(directory / "playback.npz")
+    replace(playback, rms_position_error=ends).save(directory / PLAYBACK)
     run_stage("export", directory)
     _round_figures(directory)
     manifest.write_manifest(directory)
@@ -115,13 +116,11 @@ def round_motion(directory: Path) -> None:
 
 def _write_timeline(directory: Path) -> None:
     record, playback = (
-        Record.load(directory / "record.npz"),
-        Playback.load(directory / "playback.npz"),
+        Record.load(directory / RECORD),
+        Playback.load(directory / PLAYBACK),
     )
-    refold = (directory / "start.json").exists()
-    with TimelineWriter.create(
-        directory / "timeline.zarr", Workspace(directory).read_chain()
-    ) as writer:
+    refold = (directory / START_CHAIN).exists()
+    with TimelineWriter.create(directory / TIMELINE, Workspace(directory).read_chain()) as writer:
         if not refold:
             writer.append(record.frames)
         writer.append(playback.frames)
@@ -129,7 +128,7 @@ def _write_timeline(directory: Path) -> None:
 
 def _round_figures(directory: Path) -> None:
     """Round what plots show: clearances down, torques to 1/64 of the largest one or less."""
-    path = directory / "figures.zarr"
+    path = directory / FIGURES
     figures = Figures.load(path)
     step = torque_step(figures.torque_nm.astype(float))
     down = np.floor(figures.clearance.astype(float) / CLEARANCE_STEP_PITCH) * CLEARANCE_STEP_PITCH
@@ -145,7 +144,7 @@ def about(directory: Path, shape: str, start: str | None) -> dict[str, Any]:
     """Return what a service notes of the fold in its row."""
     known = Gallery().shape(shape)
     assert known is not None
-    plan = Plan.load(directory / "plan.npz")
+    plan = Plan.load(directory / PLAN)
     return {
         "shape": shape,
         "name": known.title,

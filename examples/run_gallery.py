@@ -20,6 +20,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from planner.errors import InputError
+from planner.file_names import ATTEMPTS
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
@@ -47,7 +48,7 @@ def fold_once(file: FilePath, seed: int) -> dict[str, Any]:
         request = FoldRequest(filename=file.name, preset="default", seed=seed)
         Workspace(FilePath(directory)).write_request(request, file.read_bytes())
         summary = run_stages(FilePath(directory))
-        attempts = len(json.loads((FilePath(directory) / "attempts.json").read_bytes()))
+        attempts = len(json.loads((FilePath(directory) / ATTEMPTS).read_bytes()))
     certificate, playback = summary["certificate"], summary["playback"] or {}
     return {
         "modules": summary["modules"],
@@ -71,7 +72,7 @@ def fold_once_on_table(file: FilePath, seed: int) -> dict[str, Any]:
             summary = run_stages(FilePath(directory))
         except InputError as error:
             return {"verdict": "no path", "seed": seed, "reason": error.detail, "attempts": 0}
-        attempts = len(json.loads((FilePath(directory) / "attempts.json").read_bytes()))
+        attempts = len(json.loads((FilePath(directory) / ATTEMPTS).read_bytes()))
     certificate = summary["certificate"]
     table = certificate.get("table") or {}
     return {

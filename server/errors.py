@@ -9,9 +9,10 @@ from collections.abc import Iterable
 from typing import Final, Self
 
 from planner.errors import DamagedError, InputError
+from planner.file_names import CHAIN, PLAN, PLAN_TEXT, TIMELINE
 from planner.files import READ_ONLY_ERRORS
 
-MOTION_FILES: Final = ("timeline.zarr", "chain.json", "plan.npz", "plan.json")
+MOTION_FILES: Final = (TIMELINE, CHAIN, PLAN, PLAN_TEXT)
 """Files that hold the motion of a fold. If one of them is damaged, error messages say that the
 motion is damaged."""
 FULL_DISK_RETRY_S: Final = 60

@@ -9,7 +9,7 @@ from typing import Final, TypedDict, cast
 
 from planner.certificate.figures import AttemptFigures
 from planner.errors import DamagedError
-from planner.pipeline.fold_layout import CHAIN, PLANS_DIR
+from planner.file_names import ATTEMPTS, CHAIN, PLANS_DIR
 from planner.pipeline.preference import COMPUTING, PREFERENCES, PlanFigures, Preference
 from planner.verification.integrity import check
 from words.certificate import rounded_down
@@ -82,8 +82,8 @@ def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) ->
     if prefer == COMPUTING:
         return None
     try:
-        check(directory, "attempts.json")
-        values = json.loads((directory / "attempts.json").read_bytes())
+        check(directory, ATTEMPTS)
+        values = json.loads((directory / ATTEMPTS).read_bytes())
     except (DamagedError, OSError, ValueError):
         return None
     tried = cast("list[AttemptFigures]", values)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 from planner.errors import UNREADABLE, InputError
 
 Floats = NDArray[np.float32]
-FORCES: Final = "table.npz"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +50,8 @@ class TableForces:
                 found = {f.name: np.asarray(file[f.name], dtype=np.float32) for f in fields(cls)}
         except UNREADABLE as error:
             raise InputError(
-                "no-forces", f"got {type(error).__name__}, expected {FORCES} of a fold on a table."
+                "no-forces",
+                f"got {type(error).__name__}, expected {path.name} of a fold on a table.",
             ) from error
         shapes = [found[name].shape for name in ("torques", "pressed", "torque")]
         if [len(shape) for shape in shapes] != [2, 2, 1] or len({s[0] for s in shapes}) != 1:

@@ -29,8 +29,8 @@ _RING_PAIRS: Final = (
     *("123-223", "213-223", "312-322", "122-132", "212-312", "221-231"),
     *("321-322", "221-321", "212-213", "122-123", "231-232", "132-232"),
 )
-"""Tetrahedra of the ring that fills the cube from (1, 1, 1) to (3, 3, 3), each as the two nodes
-(middles of its hinges, digits x, y and z) that it connects."""
+"""Tetrahedra of the closed ring that fills the cube from (1, 1, 1) to (3, 3, 3). ``123-223`` is the
+tetrahedron whose two hinges have their middles at (1, 2, 3) and (2, 2, 3)."""
 
 
 def ring_pairs(cells: Nodes) -> Nodes:

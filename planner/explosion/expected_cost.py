@@ -29,25 +29,27 @@ class Cost:
         return self.seconds * (modules / COST_REFERENCE_MODULES) ** self.power
 
 
-IN_LAYERS: Final = {
+COSTS_IN_LAYERS: Final = {
     "simultaneous": Cost(seconds=1.0, power=2.4, chance=0.98),
     "peel": Cost(seconds=1.6, power=1.1, chance=0.98),
     "blocks": Cost(seconds=2.3, power=2.2, chance=0.95),
 }
-"""Processor time and success rate of each unfolding strategy on easy paths: from the chain's far
-end on, each group of modules can leave the folded shape along a straight line. Used to order the
-strategies. Measured."""
-INTERLOCKED: Final = {
+"""Expected cost of each unfolding strategy on paths that come apart easily: group by group, from
+the chain's far end on, modules can leave the folded shape along a straight line. ``auto`` tries the
+strategy with the lowest ``seconds`` (scaled to the chain's length) per ``chance`` of success first.
+Measured."""
+COSTS_INTERLOCKED: Final = {
     "simultaneous": Cost(seconds=3.0, power=2.0, chance=0.98),
     "peel": Cost(seconds=15.0, power=1.0, chance=0.3),
     "blocks": Cost(seconds=8.0, power=2.2, chance=0.5),
 }
-"""Processor time and success rate of each unfolding strategy on all other paths, where some group
-of modules cannot leave the folded shape along a straight line. Used to order the strategies.
-Measured."""
+"""Expected cost of each unfolding strategy on all other paths, where some group of modules cannot
+leave the folded shape along a straight line. ``auto`` tries the strategy with the lowest
+``seconds`` (scaled to the chain's length) per ``chance`` of success first. Measured."""
 MAX_STRATEGY_S: Final = {"simultaneous": 600.0, "blocks": 120.0, "peel": float("inf")}
-"""Maximum expected processor time of an unfolding by strategy, s; a strategy that is expected to
-take longer is not tried. Larger values let longer chains use that strategy. Chosen."""
+"""Maximum expected processor time of an unfolding by strategy, s. ``auto`` does not try a strategy
+that is expected to take longer; with larger values it tries the strategy for longer chains.
+Chosen."""
 
 
 def by_cost(modules: int, *, in_layers: bool) -> tuple[str, ...]:
@@ -59,7 +61,7 @@ def by_cost(modules: int, *, in_layers: bool) -> tuple[str, ...]:
         modules: Number of modules of the chain.
         in_layers: True if its path leaves the core unit by unit.
     """
-    costs = IN_LAYERS if in_layers else INTERLOCKED
+    costs = COSTS_IN_LAYERS if in_layers else COSTS_INTERLOCKED
     fitting = {
         name: cost for name, cost in costs.items() if cost.of(modules) <= MAX_STRATEGY_S[name]
     }

@@ -50,8 +50,8 @@ STRAIGHT_CHECK_STEPS: Final = 25
 """Number of simulation steps between two checks of whether the chain is straight. Smaller values
 end the run sooner and check more often. Chosen."""
 COMMIT_EVERY_SNAPSHOTS: Final = 10
-"""Number of snapshots after which those so far are made final and passed on to the viewer. Larger
-values show the motion later, in larger parts. Chosen."""
+"""Number of recorded snapshots after which the new ones are passed on to the viewer, all at once.
+Larger values show the motion later. Chosen."""
 REST_CHECK_STEPS: Final = 5000
 """Number of simulation steps between two checks of whether nothing moves any more, in which case
 the run ends as stalled. Larger values notice a chain at rest later. Chosen."""
@@ -63,11 +63,13 @@ MAX_SNAPSHOT_ANGLES: Final = 20_000_000
 the run fails and asks for a longer snapshot interval. The wrench of 160 cubes needs 3 million.
 Chosen."""
 FRAME_SPACING_RAD: Final = 0.03
-"""Rotation of a hinge since the last displayed frame, rad, after which a snapshot of the published
-simulation becomes the next frame. Larger values display fewer frames. Chosen."""
+"""The published simulation records a snapshot every few hundred steps, but only some snapshots
+become frames of the displayed motion. Turn of a hinge since the last frame, rad, at which the next
+snapshot becomes a frame. Larger values display a coarser motion. Chosen."""
 FRAME_SPACING_PITCH: Final = 1.0
-"""Displacement of a module since the last displayed frame, pitches, after which a snapshot of the
-published simulation becomes the next frame. Larger values display fewer frames. Chosen."""
+"""The published simulation records a snapshot every few hundred steps, but only some snapshots
+become frames of the displayed motion. Displacement of a module since the last frame, pitches, at
+which the next snapshot becomes a frame. Larger values display a coarser motion. Chosen."""
 BETWEEN_FRAMES_SIZE: Final = 0.95
 """Size of the modules, as a fraction of the pitch, at which the clearance between two frames of the
 published simulation is checked; a loss of clearance adds a frame. Larger values add more frames.

@@ -55,20 +55,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 MIN_PEELING_PROGRESS_RAD: Final = 0.5
-"""Minimum decrease of the sum of all hinge angles, rad, that counts as progress of a peeling, which
-unfolds the chain from its far end on. Without progress a pulse loosens the jam; larger values start
-it earlier. Chosen."""
+"""Peeling unfolds a chain from its far end on, group by group. Decrease of the sum of all hinge
+angles, rad, that counts as progress. A run that does not reach it for
+``PeelingParameters.patience`` simulation steps is jammed, and forces are changed to loosen it.
+Larger values take slow runs for jammed ones. Chosen."""
 MAX_PEELING_DEPTH_PITCH: Final = 0.016
 """Maximum depth of contacts while a chain is peeled, pitches; the limit is lower if the required
 clearance leaves less room. Larger values allow faster steps and leave less clearance. Chosen."""
 CONTACT_ROOM_SHARE: Final = 0.9
-"""Fraction of the size difference between the simulated modules and the smaller ones that the plan
-is verified with, up to which contacts may go in depth. Larger values allow faster steps and leave
-less clearance. Chosen."""
+"""Modules are simulated larger than the size at which the plan is verified, so that soft contacts
+may sink in. Permitted depth of contacts, as a fraction of that difference in size. Larger values
+allow faster steps and leave less clearance. Chosen."""
 MIN_RELEASE_COSINE: Final = 0.5
-"""Minimum cosine of the angle between the chain's straight tail and its wanted direction before the
-next modules are released from the folded core. Larger values release later, with a better aligned
-tail. Chosen."""
+"""The part of a chain that is already unfolded, its tail, is a straight rod that is turned towards
+a wanted direction. Minimum cosine of the angle between both before the next modules are released
+from the folded part. Larger values release later, with a better aligned tail. Chosen."""
 
 
 def peel(

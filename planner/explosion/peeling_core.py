@@ -50,20 +50,22 @@ HEADING_LENGTH_PITCH: Final = 12.0
 """Length of the tail, pitches, over which a direction on the table is checked for distance to the
 folded core. Larger values look farther ahead and take more time. Chosen."""
 AHEAD_WEIGHT: Final = 2.0
-"""Weight, in the score of a direction for the tail on a table, of the cosine between that direction
-and the chain's own direction where it leaves the folded core. Larger values prefer to leave
-straight ahead. Chosen."""
+"""On a table, the direction of the chain's straight unfolded part (tail) is the one with the
+highest score. Weight in the score of the cosine between the direction and the chain's own direction
+where it leaves the folded part. Larger values prefer to leave straight ahead. Chosen."""
 OUTWARD_WEIGHT: Final = 0.3
-"""Weight, in the score of a direction for the tail on a table, of the cosine between that direction
-and the one away from the middle of the folded core. Larger values prefer to lead outwards.
-Chosen."""
+"""On a table, the direction of the chain's straight unfolded part (tail) is the one with the
+highest score. Weight in the score of the cosine between the direction and the one away from the
+middle of the folded part. Larger values prefer to lead outwards. Chosen."""
 PREVIOUS_HEADING_WEIGHT: Final = 0.7
-"""Weight, in the score of a direction for the tail on a table, of the cosine between that direction
-and the previous one. Larger values turn the tail less from one release to the next. Chosen."""
+"""On a table, the direction of the chain's straight unfolded part (tail) is the one with the
+highest score. Weight in the score of the cosine between the direction and the previous one. Larger
+values turn the tail less often. Chosen."""
 CLEARANCE_DEFICIT_WEIGHT: Final = 3.0
-"""Penalty, in the score of a direction for the tail on a table, per pitch by which the tail would
-come closer to the folded core than wanted. Larger values prefer free directions to short turns.
-Chosen."""
+"""On a table, the direction of the chain's straight unfolded part (tail) is the one with the
+highest score. Points that a direction loses for each pitch by which its distance from the folded
+part falls short of ``HEADING_CLEARANCE_PITCH``. Larger values prefer free directions to short
+turns. Chosen."""
 
 
 class Core:

@@ -23,14 +23,16 @@ CLEARANCE_CAP_PITCH: Final = 0.02
 reported as this value. Larger caps compare snapshots more exactly and take more time. Chosen."""
 MIN_SNAPSHOT_CLEARANCE_PITCH: Final = 0.002
 """Minimum clearance between modules, pitches, at which the snapshots of a peeling are recorded;
-modules have the size that the plan is verified with. Larger values send the simulation back to its
-last saved state more often. Chosen."""
+modules have the size at which the plan is verified. With larger values the simulation goes back to
+its last saved state more often. Chosen."""
 CLEARANCE_ROUNDING_PITCH: Final = 1e-9
-"""Clearance, pitches, that rounding errors may take from a snapshot, or from the motion to it; the
-required clearance is reduced by it, as folded neighbours have none to spare. Chosen."""
+"""Neighbours in the folded shape leave exactly one gap, the pitch less the module size. A snapshot
+may have this much less clearance, pitches, than half of that gap, because of rounding errors.
+Larger values would accept snapshots in which modules have moved closer."""
 MIN_SNAPSHOT_COSINE: Final = float(np.cos(0.1))
-"""Minimum cosine of the angle, 0.1 rad, by which the chain's straight tail turns from one snapshot
-to the next. Larger cosines record more snapshots. Chosen."""
+"""While a chain unfolds by peeling, the next snapshot is recorded at the latest when its straight
+unfolded part (tail) has turned by 0.1 rad: the cosine of that angle. Values nearer to 1 record more
+snapshots. Chosen."""
 
 
 class Proof:

@@ -43,15 +43,16 @@ MIN_RETIRED_JOINTS: Final = 6
 """Minimum number of straight joints that become part of the rigid tail at a time, as the simulation
 model is rebuilt each time. Larger values rebuild less often and simulate more modules. Chosen."""
 WINDOW_FINISH_STEPS: Final = 25
-"""Number of simulation steps between two attempts to straighten the last bent modules without
-simulation, by shrinking all angles evenly. Smaller values may end the run sooner and spend more
-time on failed attempts. Chosen."""
+"""Number of simulation steps between two attempts to straighten the last bent joints without
+simulation, by shrinking all angles evenly, once all modules are released. Smaller values may end
+the run sooner and waste more time on failed attempts. Chosen."""
 PROGRESS_CHECK_STEPS: Final = 50
 """Number of simulation steps between two checks of whether the chain still unfolds. Larger values
 notice a jam later. Chosen."""
 SAME_HEADING_COSINE: Final = 0.9
-"""Minimum cosine of the angle between two directions of the chain's straight tail that count as the
-same. Larger values wait longer, until the tail points exactly where it should. Chosen."""
+"""The outer joints of the part that is simulated become part of the straight rigid tail once they
+are nearly straight. Minimum cosine of the angle by which this turns the tail; with a larger angle
+they stay simulated. Larger values keep more joints in the simulation. Chosen."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 from planner.errors import InputError
 from planner.exports.export import Export, Write, write_json, write_npz
+from planner.file_names import MODEL, PLAN, PLAN_TEXT
 
 if TYPE_CHECKING:
     from planner.plan.plan import Plan
@@ -33,7 +34,7 @@ EXPORTS: Final = (
         label="Plan",
         hint="JSON: joint angles, poses, certificate",
         media_type="application/json",
-        filename="plan.json",
+        filename=PLAN_TEXT,
         write=write_json,
     ),
     Export(
@@ -41,7 +42,7 @@ EXPORTS: Final = (
         label="Plan",
         hint="NumPy arrays, the same numbers",
         media_type="application/octet-stream",
-        filename="plan.npz",
+        filename=PLAN,
         write=write_npz,
     ),
     Export(
@@ -58,7 +59,7 @@ EXPORTS: Final = (
         label="Robot model",
         hint="MJCF for MuJoCo, with keyframes of the fold; lengths in pitches",
         media_type="application/xml",
-        filename="model.xml",
+        filename=MODEL,
         write=_by("mjcf"),
     ),
     Export(

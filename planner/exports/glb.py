@@ -21,9 +21,9 @@ from planner.plan.plan import Plan
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 MIN_KEYFRAME_TOLERANCE: Final = 3e-3
-"""Maximum difference between the plan and the animation interpolated from keyframes, in pitches and
-in components of unit quaternions. Smaller values need more keyframes; the tolerance is doubled
-until they fit into ``MAX_KEYFRAME_BYTES``. Chosen."""
+"""A GLB animation interpolates between keyframes. Smallest tolerance that is tried for its
+difference from the plan, in pitches and in components of unit quaternions; it is doubled until the
+keyframes fit into ``MAX_KEYFRAME_BYTES``. Smaller values need more keyframes. Chosen."""
 MAX_KEYFRAME_BYTES: Final = 32 * 2**20
 """Maximum size of all keyframes of a GLB file, in bytes. A smaller value makes the animation follow
 the plan less closely. Chosen."""

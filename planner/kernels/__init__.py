@@ -16,7 +16,8 @@ ZERO: Final = cast(int, np.int64(0))
 """The number 0 as a 64-bit integer, for arguments and counters of compiled functions. A plain
 Python 0 could have another type, for which a second version would be compiled."""
 ONE: Final = cast(int, np.int64(1))
-"""The number 1 as a 64-bit integer, for the same purpose as ``ZERO``."""
+"""The number 1 as a 64-bit integer, for arguments and counters of compiled functions. A plain
+Python 1 could have another type, for which a second version would be compiled."""
 
 _OPTIONS: Final[dict[str, dict[str, Any]]] = {
     "KERNEL": {"cache": True, "no_cfunc_wrapper": True},

@@ -43,9 +43,10 @@ MAX_BISECTIONS = 16
 clear in it. Beyond it the plan is refused as unproved. Larger values prove closer passes and take
 more time where modules touch. Decision 0012."""
 LARGE_MOTION = 1.0
-"""Displacement of a module between two frames, pitches, above which near pairs are searched along
-the chain instead of in a grid, and the interval is halved first if the tail comes near other
-modules. With larger values grid searches list more pairs that stay apart. Chosen."""
+"""Displacement, pitches, above which a module moves too far within an interval of the motion for a
+grid to find the pairs of modules that may meet: pairs are then searched along the chain, and the
+interval is halved if the chain's end comes near others. Larger values make grids list many pairs
+that stay apart. Chosen."""
 MAX_PAIRS_PER_MODULE = 32
 """Mean number of near pairs per moving module above which an interval of large motion between two
 frames is halved before its pairs are checked. Larger values spend time on pairs that shorter

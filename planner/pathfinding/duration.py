@@ -15,16 +15,17 @@ MAX_IMPROVING_S: Final = 300.0
 than a fold that takes the first one. A larger value announces longer durations. Chosen."""
 
 TABLE_MODULES: Final = 96
-"""Number of modules of the fold on a table whose duration was measured (``TABLE_S``); beyond it the
-expected duration grows more slowly."""
+"""Number of modules of the longest chain whose fold on a table was timed. The expected duration of
+a fold on a table grows with the power 3.5 of the number of modules up to this number, and with its
+square beyond."""
 TABLE_S: Final = 330.0
-"""Duration, in s of processor time, of a fold of 96 modules on a table, from which other durations
-are estimated; a larger value announces longer ones. Measured: 6 minutes, and 8 for 88 modules with
-a second attempt (decision 0026)."""
+"""Expected duration of a fold of 96 modules on a table, in s of processor time; durations for other
+numbers of modules are scaled from it. A larger value announces longer durations. Measured: 6
+minutes, and 8 for 88 modules with a second attempt (decision 0026)."""
 TABLE_POWERS: Final = (3.5, 2.0)
 """Exponents of the number of modules in the expected duration of a fold on a table. The first holds
-up to ``TABLE_MODULES``; fitted to 2 s for 24 modules and 29 to 62 s for 64. The second holds
-beyond, where attempts get stuck and end early."""
+up to 96 modules; fitted to 2 s for 24 modules and 29 to 62 s for 64. The second holds beyond, where
+attempts get stuck and end early."""
 
 
 def expected_seconds(

@@ -18,7 +18,8 @@ from planner.playback.playback import Playback
 
 MAX_EXPLOSIONS: Final = 6
 """Maximum number of times that one fold explodes its chain (simulates how the folded chain comes
-loose and straightens). A larger value folds more shapes, and takes longer to fail. Chosen."""
+loose and straightens), each time with another path, strategy or seed. A larger value folds more
+shapes, and takes longer to fail. Chosen."""
 
 Reason = Kind | Literal["refused"]
 

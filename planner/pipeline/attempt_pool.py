@@ -20,10 +20,10 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final
 
+from planner.file_names import RECORD, TIMELINE, TRIALS_DIR
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
-from planner.pipeline.fold_layout import RECORD, TIMELINE, TRIALS_DIR
 from planner.pipeline.job import Watch
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.workspace import Workspace

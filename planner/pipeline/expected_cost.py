@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from planner.chain.module import Module, module_named
-from planner.explosion.expected_cost import IN_LAYERS, INTERLOCKED
+from planner.explosion.expected_cost import COSTS_IN_LAYERS, COSTS_INTERLOCKED
 from planner.parameters.parameters import FLOATING, Parameters
 from planner.parameters.playback import PlaybackParameters
 from planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
@@ -198,9 +198,9 @@ def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> Expecte
         )
         remedy = "Use fewer modules, or the world floating."
     strategy = request.strategy
-    if strategy in INTERLOCKED and not request.smooth:
-        expected_s += INTERLOCKED[strategy].of(modules)
-        if (least := LOWER_BOUND_FRACTION * IN_LAYERS[strategy].of(modules)) > least_s:
+    if strategy in COSTS_INTERLOCKED and not request.smooth:
+        expected_s += COSTS_INTERLOCKED[strategy].of(modules)
+        if (least := LOWER_BOUND_FRACTION * COSTS_IN_LAYERS[strategy].of(modules)) > least_s:
             least_s, stage = least, "explode"
             cause = f"{modules} modules with the strategy {strategy}"
             remedy = "Use fewer modules, or the strategy auto."

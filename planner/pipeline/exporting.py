@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from planner.chain.chain import Chain
+from planner.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
 from planner.pipeline import manifest
 from planner.pipeline.attempt import Attempt
-from planner.pipeline.fold_layout import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
 from planner.pipeline.job import Result, is_smoothing
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import FoldRequest

@@ -13,57 +13,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path as FilePath
-from typing import Final
 
 from planner.certificate.figures import CertificateFigures
-from planner.certificate.table_forces import FORCES
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
+from planner.file_names import (
+    ATTEMPTS_DIR,
+    CERTIFICATE,
+)
 from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline
 from planner.pipeline.preference import judgement
-from planner.playback.unfolding import START_CHAIN, START_PLAN
-from planner.robot import RECORDED_PLAN
-
-INPUT: Final = "input"
-REQUEST: Final = "request.json"
-CANDIDATES: Final = "candidates.json"
-CHAIN: Final = "chain.json"
-ATTEMPTS: Final = "attempts.json"
-TIMELINE: Final = "timeline.zarr"
-RECORD: Final = "record.npz"
-PLAYBACK: Final = "playback.npz"
-CERTIFICATE: Final = "certificate.json"
-CLEARANCES_FILE: Final = "clearances.npy"
-"""File name of the clearance (smallest distance between modules) at each frame of the plan of a
-chain that was exploded by peeling (releasing modules from one end, group by group); kept until
-``figures.zarr`` is written."""
-PLAN: Final = "plan.npz"
-PLAN_TEXT: Final = "plan.json"
-MODEL: Final = "model.xml"
-FIGURES: Final = "figures.zarr"
-PICTURE: Final = "picture.png"
-MANIFEST: Final = "manifest.json"
-ATTEMPTS_DIR: Final = "attempts"
-PLANS_DIR: Final = "plans"
-TRIALS_DIR: Final = ".foldback-tries"
-"""Name of the directory, in a fold's own, with a subdirectory for each attempt that another process
-computes in advance."""
-PLAYABLE: Final = (CHAIN, TIMELINE, CERTIFICATE)
-"""Files that are kept of a verified plan that was not chosen, so that the web page can still play
-it."""
-RESULT_FILES: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES_FILE, FORCES)
-"""Files that one attempt of a fold writes; an attempt that smooths the plan of another one also
-writes ``RECORDED_PLAN``."""
-EXPORTED_FILES: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
-"""Files that the last stage of a fold, the export, writes from the chosen attempt."""
-DESCRIBED: Final = (
-    *(INPUT, REQUEST, START_CHAIN, START_PLAN, RECORDED_PLAN, CANDIDATES, CHAIN, ATTEMPTS),
-    *(RECORD, PLAYBACK, CERTIFICATE, FORCES, TIMELINE),
-    *EXPORTED_FILES,
-)
-"""Files of a fold that determine or describe its plan. The fold's manifest lists their SHA-256
-digests in this order, so that later changes are noticed."""
 
 
 def numbers(directory: FilePath) -> list[int]:

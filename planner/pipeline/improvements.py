@@ -22,11 +22,13 @@ from planner.pipeline.request import MAX_SEED
 from planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
 SEEDS_PER_SMOOTHED_PLAN: Final = 3
-"""Number of random seeds with which the plan that smoothing shortened best is smoothed. Larger
-values find shorter motions and take longer. Chosen."""
+"""A fold that is asked for a better plan smooths the motion of verified plans by random shortcuts.
+Number of random seeds, the first one included, with which the smoothing that gave the best plan is
+repeated. Larger values find better plans and take longer. Chosen."""
 MAX_SMOOTHED_PLANS: Final = 2
-"""Maximum number of verified plans of one fold, the best first, that are smoothed to shorten their
-motion. Larger values find better plans and take longer. Chosen."""
+"""A fold that is asked for a better plan (for example a faster one) smooths the motions of its
+verified plans. Maximum number of plans, the best first, that are smoothed. Larger values find
+better plans and take longer. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

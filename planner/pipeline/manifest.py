@@ -17,9 +17,9 @@ import numpy as np
 
 from planner.checked_zarr import DIGEST, read_group, unsealed
 from planner.errors import UNREADABLE, DamagedError
+from planner.file_names import DESCRIBED
+from planner.file_names import MANIFEST as FILE
 from planner.files import write_json, zarr_group
-from planner.pipeline.fold_layout import DESCRIBED
-from planner.pipeline.fold_layout import MANIFEST as FILE
 
 MANIFEST_FORMAT: Final = "foldback-manifest/1"
 FILE_CONTENT: Final = "content"

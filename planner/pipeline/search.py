@@ -36,8 +36,8 @@ between two frames was not proved. Larger values prove more plans and take longe
 ASSUMED_FIGURES: Final = PlanFigures(
     fold_time_s=None, peak_torque_nm=None, clearance_bound=None, frames=1, seconds=0.0
 )
-"""Placeholder figures of a plan that is not certified yet, used to predict how many attempts
-follow. With one frame, the plan counts as short enough to be smoothed."""
+"""Figures that are assumed of a plan which is not computed yet, to tell users about how many plans
+a fold is going to try. One frame makes the plan short enough to be smoothed as well."""
 VERIFIED: Final = "verified"
 
 

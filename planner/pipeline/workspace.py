@@ -18,9 +18,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from planner import file_names as names
 from planner.certificate.certificate import Certificate
 from planner.certificate.measure import write_figures
-from planner.certificate.table_forces import FORCES
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import stopped
 from planner.exports import mjcf
@@ -35,10 +35,9 @@ from planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, 
 from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.plan.plan import Plan
-from planner.plan.prepared import PREPARED, PreparedChains, key_of
+from planner.plan.prepared import PreparedChains, key_of
 from planner.playback.playback import Playback
-from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
-from planner.robot import RECORDED_PLAN
+from planner.playback.unfolding import Unfolding
 
 MAX_PLANS_BYTES: Final = 64 * 2**20
 """Maximum size, in bytes, of all stored plans of one fold that were not chosen; plans beyond it are
@@ -79,46 +78,46 @@ class Workspace:
         if start is not None:
             self.write_start(start)
         if recorded is not None:
-            recorded.save_npz(self.directory / RECORDED_PLAN)
-        write_whole(self.directory / layout.INPUT, data)
-        write_json(self.directory / layout.REQUEST, request.to_json())
+            recorded.save_npz(self.directory / names.RECORDED_PLAN)
+        write_whole(self.directory / names.INPUT, data)
+        write_json(self.directory / names.REQUEST, request.to_json())
 
     def read_request(self) -> FoldRequest:
         """Return the request."""
-        return FoldRequest.from_json(self._json(layout.REQUEST))
+        return FoldRequest.from_json(self._json(names.REQUEST))
 
     def read_input(self) -> bytes:
         """Return the bytes of the shape."""
-        return (self.directory / layout.INPUT).read_bytes()
+        return (self.directory / names.INPUT).read_bytes()
 
     def write_start(self, start: Plan) -> None:
         """Write the plan that a refold begins with."""
         self.write_start_chain(start.chain)
-        start.save_npz(self.directory / START_PLAN)
+        start.save_npz(self.directory / names.START_PLAN)
 
     def write_start_chain(self, chain: Chain) -> None:
         """Write only the chain that a refold begins with, which is enough to read the shape."""
-        write_json(self.directory / START_CHAIN, chain_attributes(chain))
+        write_json(self.directory / names.START_CHAIN, chain_attributes(chain))
 
     def read_start(self, request: FoldRequest) -> Chain | None:
         """Return the chain as it is folded at the beginning of a refold; None for other folds."""
-        return chain_from_attributes(self._json(START_CHAIN)) if request.refold else None
+        return chain_from_attributes(self._json(names.START_CHAIN)) if request.refold else None
 
     def read_unfolding(self, request: FoldRequest) -> Unfolding | None:
         """Return the way of a refold to straight; None for other folds."""
-        return Plan.load(self.directory / START_PLAN).unfolding() if request.refold else None
+        return Plan.load(self.directory / names.START_PLAN).unfolding() if request.refold else None
 
     def read_recorded(self) -> Plan:
         """Return the plan that is smoothed: the fold's input, or that of one of its attempts."""
-        return Plan.load(self._result(RECORDED_PLAN))
+        return Plan.load(self._result(names.RECORDED_PLAN))
 
     def drop_recorded(self) -> None:
         """Remove the plan that an earlier fold with a preference has smoothed."""
-        self._drop(RECORDED_PLAN)
+        self._drop(names.RECORDED_PLAN)
 
     def read_prepared(self, request: FoldRequest, data: bytes) -> PreparedChains | None:
         """Return the chains that the preview of this request has found; None without one."""
-        if not (self.directory / PREPARED).exists():  # spares the digest of a large input
+        if not (self.directory / names.PREPARED).exists():  # spares the digest of a large input
             return None
         seed = request.seed % PATH_SEED_MODULUS
         key = key_of(data, request.filename, request.path_options(), seed)
@@ -126,7 +125,7 @@ class Workspace:
 
     def drop_prepared(self) -> None:
         """Remove the chains of the preview, which the candidates repeat."""
-        self._drop(PREPARED)
+        self._drop(names.PREPARED)
 
     def read_job(self) -> Job:
         """Return what is known of the fold before it is computed."""
@@ -138,23 +137,23 @@ class Workspace:
 
     def write_candidates(self, candidates: Candidates) -> None:
         """Write the chains that may be folded; the first is the fold's."""
-        write_json(self.directory / layout.CANDIDATES, candidates.as_dict())
+        write_json(self.directory / names.CANDIDATES, candidates.as_dict())
         self._write_chain(candidates.chains[0])
 
     def read_candidates(self) -> Candidates:
         """Return the chains that may be folded."""
-        return Candidates.from_values(self._json(layout.CANDIDATES))
+        return Candidates.from_values(self._json(names.CANDIDATES))
 
     def write_history(self, history: Sequence[Attempt]) -> None:
         """Write the attempts so far."""
         values = [attempt.as_dict() for attempt in history if attempt.status != "none"]
-        write_json(self.directory / layout.ATTEMPTS, values)
+        write_json(self.directory / names.ATTEMPTS, values)
 
     def read_history(self) -> tuple[Attempt, ...]:
         """Return the attempts so far."""
-        if not (self.directory / layout.ATTEMPTS).exists():
+        if not (self.directory / names.ATTEMPTS).exists():
             return ()
-        return tuple(Attempt.from_dict(values) for values in self._json(layout.ATTEMPTS))
+        return tuple(Attempt.from_dict(values) for values in self._json(names.ATTEMPTS))
 
     # Results: of the latest attempt, or of the fold when it is over.
 
@@ -176,53 +175,53 @@ class Workspace:
     @property
     def timeline(self) -> FilePath:
         """Path of the timeline in this very directory."""
-        return self.directory / layout.TIMELINE
+        return self.directory / names.TIMELINE
 
     def read_chain(self) -> Chain:
         """Return the chain that is folded."""
-        return chain_from_attributes(json.loads(self._result(layout.CHAIN).read_bytes()))
+        return chain_from_attributes(json.loads(self._result(names.CHAIN).read_bytes()))
 
     def write_explosion(self, result: Result) -> None:
         """Write the record of an explosion or smoothing, and the plan that was smoothed."""
         if result.recorded is not None:
-            result.recorded.save_npz(self.directory / RECORDED_PLAN)
+            result.recorded.save_npz(self.directory / names.RECORDED_PLAN)
         if result.record is not None:
-            result.record.save(self.directory / layout.RECORD)
+            result.record.save(self.directory / names.RECORD)
 
     def read_record(self) -> Record | None:
         """Return the record; None where nothing has exploded."""
-        path = self._result(layout.RECORD)
+        path = self._result(names.RECORD)
         return Record.load(path) if path.exists() else None
 
     def write_playback(self, playback: Playback) -> None:
         """Write a playback."""
-        playback.save(self.directory / layout.PLAYBACK)
+        playback.save(self.directory / names.PLAYBACK)
 
     def drop_playback(self) -> None:
         """Remove the playback, which is about to be made anew."""
-        self._drop(layout.PLAYBACK)
+        self._drop(names.PLAYBACK)
 
     def read_playback(self) -> Playback | None:
         """Return the playback; None where there is none."""
-        path = self._result(layout.PLAYBACK)
+        path = self._result(names.PLAYBACK)
         return Playback.load(path) if path.exists() else None
 
     def write_judgement(self, result: Result) -> None:
         """Write a certificate, after the curves that belong to it."""
         if result.clearances is not None:
-            np.save(self.directory / layout.CLEARANCES_FILE, result.clearances)
+            np.save(self.directory / names.CLEARANCES_FILE, result.clearances)
         if result.forces is not None:
-            result.forces.save(self.directory / FORCES)
+            result.forces.save(self.directory / names.FORCES)
         assert result.certificate is not None
-        write_json(self.directory / layout.CERTIFICATE, result.certificate.as_dict())
+        write_json(self.directory / names.CERTIFICATE, result.certificate.as_dict())
 
     def drop_curves(self) -> None:
         """Remove the curves of a certificate, which is about to be made anew."""
-        self._drop(layout.CLEARANCES_FILE, FORCES)
+        self._drop(names.CLEARANCES_FILE, names.FORCES)
 
     def read_certificate(self) -> Certificate | None:
         """Return the certificate; None where there is none."""
-        path = self._result(layout.CERTIFICATE)
+        path = self._result(names.CERTIFICATE)
         if not path.exists():
             return None
         return Certificate.from_dict(json.loads(path.read_bytes()))
@@ -249,14 +248,14 @@ class Workspace:
 
     def read_plan(self) -> Plan:
         """Return the plan of a fold that is over, with the joint errors that its file omits."""
-        plan = Plan.load(self.directory / layout.PLAN)
+        plan = Plan.load(self.directory / names.PLAN)
         return plan.with_joint_errors_of(self.read_playback())
 
     def write_plan(self, plan: Plan) -> dict[str, str]:
         """Write the plan of a fold and its model; return the text of each value of the plan."""
-        write_whole(self.directory / layout.MODEL, mjcf.write(plan))
-        plan.save_npz(self.directory / layout.PLAN)
-        return plan.save_json(self.directory / layout.PLAN_TEXT)
+        write_whole(self.directory / names.MODEL, mjcf.write(plan))
+        plan.save_npz(self.directory / names.PLAN)
+        return plan.save_json(self.directory / names.PLAN_TEXT)
 
     def write_figures(self) -> FilePath:
         """Write the figures of the timeline, as far as it goes; return their path.
@@ -264,9 +263,9 @@ class Workspace:
         Raises:
             TimelineError: When the fold has no timeline.
         """
-        path, clearances = self.directory / layout.FIGURES, self._result(layout.CLEARANCES_FILE)
+        path, clearances = self.directory / names.FIGURES, self._result(names.CLEARANCES_FILE)
         write_figures(
-            self._result(layout.TIMELINE),
+            self._result(names.TIMELINE),
             path,
             self.read_request().parameters(),
             certificate=self.read_certificate(),
@@ -277,7 +276,7 @@ class Workspace:
 
     def drop_manifest(self) -> None:
         """Remove the digests of files that are about to change."""
-        self._drop(layout.MANIFEST)
+        self._drop(names.MANIFEST)
 
     def settle(self) -> dict[str, Any]:
         """Keep the attempt of an unfinished fold that came farthest, and return where it was.
@@ -288,9 +287,9 @@ class Workspace:
             ``stuck``, as of ``Plan.summary``; of a plan that its certificate refuses ``explosion``
             and ``certificate``. Empty when nothing was recorded.
         """
-        asked = (self.directory / layout.REQUEST).exists()
+        asked = (self.directory / names.REQUEST).exists()
         self.publish(self.read_request().prefer if asked else COMPUTING)
-        certificate = layout.certificate_values(self.directory / layout.CERTIFICATE)
+        certificate = layout.certificate_values(self.directory / names.CERTIFICATE)
         verified, clearance = judgement(certificate)
         if isfinite(clearance) and not verified:
             record = self.read_record()
@@ -299,7 +298,7 @@ class Workspace:
 
     def stopped_where(self) -> dict[str, Any]:
         """Return where a fold ends that came to no plan, as ``settle`` does; changes nothing."""
-        last = last_frame(self._result(layout.TIMELINE))
+        last = last_frame(self._result(names.TIMELINE))
         return {} if last is None else {"stuck": stopped(*last).as_dict()}
 
     # Moves.
@@ -318,11 +317,11 @@ class Workspace:
     def clear(self) -> None:
         """Remove all that earlier attempts have made: a fold begins anew."""
         # The chain is the first candidate's.
-        self._drop(layout.ATTEMPTS_DIR, layout.PLANS_DIR, layout.ATTEMPTS, *layout.RESULT_FILES[1:])
+        self._drop(names.ATTEMPTS_DIR, names.PLANS_DIR, names.ATTEMPTS, *names.RESULT_FILES[1:])
 
     def drop_pictures(self) -> None:
         """Remove what shows an earlier fold in this directory."""
-        self._drop(layout.PICTURE, layout.FIGURES)
+        self._drop(names.PICTURE, names.FIGURES)
 
     def keep_best_explosion(self) -> None:
         """Keep the explosion that came farthest, of those that no certificate has judged."""
@@ -330,7 +329,7 @@ class Workspace:
             [
                 number
                 for number in layout.numbers(self.directory)
-                if not (self.attempt_of(number).directory / layout.CERTIFICATE).exists()
+                if not (self.attempt_of(number).directory / names.CERTIFICATE).exists()
             ]
         )
 
@@ -352,13 +351,13 @@ class Workspace:
         place = layout.folder(self.directory)
         if place == self.directory:
             return
-        for name in (*layout.RESULT_FILES, RECORDED_PLAN):
+        for name in (*names.RESULT_FILES, names.RECORDED_PLAN):
             there = place / name
             if there.is_dir():
                 rmtree(self.directory / name, ignore_errors=True)
             if there.exists():
                 there.replace(self.directory / name)
-        rmtree(self.directory / layout.ATTEMPTS_DIR)
+        rmtree(self.directory / names.ATTEMPTS_DIR)
 
     def _keep_best(self, among: Sequence[int], prefer: Preference = COMPUTING) -> None:
         if len(among) > 1:
@@ -371,12 +370,12 @@ class Workspace:
     def _moved_to_plans(self, number: int) -> bool:
         """Move a verified plan to ``PLANS_DIR`` if there is room; return True if it was moved."""
         place = layout.place_of(self.directory, number)
-        if not judgement(layout.certificate_values(place / layout.CERTIFICATE))[0]:
+        if not judgement(layout.certificate_values(place / names.CERTIFICATE))[0]:
             return False
         for path in place.iterdir():
-            if path.name not in layout.PLAYABLE:
+            if path.name not in names.PLAYABLE:
                 path.unlink()
-        plans = self.directory / layout.PLANS_DIR
+        plans = self.directory / names.PLANS_DIR
         files = [path for root in (plans, place) for path in root.rglob("*") if path.is_file()]
         if sum(path.stat().st_size for path in files) > MAX_PLANS_BYTES:
             return False
@@ -387,10 +386,10 @@ class Workspace:
     def _rank(self, number: int, prefer: Preference) -> Rank:
         """Return how far an attempt came, from its files: it may have been cut off."""
         place = layout.place_of(self.directory, number)
-        attempts: list[dict[str, Any]] = self._json(layout.ATTEMPTS)
-        last = last_frame(place / layout.TIMELINE)
+        attempts: list[dict[str, Any]] = self._json(names.ATTEMPTS)
+        last = last_frame(place / names.TIMELINE)
         return rank(
-            layout.certificate_values(place / layout.CERTIFICATE),
+            layout.certificate_values(place / names.CERTIFICATE),
             straight=number < len(attempts) and attempts[number]["status"] == "straight",
             bent=inf if last is None else share_bent(*last),
             number=number,
@@ -398,17 +397,17 @@ class Workspace:
         )
 
     def _remove(self, unwanted: Sequence[int]) -> None:
-        folders = self.directory / layout.ATTEMPTS_DIR
+        folders = self.directory / names.ATTEMPTS_DIR
         for number in unwanted:
             (folders / str(number)).rename(folders / f"{_REMOVAL_PREFIX}{number}")
         for path in folders.glob(f"{_REMOVAL_PREFIX}*"):
             rmtree(path)
 
     def _write_chain(self, chain: Chain) -> None:
-        write_json(self.directory / layout.CHAIN, chain_attributes(chain))
+        write_json(self.directory / names.CHAIN, chain_attributes(chain))
 
-    def _drop(self, *names: str) -> None:
-        for name in names:
+    def _drop(self, *unwanted: str) -> None:
+        for name in unwanted:
             path = self.directory / name
             if path.is_dir():
                 rmtree(path, ignore_errors=True)

@@ -18,6 +18,24 @@ from numpy.typing import NDArray
 
 from planner.certificate.metrics import Curves, Figures, write
 from planner.errors import InputError
+from planner.file_names import (
+    ATTEMPTS,
+    CANDIDATES,
+    CERTIFICATE,
+    CHAIN,
+    FIGURES,
+    INPUT,
+    MANIFEST,
+    MODEL,
+    PLAN,
+    PLAN_TEXT,
+    PLAYBACK,
+    RECORD,
+    REQUEST,
+    START_CHAIN,
+    START_PLAN,
+    TIMELINE,
+)
 from planner.files import write_json, write_whole, zarr_group
 from planner.motion.angle_steps import PLAN_STEP_RAD, byte_planes, whole_numbers, whole_steps
 from planner.motion.motion import Motion
@@ -29,12 +47,12 @@ Ints = NDArray[np.signedinteger[Any]]
 Arrays = dict[str, NDArray[Any]]
 PACKED_FORMAT: Final = "foldback-packed/1"
 TEXT_FILES: Final = (
-    *("input", "request.json", "chain.json", "start.json", "candidates.json", "attempts.json"),
-    *("certificate.json", "manifest.json", "model.xml"),
+    *(INPUT, REQUEST, CHAIN, START_CHAIN, CANDIDATES, ATTEMPTS),
+    *(CERTIFICATE, MANIFEST, MODEL),
 )
 """Files that a packed fold (a whole fold directory in one small file) holds unchanged, if the fold
 has them."""
-ARRAY_FILES: Final = ("record.npz", "playback.npz", "plan.npz", "start.npz")
+ARRAY_FILES: Final = (RECORD, PLAYBACK, PLAN, START_PLAN)
 """Files whose arrays a packed fold (a whole fold directory in one small file) holds in compressed
 form, each by its name."""
 ROOT_STEPS: Final = {"root_position": 2.0**-20, "root_wxyz": 2.0**-30}
@@ -46,8 +64,8 @@ CLEARANCE_STEP_PITCH: Final = 2.0**-10
 """Quantisation, in pitches, of the clearances for plots in a packed fold. A larger step makes
 smaller and less exact files. Chosen."""
 DIFFERENCE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
-"""Order of the differences between frames by which a packed fold codes each array of joint angles
-(1: from frame to frame; 2: differences of those). The order with the smallest numbers makes the
+"""A packed fold stores each array of joint angles as differences between frames, which are small
+numbers. Order of the differences (1: from frame to frame; 2: differences of those) that makes the
 smallest file. Measured."""
 PLAN_FRAME_COLUMNS: Final = ("phase", "time_s", "joint_angles_rad", *ROOT_ARRAYS, "max_error_rad")
 """Arrays of ``plan.json`` with one row for each frame, from which an unpacked fold's file is
@@ -71,8 +89,8 @@ def pack(directory: FilePath, about: dict[str, Any]) -> bytes:
         if (directory / file).exists():
             with np.load(directory / file, allow_pickle=False) as opened:
                 packer.add_npz(file, dict(opened))
-    timeline = zarr_group(directory / "timeline.zarr")
-    packer.add_figures(Figures.load(directory / "figures.zarr"))
+    timeline = zarr_group(directory / TIMELINE)
+    packer.add_figures(Figures.load(directory / FIGURES))
     header = {
         "format": PACKED_FORMAT,
         "about": about,
@@ -98,10 +116,10 @@ def unpack(data: bytes, directory: FilePath) -> dict[str, Any]:
     for file in ARRAY_FILES:
         if any(name.startswith(f"{file}/") for name in found):
             save_npz(directory / file, _of_file(found, file))
-    _write_plan_json(directory / "plan.json", _of_file(found, "plan.npz"))
+    _write_plan_json(directory / PLAN_TEXT, _of_file(found, PLAN))
     _write_timeline(directory, found, header["timeline"])
     figures = Figures(**_of_file(found, "figures"))
-    write([figures], len(figures), str(directory / "figures.zarr"))
+    write([figures], len(figures), str(directory / FIGURES))
     return header["about"]
 
 
@@ -120,7 +138,7 @@ class _Packer:
                 continue
             if name.endswith("_rad") and array.ndim > 1:
                 self._add_angles(key, name, array, reference)
-            elif name in ROOT_ARRAYS and file != "start.npz":
+            elif name in ROOT_ARRAYS and file != START_PLAN:
                 step = ROOT_STEPS[name]
                 self._code(key, _whole(key, array / step), step, 2, array.dtype)
             else:
@@ -130,7 +148,7 @@ class _Packer:
         """Return True if ``_unpacked`` finds an array in another one."""
         if name == "joint_error_rad":
             return True  # of a record it is NaN, of a playback the distance from the reference
-        if file != "plan.npz" or name not in ("joint_angles_rad", *ROOT_ARRAYS):
+        if file != PLAN or name not in ("joint_angles_rad", *ROOT_ARRAYS):
             return False
         other = "reference_rad" if name == "joint_angles_rad" else name
         known = _unpacked(dict(self.arrays), self.coded).get(f"playback.npz/{other}")
@@ -246,9 +264,9 @@ def _write_plan_json(path: FilePath, arrays: Arrays) -> None:
 
 def _write_timeline(directory: FilePath, arrays: Arrays, timeline_id: str) -> None:
     """Write the timeline: the explosion, unless the fold is a refold, and the playback."""
-    path = directory / "timeline.zarr"
-    chain = chain_from_attributes(json.loads((directory / "chain.json").read_bytes()))
-    refold = (directory / "start.json").exists()
+    path = directory / TIMELINE
+    chain = chain_from_attributes(json.loads((directory / CHAIN).read_bytes()))
+    refold = (directory / START_CHAIN).exists()
     with TimelineWriter.create(path, chain, timeline_id=timeline_id) as writer:
-        for file in ("playback.npz",) if refold else ("record.npz", "playback.npz"):
+        for file in (PLAYBACK,) if refold else (RECORD, PLAYBACK):
             writer.append(Motion.from_columns(_of_file(arrays, file)))

@@ -11,17 +11,14 @@ from dataclasses import asdict, dataclass
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path as FilePath
-from typing import Any, Final, Self
+from typing import Any, Self
 
 from planner.chain.chain import Chain
 from planner.errors import UNREADABLE
+from planner.file_names import PREPARED
 from planner.files import write_json
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.pathfinding.options import PathOptions
-
-PREPARED: Final = "prepared.json"
-"""Name of the file in which a preview stores the chains that it found in an input, so that the fold
-need not search for them again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -35,9 +35,10 @@ CURVE_CORRECTIONS: Final = 8
 corrected until modules stand on the table as recorded. Larger values leave smaller height errors
 and take more time. Chosen."""
 MIN_LEVER_PITCH: Final = 0.03
-"""Damping of the least-squares correction that lifts or lowers modules of a fold on a table, in
-pitches of height per rad of hinge turn. Modules with a smaller lever are hardly corrected, so
-larger values leave larger height errors, with smaller turns. Chosen."""
+"""A fold on a table is corrected by turning hinges until modules have their recorded heights
+(damped least squares). Damping, in pitches of height per rad of turn: modules that a hinge raises
+by less are hardly corrected. Larger values leave larger height errors, with smaller turns.
+Chosen."""
 MAX_CORRECTION_RAD: Final = 0.01
 """Maximum turn of a hinge, rad, in one round of correcting the curve of a fold on a table, as the
 correction is linearised. Larger values need fewer rounds but may overshoot. Chosen."""

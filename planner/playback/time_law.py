@@ -38,9 +38,9 @@ TORQUE_CHUNK_SAMPLES: Final = 512
 """Maximum number of points of a playback's curve whose hinge torques are computed at once. Larger
 values take more memory and a little less time; the torques are the same. Chosen."""
 SMOOTHING_SAMPLES: Final = 8.0
-"""Standard deviation, in samples of the curve, of the Gaussian filter that smooths the speed
-profile of a playback. Larger values change torques more gently, but use the torque limit less:
-larger peaks at a given duration, or a slower fold. Chosen."""
+"""Standard deviation, in samples along the planned curve, of the Gaussian filter that smooths the
+speed of a playback. Larger values change torques more gently, but leave the motors less used: the
+fold is slower, or its peak torque is larger at a given duration. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

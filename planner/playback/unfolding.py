@@ -16,13 +16,6 @@ MAX_ANGLE_DIFFERENCE_RAD: Final = 1e-6
 """Maximum difference, rad, of two hinge angles that count as equal, where rounding is to be
 ignored: a plan's last frame and its folded chain, a first frame and the straight chain, an angle
 and the end of a joint's range. Larger values accept worse files. Chosen."""
-START_CHAIN: Final = "start.json"
-"""Name of the file that describes the chain of an earlier, finished fold, in the directory of a
-fold that starts from it: a refold (the chain unfolds, then folds into another shape), or a
-smoothing of its plan."""
-START_PLAN: Final = "start.npz"
-"""Name of the file with the plan of an earlier, finished fold, in the directory of a refold (the
-folded chain unfolds by this plan in reverse, then folds into another shape)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

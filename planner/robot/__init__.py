@@ -7,9 +7,6 @@ from __future__ import annotations
 
 from typing import Final
 
-RECORDED_PLAN: Final = "recorded.npz"
-"""File name, in the directory of a fold that smooths another fold's motion, of the plan that is
-smoothed."""
 SMOOTHED, SOFTENED, RECORDED = "smoothed", "softened", "recorded"
 SMOOTHING_WAYS: Final = (SMOOTHED, SOFTENED, RECORDED)
 """Kinds of smoothing, in the order in which they are tried until a certificate passes: shortcuts

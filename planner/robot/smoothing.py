@@ -66,19 +66,21 @@ MIN_PART_FRAMES: Final = 4
 """Minimum mean number of frames of the parts into which smoothing divides a motion; it is divided
 no further. Smaller values smooth finer details, more slowly. Chosen."""
 HALVING_ROUNDS: Final = 1
-"""Number of rounds, at the beginning of moving a motion towards a smoothed target, in which hinges
-between colliding modules go half as far; in later rounds they keep their angles. Larger values
-follow the target further, more slowly. Chosen."""
+"""Smoothing moves a motion towards a shorter one in rounds; hinges between modules that would
+collide are held back. Number of rounds at the beginning in which such hinges go half as far; in
+later rounds they stay. Larger values shorten more, more slowly. Chosen."""
 WHOLE_FRAME_FROM_ROUND: Final = 6
-"""Round of moving a motion towards a smoothed target from which on a collision keeps all hinges of
-a frame in place, not only those of the colliding modules. Larger values follow the target further,
-and give up more often. Chosen."""
+"""Smoothing moves a motion towards a shorter one in rounds; hinges between modules that would
+collide are held back. Round from which on a collision holds back all hinges of its frame. Larger
+values shorten more, but more attempts fail. Chosen."""
 MAX_FOLLOWING_ROUNDS: Final = 14
-"""Maximum number of rounds of moving a motion towards one smoothed target; with collisions left,
-that target is given up. Larger values use more targets, more slowly. Chosen."""
+"""Smoothing moves a motion towards a shorter one in rounds, until no modules collide. Maximum
+number of rounds; with collisions left after them, the attempt is given up. Larger values shorten
+more, more slowly. Chosen."""
 MIN_FOLLOWED_SHARE: Final = 0.02
-"""Minimum fraction of the way to a smoothed target that a hinge moves; below it the hinge keeps its
-angle. Larger values smooth less. Chosen."""
+"""Smoothing moves a motion towards a shorter one, each hinge by a fraction of the way. A hinge with
+less than this fraction keeps its angle. Larger values shorten less and check fewer frames.
+Chosen."""
 MIN_PASS_GAIN: Final = 0.005
 """Minimum relative decrease of a motion's cost (length and torque) by one pass of smoothing; two
 passes in a row with less end the smoothing. Smaller values smooth longer. Chosen."""

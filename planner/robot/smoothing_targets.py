@@ -12,11 +12,13 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 FADE_FRAMES: Final = 3
-"""Half width, in frames, of the filters by which a change of a smoothed motion fades in and out,
-about four times as many frames in all. Larger values change speeds more smoothly. Chosen."""
+"""Smoothing changes a section of a motion with a weight that fades in and out over its frames, so
+that speeds stay smooth. Half width of the filters that make the fading, in frames; all of it takes
+about four times as many. Larger values change speeds more gently. Chosen."""
 MIN_TARGET_WEIGHT: Final = 1e-9
-"""Weight of a smoothed target, from 0 to 1, below which it counts as 0, because it is rounding of
-the running sums of a filter."""
+"""Smoothing moves the frames of a motion towards a straight line or an average, each by a weight
+from 0 to 1 that fades in and out. Weights below this value count as 0: they are rounding errors of
+the running sums that compute the fading."""
 
 
 def parts(frames: int, pieces: int, rng: np.random.Generator) -> Ints:

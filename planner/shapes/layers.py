@@ -24,12 +24,12 @@ LAYER_TRIALS: Final = 4
 """Number of random spanning trees of 2×2 squares that are tried for a path through a shape layer by
 layer. Larger values find more paths, more slowly. Chosen."""
 ROUND_STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))
-"""Step (x, y), in cells, of a cycle through a layer of 2×2 squares: from each cell of a square, in
-the order of ``SQUARE_CORNERS``, to the next one in the same square."""
+"""A path through a layer goes round a tree of 2×2 squares. Step (x, y), in cells, from each cell of
+a square (in the order of ``SQUARE_CORNERS``) to the next cell of the same square."""
 OUT_STEPS: Final = ((0, -1), (1, 0), (0, 1), (-1, 0))
-"""Step (x, y), in cells, from each cell of a 2×2 square, in the order of ``SQUARE_CORNERS``, into
-the neighbouring square; a cycle through a layer takes it where a spanning tree joins the
-squares."""
+"""A path through a layer goes round a tree of 2×2 squares. Step (x, y), in cells, from each cell of
+a square (in the order of ``SQUARE_CORNERS``) into the neighbouring square, where the tree joins
+both."""
 SQUARE_CORNERS: Final = ((0, 0), (1, 0), (1, 1), (0, 1))
 """Cells of a 2×2 square as (x, y) offsets from its first cell, anticlockwise, as a cycle through
 the square alone visits them."""

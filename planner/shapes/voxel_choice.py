@@ -62,24 +62,29 @@ MAX_OFFER_COUNTS: Final = 400
 estimated scores are compared to offer another one. Larger values find more offers, more slowly.
 Chosen."""
 FIT_WORK: Final = 1.2e8
-"""Number of samples of a solid that all voxelisations tried for one number of modules may take
-together. Larger values try more pitches and orientations, more slowly. Chosen."""
+"""Solids are sampled at points to fit cells to them. Number of samples that all fits which are
+tried for one number of modules may take together. Larger values try more cell sizes and
+orientations, more slowly. Chosen."""
 MIN_FITS: Final = 10
-"""Minimum number of pitches and orientations that are tried for one number of modules, however
-large the solid. Larger values fit large solids better, more slowly. Chosen."""
-MAX_FITS: Final = 120
-"""Maximum number of pitches and orientations that are tried for one number of modules, however
-small the solid. Larger values fit small solids better, more slowly. Chosen."""
-THOROUGH_FITS: Final = 30
-"""Number of pitches and orientations that a solid's size affords, from which on more voxelisations
-are compared in full. Smaller values compare more for large solids, more slowly. Chosen."""
-STEPS_TO_SIDES: Final = 4
-"""Number of pitches (1.25 % apart) that are tried above and below the estimated pitch for a number
-of modules. Larger values find better fits, more slowly. Chosen."""
-WIDE_STEPS: Final = range(-16, 17, 2)
-"""Pitches to try, as numbers of steps of 1.25 % from the estimated one, if no voxelisation comes
-near the requested number of modules. A wider range comes nearer for difficult solids, more slowly.
+"""Minimum number of fits (cell sizes and orientations of the solid) that are tried for one number
+of modules, however large the solid is. Larger values fit large solids better, more slowly.
 Chosen."""
+MAX_FITS: Final = 120
+"""Maximum number of fits (cell sizes and orientations of the solid) that are tried for one number
+of modules, however small the solid is. Larger values fit small solids better, more slowly.
+Chosen."""
+THOROUGH_FITS: Final = 30
+"""Solids are fitted with cells of several sizes and orientations; small solids allow more fits in
+the same time. Number of affordable fits from which on more of the best ones are compared in full.
+Smaller values compare more for large solids, more slowly. Chosen."""
+STEPS_TO_SIDES: Final = 4
+"""A solid is filled with cells of several sizes (pitches), 1.25 % apart, around the size that is
+estimated to give the requested number of modules. Number of sizes that are tried on either side of
+the estimate. Larger values find cells that fit better, more slowly. Chosen."""
+WIDE_STEPS: Final = range(-16, 17, 2)
+"""Cell sizes that are tried if none near the estimate gives about the requested number of modules,
+as numbers of steps of 1.25 % from the estimated size. A wider range comes nearer to the number for
+difficult solids, more slowly. Chosen."""
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]

@@ -34,13 +34,14 @@ DRIFT_SLIP_THRESHOLD: Final = 0.02
 module, to count as slipping if the chain drifts as a whole. Larger values let more corners stick.
 Chosen: larger than without drift, as the drift is only estimated."""
 DIRECTION_SPREADS_RAD: Final = (0.2, 0.8)
-"""Half-angles, in rad, about the direction opposite to slipping within which friction of a drifting
-chain may point, as its drift is only estimated; the second is used if there is no equilibrium with
-the first. Larger ones find more equilibria. Chosen."""
+"""Friction acts opposite to slipping, but the drift of a chain on a table is only estimated.
+Angles, rad, to either side within which friction may point; the second is used if there is no
+equilibrium with the first. Larger ones find more equilibria, also false ones. Chosen."""
 SMOOTHING_SHARE: Final = 2e-3
-"""Displacement below which Coulomb friction is smoothed to estimate a chain's drift on the table,
-as a fraction of the largest displacement of a module. Smaller values are more exact and converge
-more slowly. Chosen."""
+"""Coulomb friction acts at full strength however little a corner slips on the table. To estimate
+where the chain drifts, friction is reduced in proportion for displacements below this fraction of
+the largest displacement of a module. Smaller values are more exact and converge more slowly.
+Chosen."""
 MAX_DRIFT_ITERATIONS: Final = 100
 """Maximum number of iterations that estimate the drift of a whole chain on the table. Larger values
 are more exact if the estimate converges slowly, and take more time. Chosen."""

@@ -19,9 +19,9 @@ Ints = NDArray[np.int64]
 Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
 
 REASON_RANKS: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
-"""Order of the reasons why a shape has no path for a table, if its sides have different ones: the
-reason with the lowest rank, of the side that comes closest to a path, is reported. Other reasons
-rank 1."""
+"""A shape that has no path for a table on any of its sides may have another reason on each side.
+Rank of each reason by its code (others: 1); the report states the reason with the lowest rank, that
+of the side which comes closest to having a path."""
 FALLING_EFFORT: Final = 1.5
 """Solver budget, in deterministic time units of about one second, for table paths that may go down,
 tried if no path was found that never goes down; shared among the shape's orientations on the table.

@@ -30,9 +30,9 @@ BOUND_RTOL: Final = 1e-3
 computes again, relative to the latter. Larger values accept bounds that are less surely true.
 Chosen."""
 IN_BETWEENS_RTOL: Final = 1e-2
-"""Maximum relative difference between a certificate's number of checked intervals between frames
-and the number computed again: rounding may halve some intervals more. Larger values accept altered
-figures. Chosen."""
+"""The proof of clearance between frames halves intervals until it succeeds; a certificate states
+how many it has checked. Maximum relative difference from the number computed again, as rounding may
+halve a few more. Larger values accept altered figures. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 
+from planner.file_names import PLAN, PLAN_TEXT
 from planner.motion.record import Record
 from planner.plan.differences import Differences, array_difference, value_differences, versus_plan
 from planner.plan.plan import EARLIER_FORMATS, Plan
@@ -19,7 +20,7 @@ formats, whose JSON has twelve decimals."""
 
 def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
     """Yield the differences of the two forms of a plan, and contradictions in one of them."""
-    other = Plan.of_values(text, "plan.json")
+    other = Plan.of_values(text, PLAN_TEXT)
     earlier = npz["format"] in EARLIER_FORMATS
     arrays = {**plan.motion.columns(), "max_error_rad": plan.max_error_rad}
     theirs = {**other.motion.columns(), "max_error_rad": other.max_error_rad}
@@ -36,11 +37,11 @@ def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Diffe
     )
     if isinstance(said.get("angles"), dict):
         said["angles"].pop("data", None)
-    yield from value_differences(said, mine, versus_plan("plan.json", "plan"))
+    yield from value_differences(said, mine, versus_plan(PLAN_TEXT, "plan"))
     rest = plan.rest()
     derived = {name: rest[name] for name in ("chain", "start", "root_module")}
     derived["joint_names"] = list(plan.chain.joint_names)
-    yield from value_differences({name: mine.get(name) for name in derived}, derived, "plan.npz")
+    yield from value_differences({name: mine.get(name) for name in derived}, derived, PLAN)
 
 
 def lacking(
@@ -57,7 +58,7 @@ def lacking(
         expected["explosion"] = record.summary()
     columns = {*plan.motion.columns(), "max_error_rad", "angle_planes"}
     mine = {name: _plain(value) for name, value in npz.items() if name not in columns}
-    yield from value_differences(mine, json.loads(json.dumps(expected)), "plan.npz")
+    yield from value_differences(mine, json.loads(json.dumps(expected)), PLAN)
     if record is None and plan.explosion is not None:
         yield "record.npz: it is missing, so its figures in plan.npz cannot be computed again"
 

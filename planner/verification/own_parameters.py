@@ -8,6 +8,7 @@ from pathlib import Path as FilePath
 from typing import Any, get_args
 
 from planner.errors import UNREADABLE, InputError, PlannerError, named
+from planner.file_names import PLAN, REQUEST
 from planner.parameters.explosion import Base
 from planner.parameters.parameters import FLOATING, WORLD_CHOICES, Parameters, preset
 from planner.pipeline.preference import COMPUTING
@@ -92,7 +93,7 @@ def own_preset(plan: Plan) -> Parameters:
     try:
         return preset(plan.preset)
     except InputError as error:
-        raise named(error, "plan.npz") from None
+        raise named(error, PLAN) from None
 
 
 def _checked_number(value: Any, name: str) -> float:
@@ -112,7 +113,7 @@ def _checked_number(value: Any, name: str) -> float:
 
 def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
     """Yield the differences of the plan's parameters from those of the request."""
-    if not (directory / "request.json").exists():
+    if not (directory / REQUEST).exists():
         notes.append(
             "There is no request.json, so the plan's parameters were not compared with it."
         )
@@ -130,7 +131,7 @@ def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differ
     if not (smoothed and request.prefer != COMPUTING):  # the best plan may be a smoothed one
         told["smooth"] = smoothed
     yield from value_differences(
-        {n: getattr(request, n) for n in told}, told, versus_plan("request.json", "request")
+        {n: getattr(request, n) for n in told}, told, versus_plan(REQUEST, "request")
     )
     wanted = json.loads(json.dumps(parameters.as_dict()))
     here, made = versions().get("foldback"), plan.versions.get("foldback")

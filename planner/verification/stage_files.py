@@ -11,11 +11,21 @@ import numpy as np
 
 from planner.errors import UNREADABLE, PlannerError
 from planner.explosion.paper import FRAME_SPACING_RAD
+from planner.file_names import (
+    ATTEMPTS,
+    CANDIDATES,
+    CERTIFICATE,
+    CHAIN,
+    PLAYBACK,
+    RECORD,
+    RECORDED_PLAN,
+    START_CHAIN,
+    START_PLAN,
+)
 from planner.motion.angle_steps import PLAN_STEP_RAD
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes
-from planner.pipeline.fold_layout import CANDIDATES
 from planner.pipeline.workspace import Workspace
 from planner.plan.differences import (
     SINGLE_PRECISION_ATOL_RAD,
@@ -26,8 +36,6 @@ from planner.plan.differences import (
 )
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
-from planner.playback.unfolding import START_CHAIN, START_PLAN
-from planner.robot import RECORDED_PLAN
 
 
 def stage_files_differ(
@@ -41,22 +49,22 @@ def stage_files_differ(
     """Yield the differences of the stages' files from the plan."""
     chain = chain_attributes(plan.chain)
     checks: dict[str, Callable[[], Differences]] = {
-        "chain.json": lambda: value_differences(
-            _json(directory / "chain.json"), chain, versus_plan("chain.json", "chain")
+        CHAIN: lambda: value_differences(
+            _json(directory / CHAIN), chain, versus_plan(CHAIN, "chain")
         ),
         CANDIDATES: lambda: _among(directory, plan),
-        "attempts.json": lambda: value_differences(
-            _json(directory / "attempts.json"),
+        ATTEMPTS: lambda: value_differences(
+            _json(directory / ATTEMPTS),
             list(plan.attempts),
-            versus_plan("attempts.json", "attempts"),
+            versus_plan(ATTEMPTS, "attempts"),
         ),
-        "certificate.json": lambda: value_differences(
-            _json(directory / "certificate.json"),
+        CERTIFICATE: lambda: value_differences(
+            _json(directory / CERTIFICATE),
             npz["certificate"],
-            versus_plan("certificate.json", "certificate"),
+            versus_plan(CERTIFICATE, "certificate"),
         ),
-        "playback.npz": lambda: _same_playback(directory, plan, playback),
-        "record.npz": lambda: _same_record(directory, plan, record),
+        PLAYBACK: lambda: _same_playback(directory, plan, playback),
+        RECORD: lambda: _same_record(directory, plan, record),
     }
     if plan.start is not None:
         start = chain_attributes(plan.start)
@@ -85,7 +93,7 @@ def stage_files_differ(
             yield f"{name}: it cannot be read ({error})"
 
 
-_RESULT_FILES: Final = {"playback.npz": "playback", "record.npz": "explosion"}
+_RESULT_FILES: Final = {PLAYBACK: "playback", RECORD: "explosion"}
 
 
 def _among(directory: FilePath, plan: Plan) -> Differences:
@@ -104,13 +112,13 @@ def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -
     found = Workspace(directory).read_playback()
     assert found is not None
     told = {name: value for name, value in found.summary().items() if name in (plan.playback or {})}
-    yield from value_differences(told, plan.playback or {}, versus_plan("playback.npz", "playback"))
+    yield from value_differences(told, plan.playback or {}, versus_plan(PLAYBACK, "playback"))
     if playback is not None:
-        yield from _same_motion(found.frames, playback.frames, "playback.npz")
+        yield from _same_motion(found.frames, playback.frames, PLAYBACK)
         yield from array_difference(
             found.reference.stored_angles_rad,
             playback.reference.stored_angles_rad,
-            versus_plan("playback.npz", "joint_angles_rad"),
+            versus_plan(PLAYBACK, "joint_angles_rad"),
         )
 
 
@@ -118,12 +126,12 @@ def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Diff
     found = Workspace(directory).read_record()
     assert found is not None
     yield from value_differences(
-        found.summary(), plan.explosion or {}, versus_plan("record.npz", "explosion")
+        found.summary(), plan.explosion or {}, versus_plan(RECORD, "explosion")
     )
     if record is not None:
         # A timeline holds one layout: that of a fold on a table is dense once it is played back.
         frames = found.frames.in_layout_of(record.frames, plan.chain)
-        yield from _same_motion(frames, record.frames, "record.npz")
+        yield from _same_motion(frames, record.frames, RECORD)
     yield from _snapshots(found, plan)
 
 

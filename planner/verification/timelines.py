@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from planner.errors import UNREADABLE, InputError, TimelineError
+from planner.file_names import PLAN, TIMELINE
 from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, chain_attributes
@@ -36,9 +37,7 @@ def chain_differs(timeline: Timeline, plan: Plan) -> Differences:
     expected = chain_attributes(plan.chain)
     if timeline.windowed:
         del expected["joint_names"]  # which those of long chains leave out
-    yield from value_differences(
-        timeline.told_chain, expected, versus_plan("timeline.zarr", "chain")
-    )
+    yield from value_differences(timeline.told_chain, expected, versus_plan(TIMELINE, "chain"))
 
 
 def opened(path: FilePath) -> tuple[Timeline, Motion]:
@@ -163,10 +162,10 @@ def _root_differs(plan: Plan, motion: Motion, played: Motion) -> Differences:
     """
     held = own_parameters(plan, None).table.held
     followed = played.planned(plan.chain, motion, clamped=held)
-    meant = [("plan.npz", motion, followed)]
+    meant = [(PLAN, motion, followed)]
     how = "that drifts like the playback"
     if held:
-        meant.append(("timeline.zarr", played, played.clamped(plan.chain)))
+        meant.append((TIMELINE, played, played.clamped(plan.chain)))
         how = "whose first module is clamped"
     for file, frames, wanted in meant:
         for name in _ROOT:

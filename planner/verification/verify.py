@@ -16,6 +16,7 @@ import numpy as np
 from planner.certificate.certificate import Certificate, certify
 from planner.errors import UNREADABLE, InputError, TimelineError, named
 from planner.exports import mjcf
+from planner.file_names import MODEL, PLAN, PLAN_TEXT, TIMELINE
 from planner.pipeline import manifest
 from planner.plan.differences import Differences
 from planner.plan.model_differences import model_differences
@@ -126,12 +127,12 @@ def verify(
 
 def _verified(directory: FilePath, module_size: float | None, progress: Report) -> Verification:
     found = _Findings()
-    npz = read_values(directory / "plan.npz")
-    text = read_values(directory / "plan.json")
-    plan = Plan.of_values(npz, "plan.npz")
+    npz = read_values(directory / PLAN)
+    text = read_values(directory / PLAN_TEXT)
+    plan = Plan.of_values(npz, PLAN)
     found.look("plan.json and plan.npz are equal", forms_differ(plan, npz, text))
     earlier = npz["format"] in EARLIER_FORMATS
-    timeline, frames = opened(directory / "timeline.zarr")
+    timeline, frames = opened(directory / TIMELINE)
     found.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
     try:
         record, playback = results(plan, frames)
@@ -177,7 +178,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
                 "the reason why it stalled was confirmed",
                 (f"the reason why it stalled: {difference}" for difference in reason.differences),
             )
-    model = _text(directory / "model.xml")
+    model = _text(directory / MODEL)
     found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
     replayed = None
     if len(plan.time_s):
@@ -256,7 +257,7 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
         for difference in model_differences(mjcf.named_bodies(text), again):
             yield f"model.xml: {difference}"
     except InputError as error:
-        raise named(error, "model.xml") from None
+        raise named(error, MODEL) from None
 
 
 def _text(path: FilePath) -> str:

@@ -12,8 +12,8 @@ from typing import Final, cast
 
 from planner.certificate.figures import AttemptFigures, CertificateFigures, FoldSummary
 from planner.errors import UNREADABLE
+from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLANS_DIR
 from planner.files import json_of
-from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, PLANS_DIR
 from planner.pipeline.preference import COMPUTING
 from server.store.shown import RUNNING_STATUSES, Found
 

@@ -10,7 +10,8 @@ from fastapi.responses import FileResponse, Response
 
 from planner.errors import DamagedError, InputError, TimelineError
 from planner.exports import EXPORTS, export_named, exports_of
-from planner.pipeline.fold_layout import TIMELINE, result
+from planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, TIMELINE
+from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.context import Context
 from server.api.folds import Here, problems
@@ -32,10 +33,10 @@ MAX_UNQUEUED_NUMBERS: Final = 100_000
 larger answer waits in the queue of derived files. With a larger value, large answers delay other
 requests. Chosen."""
 PLAN_MEDIA_TYPES: Final = {
-    "plan.json": "application/json",
-    "plan.npz": "application/octet-stream",
-    "model.xml": "application/xml",
-    "certificate.json": "application/json",
+    PLAN_TEXT: "application/json",
+    PLAN: "application/octet-stream",
+    MODEL: "application/xml",
+    CERTIFICATE: "application/json",
 }
 
 
@@ -172,7 +173,7 @@ async def get_export(request: Request, fold_id: str, name: str, context: Here) -
     except InputError as error:
         raise NotFound("no-such-export", error.detail) from error
     directory = await asyncio.to_thread(context.store.directory, fold_id)
-    await asyncio.to_thread(check, directory, "plan.npz", export.filename)
+    await asyncio.to_thread(check, directory, PLAN, export.filename)
     path = await context.exports.file(fold_id, export, visitor=address_of(request))
     return FileResponse(
         path,
@@ -211,7 +212,7 @@ def _finished(context: Context, fold_id: str) -> FoldRow:
     """Return the row of a fold that has a plan."""
     row = context.store.fold(fold_id)
     context.store.looked(row)
-    if not row.over or not (context.store.directory(fold_id) / "plan.npz").is_file():
+    if not row.over or not (context.store.directory(fold_id) / PLAN).is_file():
         raise not_there(row, "plan")
     return row
 

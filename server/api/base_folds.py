@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
-from planner.playback.unfolding import START_CHAIN, START_PLAN
-from planner.robot import RECORDED_PLAN
+from planner.file_names import CHAIN, PLAN, RECORDED_PLAN, START_CHAIN, START_PLAN
 from planner.verification.integrity import check
 from server.api.context import Context
 from server.errors import Conflict, Unusable
@@ -18,8 +17,8 @@ from server.store.tables import FoldRow
 
 Use = Literal["refold", "smooth"]
 COPIED_FILES: Final[dict[str, dict[str, str]]] = {
-    "refold": {START_CHAIN: "chain.json", START_PLAN: "plan.npz"},
-    "smooth": {RECORDED_PLAN: "plan.npz", START_CHAIN: "chain.json"},
+    "refold": {START_CHAIN: CHAIN, START_PLAN: PLAN},
+    "smooth": {RECORDED_PLAN: PLAN, START_CHAIN: CHAIN},
 }
 """Files that a new fold takes over from a finished one, by purpose ("refold": fold the folded chain
 into another shape; "smooth": smooth its plan). Each entry maps the name in the new fold to the name

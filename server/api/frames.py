@@ -17,8 +17,9 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from planner.errors import DamagedError, TimelineError
+from planner.file_names import TIMELINE
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import TIMELINE, result
+from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.finding import find_now, viewing_of
 from server.http.client_address import address_of

@@ -9,7 +9,7 @@ from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from planner.errors import InputError
-from planner.pipeline.fold_layout import TIMELINE
+from planner.file_names import TIMELINE
 from planner.verification.integrity import check
 from server.api.folds import Bearer, Here, problems, token_of
 from server.api.schemas import Fault

@@ -12,6 +12,7 @@ from fastapi import APIRouter, Query, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response, StreamingResponse
 
 from planner.errors import DamagedError, InputError
+from planner.file_names import PLAN
 from planner.verification.integrity import check
 from server.api.artifacts import not_there
 from server.api.context import Context
@@ -283,7 +284,7 @@ def _wanted(
 ) -> tuple[FoldRow, Wanted]:
     """Return the row of a finished fold, and which trajectory of its plan is wanted."""
     row = context.store.fold(fold_id)
-    path = context.store.directory(fold_id) / "plan.npz"
+    path = context.store.directory(fold_id) / PLAN
     try:
         if row.over:
             check(path.parent, path.name)

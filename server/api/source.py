@@ -13,6 +13,7 @@ from typing import Annotated, Any, BinaryIO, Final
 from fastapi import File, Form, UploadFile
 
 from planner.errors import InputError
+from planner.file_names import INPUT, REQUEST
 from planner.files import json_of
 from planner.names import clean_name
 from planner.pathfinding.options import PathOptions
@@ -266,11 +267,11 @@ def stored_input(directory: Path) -> tuple[BinaryIO, str | None]:
         DamagedError: If it is not what was written.
     """
     try:
-        source = open(directory / "input", "rb")  # noqa: SIM115 (the caller closes it)
+        source = open(directory / INPUT, "rb")  # noqa: SIM115 (the caller closes it)
     except OSError as error:
         raise _no_input() from error
     try:
-        check(directory, "input", "request.json")
+        check(directory, INPUT, REQUEST)
         return source, _stored_request(directory)["filename"]
     except BaseException:
         source.close()
@@ -283,7 +284,7 @@ def _stored_request(directory: Path) -> dict[str, Any]:
     Raises:
         NotFound: If they are not there any more.
     """
-    request = json_of(directory / "request.json")
+    request = json_of(directory / REQUEST)
     if "filename" not in request:
         raise _no_input()
     return request

@@ -13,8 +13,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from planner.errors import InputError
+from planner.file_names import PREPARED, REQUEST
 from planner.pipeline.expected_cost import ExpectedCost
-from planner.plan.prepared import PREPARED
 from server.api.base_folds import BaseFold
 from server.api.context import Context
 from server.api.source import Source
@@ -217,7 +217,7 @@ def _write(directory: Path, source: Source) -> None:
         source.parent.copy(directory)
         for name in source.parent.files:
             sync(directory / name)
-    with open(directory / "request.json", "w") as file:
+    with open(directory / REQUEST, "w") as file:
         json.dump(source.request.to_json(), file)
         file.flush()
         os.fsync(file.fileno())

@@ -12,7 +12,7 @@ import sqlalchemy as sa
 from dbos import DBOSClient
 from sqlalchemy.orm import Session
 
-from planner.pipeline.fold_layout import DESCRIBED
+from planner.file_names import DESCRIBED
 from planner.verification.integrity import damaged_among
 from server.api.base_folds import COPIED_NAMES
 from server.jobs.queue import ACTIVE_JOB_STATES, APPLICATION, Jobs

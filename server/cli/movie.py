@@ -16,7 +16,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from cli.inputs import refuse
 from cli.options import AsJson, FoldDirectory
 from planner.errors import InputError
-from planner.pipeline.fold_layout import TIMELINE, result
+from planner.file_names import TIMELINE
+from planner.pipeline.fold_layout import result
 from server.ops.starting import settings_of
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits

@@ -21,10 +21,11 @@ from planner.certificate.figures import CertificateFigures, FoldSummary
 from planner.certificate.verdict import told_honestly
 from planner.errors import InputError, TimelineError
 from planner.explosion.diagnosis import stuck_of
+from planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import CERTIFICATE, TIMELINE, result
+from planner.pipeline.fold_layout import result
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
 from server.api import frames as timelines
@@ -79,8 +80,8 @@ def row_of(directory: Path) -> ShownFold:
         TimelineError: When there is no timeline in it.
     """
     chain = Timeline.open(result(directory, TIMELINE)).chain
-    request = json_of(directory / "request.json")
-    plan = json_of(directory / "plan.json")
+    request = json_of(directory / REQUEST)
+    plan = json_of(directory / PLAN_TEXT)
     certificate = told_honestly(
         cast(
             CertificateFigures, plan.get("certificate") or json_of(result(directory, CERTIFICATE))
@@ -171,7 +172,7 @@ def play(
         typer.echo(f"{error}", err=True)
         raise typer.Exit(2) from error
 
-    if not (directory / "figures.zarr").exists():
+    if not (directory / FIGURES).exists():
         # Folds that were cancelled have none, and those of earlier versions.
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError, TimelineError):
             Workspace(directory).write_figures()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 from zipfile import BadZipFile
 
 from planner.errors import InputError
+from planner.file_names import PLAN
 from planner.motion.angle_steps import unpacked_bytes
 from planner.readers.limits import megabytes
 from planner.verification.integrity import check
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 MAX_EXPORTED_PLAN_BYTES: Final = 64 * 2**20
 """Maximum unpacked size of a plan that the service exports to other formats, in bytes; larger plans
 are left to the command line. Some formats need ten times as much memory. Chosen."""
-PLAN: Final = "plan.npz"
 
 
 class Exports:

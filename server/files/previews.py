@@ -20,8 +20,8 @@ from typing import Any, BinaryIO, Final
 
 from planner.chain.module import CUBE
 from planner.errors import InputError
+from planner.file_names import PREPARED
 from planner.pipeline.request import PreviewRequest
-from planner.plan.prepared import PREPARED
 from server.errors import (
     NoSuch,
     ServiceError,

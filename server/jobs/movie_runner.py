@@ -16,7 +16,8 @@ import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
 from planner.errors import DamagedError, InputError
-from planner.pipeline.fold_layout import TIMELINE, result
+from planner.file_names import TIMELINE
+from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.errors import Damaged
 from server.jobs.progress import JobProgress

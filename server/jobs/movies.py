@@ -19,7 +19,8 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from planner.pipeline.fold_layout import TIMELINE, result
+from planner.file_names import TIMELINE
+from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.errors import Conflict, NoRoom, NoSuch, NotFound, TooMany, Unavailable
 from server.jobs.queue import Jobs

@@ -14,9 +14,9 @@ from typing import Any, Final, TypedDict
 from sqlalchemy.exc import SQLAlchemyError
 
 from planner.errors import InputError, TimelineError
+from planner.file_names import START_CHAIN, TIMELINE
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.fold_layout import TIMELINE, any_verified, result
-from planner.playback.unfolding import START_CHAIN
+from planner.pipeline.fold_layout import any_verified, result
 from planner.progress import COMPILING
 from planner.readers.gallery import Gallery
 from server.files.cancelled import sweep_cancelled_of

@@ -16,11 +16,12 @@ from planner.certificate.figures import (
 from planner.certificate.verdict import summary_told_honestly, told_honestly
 from planner.errors import UNREADABLE
 from planner.exports import exports_of
+from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
 from planner.files import json_of
 from planner.motion.record import TableRecord
 from planner.parameters.parameters import FLOATING
 from planner.parameters.settings import TABLE_SETTINGS
-from planner.pipeline.fold_layout import ATTEMPTS, CERTIFICATE, CHAIN, TIMELINE, result
+from planner.pipeline.fold_layout import result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import MAX_SEED, FoldRequest
 from planner.robot import MAX_SMOOTHED_ANGLES
@@ -53,7 +54,6 @@ from words.quantities import PRESET_LABELS, sentence
 from words.settings import in_a_line
 from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
 
-RECORD: Final = "record.npz"
 SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
 """Files that the page of a fold needs; the page reports those that are damaged."""
 VIEW_DOWNLOADS: Final = (
@@ -176,7 +176,7 @@ def fold_facts(
     where = "" if row.world == FLOATING else ", on a table"
     problem = _problem(row, summary)
     choice = choice_of(directory, preference_named(row.prefer), playable=api) if done else None
-    there = api and done and (directory / "plan.npz").is_file()
+    there = api and done and (directory / PLAN).is_file()
     facts: FoldFacts = {
         "id": row.id,
         "name": row.title,

@@ -18,6 +18,7 @@ from planner.certificate.figures import (
     FoldSummary,
 )
 from planner.errors import DamagedError
+from planner.file_names import ATTEMPTS
 from planner.motion.stuck_figures import BlockFigures, EvidenceFigures
 from planner.verification.integrity import check
 from server.pages.knot_drawing import KnotDrawing, drawing_of
@@ -227,8 +228,8 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
 def attempts(directory: Path) -> list[AttemptWords]:
     """Return the attempts of a fold in order: their strategies and results."""
     try:
-        check(directory, "attempts.json")
-        found = json.loads((directory / "attempts.json").read_bytes())
+        check(directory, ATTEMPTS)
+        found = json.loads((directory / ATTEMPTS).read_bytes())
     except (DamagedError, OSError, ValueError):
         return []
     return [_attempt(attempt) for attempt in cast("list[AttemptFigures]", found)]

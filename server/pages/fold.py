@@ -13,8 +13,9 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from planner.errors import UNREADABLE, PlannerError
+from planner.file_names import CHAIN
 from planner.motion.timeline import chain_from_attributes
-from planner.pipeline.fold_layout import CHAIN, result
+from planner.pipeline.fold_layout import result
 from planner.verification.integrity import damaged_among
 from server.api.finding import find_now, viewing_of
 from server.http.response_cache import mark

@@ -13,8 +13,9 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from planner.errors import DamagedError, InputError, TimelineError
+from planner.file_names import CHAIN, TIMELINE
 from planner.files import write_whole
-from planner.pipeline.fold_layout import CHAIN, TIMELINE, result
+from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.context import Context, context_of
 from server.api.finding import find_fold

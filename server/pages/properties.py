@@ -20,10 +20,11 @@ from planner.certificate.figures import (
 )
 from planner.chain.module import CUBE, MODULES
 from planner.errors import UNREADABLE, TimelineError
+from planner.file_names import CHAIN, PLAN, TIMELINE
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import CHAIN, TIMELINE, result
+from planner.pipeline.fold_layout import result
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.verification.integrity import damaged_among
 from server.pages.failures import reason_for_people
@@ -123,7 +124,7 @@ class _Fold:
     @property
     def plan(self) -> dict[str, dict[str, Any]]:
         over = self.row.status in ("verified", "failed")
-        return _settings_of(self.directory / "plan.npz") if over else {}
+        return _settings_of(self.directory / PLAN) if over else {}
 
     def summary_rows(self) -> Rows:
         row = self.row

@@ -15,8 +15,9 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from planner.errors import DamagedError, TimelineError
+from planner.file_names import TIMELINE
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import TIMELINE, result
+from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.finding import find_fold, viewing_of
 from server.api.frames import view_page

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path as CellPath
+from planner.file_names import START_PLAN
 from planner.files import write_json
 from planner.pipeline.request import FoldRequest, PreviewRequest
-from planner.playback.unfolding import START_PLAN, check_fits
+from planner.playback.unfolding import check_fits
 from planner.readers import read
 from planner.shapes.shape import Shape
 
@@ -93,8 +94,8 @@ def _begins(directory: Path) -> Chain:
 
 def _smoothed(directory: Path, request: FoldRequest) -> dict[str, Any]:
     """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
+    from planner.file_names import RECORDED_PLAN
     from planner.plan.plan import Plan
-    from planner.robot import RECORDED_PLAN
     from planner.robot.smoothed import check_smoothable
 
     request.check()

@@ -20,8 +20,9 @@ from pathlib import Path
 from typing import Final
 
 from planner.errors import UNREADABLE
+from planner.file_names import TIMELINE
 from planner.files import temporary_path, write_whole
-from planner.pipeline.fold_layout import TIMELINE, result
+from planner.pipeline.fold_layout import result
 from server.errors import NoSuch
 from server.settings import Settings
 from server.store.object_store import FETCHED_INDEX, Storage, open_storage

@@ -22,14 +22,15 @@ from numpy.typing import NDArray
 
 from planner.certificate.metrics import Curves, Figures
 from planner.certificate.table_figures import TableCertificate
-from planner.certificate.table_forces import FORCES, TableForces
+from planner.certificate.table_forces import TableForces
 from planner.errors import UNREADABLE, InputError
+from planner.file_names import CERTIFICATE, FIGURES, FORCES, PLAN, RECORD, TIMELINE
 from planner.files import json_of
 from planner.motion.angle_steps import plan_columns
 from planner.motion.motion import Motion
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import CERTIFICATE, FIGURES, RECORD, TIMELINE, result
+from planner.pipeline.fold_layout import result
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 
@@ -219,7 +220,7 @@ def _reference(directory: Path, timeline: Timeline) -> Motion | None:
     """
     if not timeline.tells_errors:
         return None
-    path = directory / "plan.npz"
+    path = directory / PLAN
     try:
         found = path.stat()
         # Every stretch asks for them, of which a fold has many.

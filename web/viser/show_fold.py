@@ -7,8 +7,9 @@ from pathlib import Path as FilePath
 from typing import Final
 
 from planner.errors import InputError, TimelineError
+from planner.file_names import TIMELINE
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import TIMELINE, result
+from planner.pipeline.fold_layout import result
 from planner.plan.plan import Plan
 from planner.progress import STAGES, Progress
 from web.timeline.moments import MotionMoments, MotionSource

@@ -18,13 +18,13 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import Diagnosis, Kind
+from planner.file_names import TIMELINE, TRIALS_DIR
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import preset
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.attempt_pool import SPECULATION_PULSES, AttemptPool
 from planner.pipeline.exploding import explode
-from planner.pipeline.fold_layout import TIMELINE, TRIALS_DIR
 from planner.pipeline.job import Watch
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
+from planner.file_names import CANDIDATES, PREPARED
 from planner.pathfinding.options import PathOptions
 from planner.pipeline import reading
-from planner.pipeline.fold_layout import CANDIDATES
 from planner.pipeline.prepare import Preparation, prepare
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
-from planner.plan.prepared import PREPARED, PreparedChains, key_of
+from planner.plan.prepared import PreparedChains, key_of
 
 CELLS = b"\n".join(b"%d,%d,%d" % (x, y, z) for x in range(4) for y in range(2) for z in range(2))
 OPTIONS = PathOptions(as_voxels=True, method="blocks")

@@ -15,21 +15,13 @@ import pytest
 from planner.certificate.certificate import Certificate, Place, certify
 from planner.chain.chain import Chain
 from planner.explosion.simultaneous import explode
+from planner.file_names import CERTIFICATE, PLANS_DIR, PLAYABLE, RESULT_FILES, TIMELINE
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.explosion import ExplosionParameters
 from planner.pipeline.attempt import Attempt, Trial
-from planner.pipeline.fold_layout import (
-    CERTIFICATE,
-    PLANS_DIR,
-    PLAYABLE,
-    RESULT_FILES,
-    TIMELINE,
-    folder,
-    numbers,
-    result,
-)
+from planner.pipeline.fold_layout import folder, numbers, result
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import next_stage, run_stage, run_stages
 from planner.pipeline.workspace import Workspace

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from planner.pipeline.fold_layout import ATTEMPTS, PLANS_DIR, PLAYABLE
+from planner.file_names import ATTEMPTS, PLANS_DIR, PLAYABLE
 from tests.server.service import Service
 from words.choice import choice_of
 

@@ -13,8 +13,9 @@ from typing import Any
 import psutil
 import pytest
 
+from planner.file_names import TIMELINE
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import TIMELINE, last_frame, result
+from planner.pipeline.fold_layout import last_frame, result
 from planner.plan.plan import Plan
 from server.api.schemas import PAUSED_MESSAGE
 from server.jobs.runner import MAX_CRASHES, STAGES, Runner

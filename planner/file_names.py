@@ -1,0 +1,63 @@
+"""File names: the files in the directory of a fold.
+
+They stand here, below all rooms, so that a program can find a file without what computes it.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+INPUT: Final = "input"
+REQUEST: Final = "request.json"
+CANDIDATES: Final = "candidates.json"
+PREPARED: Final = "prepared.json"
+"""Name of the file in which a preview stores the chains that it found in an input, so that the fold
+need not search for them again."""
+START_CHAIN: Final = "start.json"
+"""Name of the file that describes the chain of an earlier, finished fold, in the directory of a
+fold that starts from it: a refold (the chain unfolds, then folds into another shape), or a
+smoothing of its plan."""
+START_PLAN: Final = "start.npz"
+"""Name of the file with the plan of an earlier, finished fold, in the directory of a refold (the
+folded chain unfolds by this plan in reverse, then folds into another shape)."""
+RECORDED_PLAN: Final = "recorded.npz"
+"""Name of the file with the plan that is smoothed, in the directory of a fold that smooths the
+motion of an earlier fold or of one of its own attempts."""
+CHAIN: Final = "chain.json"
+ATTEMPTS: Final = "attempts.json"
+TIMELINE: Final = "timeline.zarr"
+RECORD: Final = "record.npz"
+PLAYBACK: Final = "playback.npz"
+CERTIFICATE: Final = "certificate.json"
+CLEARANCES_FILE: Final = "clearances.npy"
+"""File name of the clearance (smallest distance between modules) at each frame of the plan of a
+chain that was exploded by peeling (releasing modules from one end, group by group); kept until
+``figures.zarr`` is written."""
+FORCES: Final = "table.npz"
+"""Name of the file with the hinge torques and contact forces at each frame of a fold on a table."""
+PLAN: Final = "plan.npz"
+PLAN_TEXT: Final = "plan.json"
+MODEL: Final = "model.xml"
+FIGURES: Final = "figures.zarr"
+PICTURE: Final = "picture.png"
+MANIFEST: Final = "manifest.json"
+ATTEMPTS_DIR: Final = "attempts"
+PLANS_DIR: Final = "plans"
+TRIALS_DIR: Final = ".foldback-tries"
+"""Name of the directory, in a fold's own, with a subdirectory for each attempt that another process
+computes in advance."""
+PLAYABLE: Final = (CHAIN, TIMELINE, CERTIFICATE)
+"""Files that are kept of a verified plan that was not chosen, so that the web page can still play
+it."""
+RESULT_FILES: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES_FILE, FORCES)
+"""Files that one attempt of a fold writes; an attempt that smooths the plan of another one also
+writes ``RECORDED_PLAN``."""
+EXPORTED_FILES: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
+"""Files that the last stage of a fold, the export, writes from the chosen attempt."""
+DESCRIBED: Final = (
+    *(INPUT, REQUEST, START_CHAIN, START_PLAN, RECORDED_PLAN, CANDIDATES, CHAIN, ATTEMPTS),
+    *(RECORD, PLAYBACK, CERTIFICATE, FORCES, TIMELINE),
+    *EXPORTED_FILES,
+)
+"""Files of a fold that determine or describe its plan. The fold's manifest lists their SHA-256
+digests in this order, so that later changes are noticed."""
