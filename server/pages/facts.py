@@ -386,11 +386,10 @@ def _other_methods(found: Found, plain: FoldRequest, expected: Expected) -> list
         hint = f"Takes {takes(replace(cube, prefer=unlike))}"
         form = _form(row, replace(plain, prefer=unlike), "prefer")
         others.append({"text": PREFERENCE_WORDS[unlike], "hint": hint, "form": form})
-    others += [
-        {"text": text, "hint": hint, "form": _form(row, replace(plain, preset=preset), "preset")}
-        for preset, text, hint in OTHER_PRESETS
-        if (preset, "") != (row.preset, row.settings)
-    ]
+    for preset, text, hint in OTHER_PRESETS:
+        if (preset, "") != (row.preset, row.settings):
+            form = _form(row, replace(plain, preset=preset), "preset")
+            others.append({"text": text, "hint": hint, "form": form})
     published: Suggestion = {
         "text": "Published method",
         "hint": f"Takes {takes(replace(cube, preset='paper'))}",
