@@ -10,6 +10,7 @@ import sqlalchemy as sa
 from dbos import DBOS
 from dbos._context import current_owner_xid
 from dbos._dbos import _get_dbos_instance
+from dbos._migration import get_migration_versions, get_sqlite_migration_versions
 from dbos._utils import INTERNAL_QUEUE_NAME
 
 
@@ -56,3 +57,10 @@ def stop_dequeuing() -> None:
     """Stop this process from taking jobs; its current ones continue."""
     for polling in _get_dbos_instance().background_thread_stop_events:
         polling.set()
+
+
+def job_table_versions(engine: sa.Engine) -> tuple[int, int]:
+    """Return the version of the job system's tables, and the newest known one; 0 if none exist."""
+    if engine.dialect.name == "sqlite":
+        return get_sqlite_migration_versions(engine)
+    return get_migration_versions(engine, "dbos", True)

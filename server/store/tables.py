@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import time
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote
 
@@ -271,6 +272,23 @@ def read_only_engine(url: str) -> sa.Engine:
             f"sqlite:///file:{path}?{READ_ONLY_QUERY}&immutable=1", hide_parameters=True
         )
     return engine
+
+
+def missing_database(url: str) -> Path | None:
+    """Return the path of a SQLite database that does not exist yet, or None."""
+    path = sa.make_url(url).database if url.startswith("sqlite") else None
+    return Path(path) if path and not Path(path).exists() else None
+
+
+def reading_engine(url: str) -> sa.Engine:
+    """Return an engine for a look at an existing database, which it neither creates nor repairs."""
+    if url.startswith("sqlite"):
+        return read_only_engine(url)
+    return sa.create_engine(
+        sa.make_url(url).set(drivername="postgresql+psycopg"),
+        connect_args={"connect_timeout": 5},
+        hide_parameters=True,
+    )
 
 
 def is_read_only(engine: sa.Engine) -> bool:

@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 
 from planner.readers.gallery import Gallery
 from server.api.finished import import_finished
-from server.cli.admin import admin
-from server.cli.admin_tasks import AdminTasks
 from server.files.cancelled import sweep_cancelled
 from server.jobs.queue import prepare
+from server.operate.admin import admin
+from server.operate.fold_tasks import AdminTasks
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store, hash_of
 from server.store.tables import FoldRow, MovieRow
@@ -104,7 +104,7 @@ def test_one_that_is_refused_does_not_keep_the_others(place: Path) -> None:
     assert "pinned is pinned and is not deleted" in done.stderr
     assert "belongs to the gallery" in done.stderr
     assert "no fold 'nowhere'" in done.stderr
-    assert "young is forgotten" in done.stdout
+    assert "young is deleted" in done.stdout
     assert {"pinned", "shown"} <= set(ids(place))
     assert run(place, "expire", "--yes", "--force", "pinned").exit_code == 0
     assert not (place / "folds" / "pinned").exists()

@@ -21,6 +21,8 @@ TAKING: Final = {
     ("dbos._context", "current_owner_xid"): ["workflow_id"],
     ("dbos._dbos", "_get_dbos_instance"): [],
     ("dbos._dbos", "DBOS._recover_pending_workflows"): ["executor_ids"],
+    ("dbos._migration", "get_migration_versions"): ["engine", "schema", "use_listen_notify"],
+    ("dbos._migration", "get_sqlite_migration_versions"): ["engine"],
     ("dbos._sys_db", "SystemDatabase._check_owner_txn"): [
         "self",
         "conn",
