@@ -14,7 +14,7 @@ from typing import Final
 from cachetools import TTLCache
 
 from planner.pipeline.request import FoldRequest
-from server.store.durations import Duration, durations_like, typical_s
+from server.store.durations import KIND_COLUMNS, Duration, durations_like, typical_s
 from server.store.folds import Store, cost_of
 from server.store.tables import FoldRow, columns_of
 
@@ -80,8 +80,11 @@ class Estimates:
         return sum((self.stages_s(row) or {}).values())
 
     def _like(self, row: FoldRow) -> list[Duration]:
-        asked = (row.module, row.preset, row.strategy, row.prefer, row.world, row.settings)
-        kind = (*asked, row.smooths is None, row.refold is None)
+        kind = (
+            *(getattr(row, name) for name in KIND_COLUMNS),
+            row.smooths is None,
+            row.refold is None,
+        )
         with self._lock:
             known = self._measured.get(kind)
         if known is None:
