@@ -16,6 +16,7 @@ from planner.readers.gallery import Gallery
 from server.api import source as source_module
 from server.api.base_folds import BaseFold
 from server.api.context import Context
+from server.api.folds import post_fold
 from server.api.source import Origin, Source, open_source, origin_in_form
 from server.errors import Unusable
 from server.store.tables import FoldRow
@@ -156,3 +157,11 @@ def test_an_origin_that_names_no_input_is_refused(
 
 def test_a_form_names_an_origin_by_its_fields() -> None:
     assert origin_in_form(shape="cup", refold="x") == Origin(shape="cup", refold="x")
+
+
+def test_a_bad_option_is_refused_before_its_input_is_looked_up() -> None:
+    nothing = cast(Any, None)  # no context is needed for it
+    request = FoldRequest(world="table", preset="paper")
+    with pytest.raises(Unusable) as refused:
+        post_fold(nothing, nothing, nothing, Origin(fold="no-such-fold"), request)
+    assert refused.value.code == "unsuited-world"
