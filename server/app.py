@@ -42,7 +42,6 @@ from server.http.security import (
 )
 from server.http.uploads import MAX_FORM_FIELD_BYTES, MAX_FORM_FIELDS, MAX_FORM_FILES, UploadsAtOnce
 from server.jobs.movies import Movies
-from server.jobs.queue import Jobs
 from server.jobs.remaining import EtaEstimator
 from server.limits.fair_threads import FairThreads
 from server.limits.quota import Quota
@@ -199,9 +198,6 @@ async def _warm_up(context: Context) -> None:
 
 def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Context:
     store = Store(settings)
-    jobs = Jobs(settings)
-    if not settings.read_only:
-        jobs.reconcile(store)
     previews = Previews(settings, store.folders.storage)
     leases = Leases.of(settings, store)
     artifacts = _artifacts(settings, store)
@@ -221,7 +217,6 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     return Context(
         settings=settings,
         store=store,
-        jobs=jobs,
         timelines=TimelineViews(),
         waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
         streams=_quota("event streams", settings.max_streams, settings.max_streams_of_visitor),
@@ -245,7 +240,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         artifacts=artifacts,
         exports=Exports(store, artifacts),
         pictures=_pictures(settings, awaited, motions),
-        movies=Movies(settings, store, jobs),
+        movies=Movies(settings, store),
         gallery=gallery,
         fold_states=FoldStates(store, remaining),
         remaining=remaining,
@@ -275,7 +270,6 @@ def _close(context: Context, *, shared: bool) -> None:
         context.waits,
         context.fold_states,
         context.preview_scenes,
-        context.jobs,
         context.store,
         context.uploads,
     ):
