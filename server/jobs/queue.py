@@ -56,6 +56,9 @@ ENDED_JOB_STATES: Final = frozenset({"SUCCESS", "CANCELLED", *FAILED_JOB_STATES}
 JOB_TABLES_LOCK: Final = 0x666F6C64
 """Key of the advisory lock of PostgreSQL that a process holds while it creates the job system's
 tables, so that two processes never do so at the same time. Any number that no other lock uses."""
+JOB_TABLES_POLL_S: Final = 0.2
+"""Time between two attempts to acquire that lock, in s. A larger value delays the start of several
+processes at once; a smaller one asks PostgreSQL more often. Chosen."""
 
 
 def place_of(turn: int, cost_s: float) -> tuple[str, int]:
@@ -97,11 +100,13 @@ def _alone(url: str) -> Generator[None]:
     if not url.startswith("postgresql"):
         yield
         return
-    # Not in a transaction: indexes that are made concurrently would wait for its end.
+    # The job system creates indexes concurrently, in another connection. They wait for the end of
+    # every transaction, and of every statement: also of one that waits for this lock.
     engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
     try:
         with engine.connect() as connection:
-            connection.execute(sa.select(sa.func.pg_advisory_lock(JOB_TABLES_LOCK)))
+            while not connection.scalar(sa.select(sa.func.pg_try_advisory_lock(JOB_TABLES_LOCK))):
+                time.sleep(JOB_TABLES_POLL_S)
             yield
     finally:
         engine.dispose()  # and with the connection goes the lock

@@ -2,13 +2,15 @@ from __future__ import annotations
 
 import sqlite3
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from dbos import DBOSClient
 
-from server.jobs.queue import JOB_RECORD_S, QUEUE, QUICK_QUEUE, Jobs
+from server.jobs.queue import JOB_RECORD_S, QUEUE, QUICK_QUEUE, Jobs, prepare
 from server.limits.fair_queue import QUICK_FOLD_S
 from server.settings import Settings
+from tests.server.postgres import Postgres
 from tests.server.rows import statements
 
 
@@ -58,3 +60,16 @@ def test_jobs_that_are_over_are_deleted_and_no_others_are_read(tmp_path: Path) -
                 plan = database.execute(f"EXPLAIN QUERY PLAN {statement}", values).fetchall()
                 assert not [line for line in plan if line[3].startswith("SCAN workflow")], statement
     database.close()
+
+
+def test_processes_that_start_at_once_on_an_empty_database_do_not_wait_for_each_other(
+    tmp_path: Path, postgres: Postgres
+) -> None:
+    """One creates indexes concurrently, for which PostgreSQL ends all other statements first."""
+    settings = Settings(data_dir=tmp_path, database_url=postgres.database())
+    threads = ThreadPoolExecutor(4)
+    try:
+        done = [threads.submit(prepare, settings) for _ in range(4)]
+        assert [each.result(60.0) for each in done] == [None] * 4
+    finally:
+        threads.shutdown(wait=False, cancel_futures=True)
