@@ -31,7 +31,6 @@ MAX_CLOCK_DIFFERENCE_S: Final = 5.0
 """Largest difference between the clocks of the database and of this machine that ``foldback
 doctor`` accepts, in s. Larger differences distort expiry times and queue times; a smaller value
 reports harmless ones. Chosen."""
-JOBS_TABLE: Final = "workflow_status"
 
 
 def directory(settings: Settings) -> Finding:
@@ -134,18 +133,6 @@ def _tables(name: str, url: str, connection: sa.Connection) -> Finding:
             found=f"{found}; its clock and this machine's are {ahead_s:.0f} s apart",
             remedy="Synchronise both clocks with NTP.",
         )
-    return Finding(name=name, verdict="ok", found=found)
-
-
-def jobs(settings: Settings) -> Finding:
-    """Check that the job system's database answers."""
-    return _asked("job system", settings.queue_url, "FOLDBACK_JOBS_URL", _queue)
-
-
-def _queue(name: str, url: str, connection: sa.Connection) -> Finding:
-    schema = "dbos" if connection.dialect.name == "postgresql" else None
-    made = sa.inspect(connection).has_table(JOBS_TABLE, schema=schema)
-    found = _shown(url) if made else f"{_shown(url)}, empty; tables will be created"
     return Finding(name=name, verdict="ok", found=found)
 
 

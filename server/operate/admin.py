@@ -99,11 +99,11 @@ def list_folds(
 def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> None:
     """Show the details of a fold."""
     with _tasks(data_dir) as tasks:
-        row, job = tasks.fold(fold_id), tasks.job(fold_id)
+        row = tasks.fold(fold_id)
     known = {column.key: getattr(row, column.key) for column in row.__table__.columns} | {
         "visitor": row.visitor[:PSEUDONYM_CHARACTERS],
         "owner": row.owner is not None,
-        "job": job,
+        "job": None if row.over else row.status,
     }
     if as_json:
         typer.echo(json.dumps(known, indent=2))
@@ -199,7 +199,7 @@ def backup(directory: BackupDirectory, data_dir: DataDir = None) -> None:
 
     with _refusals():
         manifest = back_up(settings_of(data_dir=data_dir), directory)
-    size = sum(file.bytes for file in (*manifest.databases, *manifest.files))
+    size = sum(file.bytes for file in (manifest.database, *manifest.files))
     typer.echo(f"{directory}: {len(manifest.files)} files of folds, {size} bytes in all.")
 
 

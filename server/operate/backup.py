@@ -1,6 +1,6 @@
 """Backup and restoration of a service: rows first, then files, so that no row lacks its files.
 
-A backup is a directory with a dump of each database, the stored files, and a manifest. Previews and
+A backup is a directory with a dump of the database, the stored files, and a manifest. Previews and
 caches are not part of it.
 """
 
@@ -9,13 +9,12 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Iterable
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
 from planner.files import settle
-from server.operate.databases import Database, databases_of
+from server.operate.database import Database
 from server.operate.errors import AdminError
 from server.operate.manifest import MANIFEST, BackupFile, Manifest
 from server.operate.migration import schema_of
@@ -33,7 +32,7 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
 
     Raises:
         AdminError: There is nothing to back up, the directory is not empty, or a dump failed.
-        SQLAlchemyError: A database does not answer.
+        SQLAlchemyError: The database does not answer.
         StorageError: The object store does not answer.
         OSError: A file cannot be read or written.
     """
@@ -45,10 +44,9 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
         )
     _make_empty(directory)
     created_at = time.time()
-    databases: list[BackupFile] = []
-    for database in databases_of(settings):
-        database.dump(_make_private(directory / database.file))
-        databases.append(_described(directory, database.file))
+    database = Database(settings.store_url)
+    database.dump(_make_private(directory / database.file))
+    dump = _described(directory, database.file)
     with stored_files(settings) as stored:
         found = at_once(lambda name: _save(stored, name, directory), stored.names())
         files = [file for file in found if file is not None]
@@ -57,7 +55,7 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
             created_at=created_at,
             schema=schema.found,
             storage=stored.kind,
-            databases=tuple(databases),
+            database=dump,
             files=tuple(files),
         )
     _make_private(directory / MANIFEST).write_bytes(manifest.text())
@@ -77,26 +75,24 @@ def restore(settings: Settings, directory: Path, *, replace: bool) -> Manifest:
 
     Raises:
         AdminError: The backup is damaged or of another kind, or the service is not empty or runs.
-        SQLAlchemyError: A database does not answer.
+        SQLAlchemyError: The database does not answer.
         StorageError: The object store does not answer.
         OSError: A file cannot be written.
     """
     manifest = _read(directory)
     settings.make_directories()
-    databases = databases_of(settings)
+    database = Database(settings.store_url)
     with stored_files(settings) as stored:
-        _check_kinds(manifest, databases, stored)
+        _check_kinds(manifest, database, stored)
         _check_digests(manifest, directory)
-        if not replace and not _is_empty(databases, stored):
+        if not replace and not _is_empty(database, stored):
             raise AdminError(
                 "got a service that has data already; use --replace to delete them, or name an "
                 "empty data directory, database and object store."
             )
-        for database in databases:
-            database.check_unused()
-        for database in databases:
-            with open_inside(directory, database.file) as source:
-                database.restore(source)
+        database.check_unused()
+        with open_inside(directory, database.file) as source:
+            database.restore(source)
         stored.replace((file.name for file in manifest.files), lambda n: open_inside(directory, n))
     for copies in (settings.work_dir, settings.cache_dir):  # of the folds that were there before
         shutil.rmtree(copies, ignore_errors=True)
@@ -155,14 +151,14 @@ def _read(directory: Path) -> Manifest:
     return manifest
 
 
-def _check_kinds(manifest: Manifest, databases: Iterable[Database], stored: StoredFiles) -> None:
-    """Refuse a backup of a service with other databases or another storage than this one."""
-    got = (*(file.name for file in manifest.databases), manifest.storage)
-    expected = (*(database.file for database in databases), stored.kind)
+def _check_kinds(manifest: Manifest, database: Database, stored: StoredFiles) -> None:
+    """Refuse a backup of a service with another database or storage than this one."""
+    got = (manifest.database.name, manifest.storage)
+    expected = (database.file, stored.kind)
     if got != expected:
         raise AdminError(
             f"got a backup of {', '.join(got)}, expected {', '.join(expected)}; set "
-            "FOLDBACK_DATABASE_URL, FOLDBACK_JOBS_URL and FOLDBACK_STORAGE_URL as they were."
+            "FOLDBACK_DATABASE_URL and FOLDBACK_STORAGE_URL as they were."
         )
 
 
@@ -173,7 +169,7 @@ def _check_digests(manifest: Manifest, directory: Path) -> None:
         except OSError:
             return True
 
-    files = (*manifest.databases, *manifest.files)
+    files = (manifest.database, *manifest.files)
     found = zip(files, at_once(is_damaged, files), strict=True)
     damaged = [file.name for file, wrong in found if wrong]
     if damaged:
@@ -183,5 +179,5 @@ def _check_digests(manifest: Manifest, directory: Path) -> None:
         )
 
 
-def _is_empty(databases: Iterable[Database], stored: StoredFiles) -> bool:
-    return all(one.is_empty() for one in databases) and next(stored.names(), None) is None
+def _is_empty(database: Database, stored: StoredFiles) -> bool:
+    return database.is_empty() and next(stored.names(), None) is None

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import shutil
 import time
 from collections.abc import Generator, Sequence
 from typing import Any, Final
 
 import sqlalchemy as sa
-from dbos import DBOSClient
 from sqlalchemy.orm import Session
 
 from planner.file_names import DESCRIBED
 from planner.verification.integrity import damaged_among
 from server.api.base_folds import COPIED_NAMES
-from server.jobs.queue import ACTIVE_JOB_STATES, APPLICATION, Jobs
 from server.operate.errors import AdminError
 from server.operate.migration import schema_of
 from server.processes.scratch import Scratch
@@ -30,7 +27,7 @@ computed again; all its other files are deleted."""
 
 
 class AdminTasks:
-    """Access of an operator to the rows, files and jobs of folds.
+    """Access of an operator to the rows and files of folds.
 
     Args:
         settings: Settings of the service. Its tables must exist; they are not migrated.
@@ -97,12 +94,6 @@ class AdminTasks:
         with self._store.reading() as session:
             return session.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)).all()
 
-    def job(self, fold_id: str) -> str | None:
-        """Return the state of a fold's job in the job system; None without a job."""
-        with self._client() as client:
-            found = client.list_workflows(workflow_ids=[fold_id], load_input=False)
-        return found[0].status if found else None
-
     def pin(self, fold_id: str, *, pinned: bool) -> None:
         """Pin a fold, so that it does not expire, or unpin it.
 
@@ -112,7 +103,7 @@ class AdminTasks:
         self._change(fold_id, pinned=pinned)
 
     def expire(self, fold_id: str, *, force: bool = False) -> None:
-        """Delete a fold: its row, its job and its files. Its computation is stopped.
+        """Delete a fold: its row and its files. Its computation ends when it finds no row.
 
         Raises:
             NoSuchFoldError: There is no such fold.
@@ -125,19 +116,14 @@ class AdminTasks:
                 f"{fold_id} {what} and is not deleted; use --force to delete it anyway."
             )
         self._store.delete(fold_id)
-        # A running job ends by itself when it finds no row.
-        if row.status not in ENDED and self.job(fold_id) in ("ENQUEUED", "DELAYED"):
-            with self._client() as client:
-                client.cancel_workflow(fold_id)
         self._store.folders.remove(fold_id)
 
     def requeue(self, fold_id: str, *, force: bool = False) -> None:
         """Queue a fold that failed, was cancelled or hangs again, from the beginning.
 
-        It keeps its id, links and owner. Its old job is deleted with the results of its steps,
-        which a new job would only repeat. The epoch rises, so that a worker that still holds the
-        fold can change nothing more. A content key that was given up is not restored, as another
-        fold may have it.
+        It keeps its id, links and owner. Its checkpoint is deleted. The epoch rises, so that a
+        worker that still holds the fold can change nothing more. A content key that was given up is
+        not restored, as another fold may have it.
 
         Args:
             fold_id: The fold.
@@ -150,10 +136,9 @@ class AdminTasks:
         row = self.fold(fold_id)
         if row.status == "verified" and not force:
             raise AdminError(f"{fold_id} is verified; use --force to compute it again anyway.")
-        job = self.job(fold_id)
-        if job in ACTIVE_JOB_STATES:
+        if row.status not in ENDED:
             what = "waits in the queue" if row.status == "queued" else "is being computed"
-            raise AdminError(f"{fold_id} {what} (its job is {job}); wait for it, or expire it.")
+            raise AdminError(f"{fold_id} {what}; wait for it, or expire it.")
         self._check_inputs(row)
         # A worker that still holds it loses it first; after a crash it can be queued again. It ends
         # at this moment, so that no sweep deletes its files as those of an old cancelled fold.
@@ -168,10 +153,6 @@ class AdminTasks:
             raise _no_input(fold_id)  # a sweep has just deleted its files
         self._check_inputs(row)
         size = self._strip(row)
-        if job is not None:
-            with self._client() as client:
-                client.delete_workflow(fold_id)
-        # After a crash before `enqueue`, the service queues the fold when it starts.
         with self._store.changing() as session:
             session.execute(sa.delete(MovieRow).where(MovieRow.fold_id == fold_id))
             self._set(
@@ -190,12 +171,9 @@ class AdminTasks:
                 kept=0,
                 bytes=size,
                 derived_bytes=0,
+                checkpoint=sa.null(),
+                losses=0,
             )
-        jobs = Jobs(self._settings)
-        try:
-            jobs.enqueue(fold_id, row.turn, row.cost_s)
-        finally:
-            jobs.close()
 
     def _check_inputs(self, row: FoldRow) -> None:
         shown = self._store.folders.shown(row)
@@ -229,16 +207,6 @@ class AdminTasks:
         if session.get(FoldRow, fold_id) is None:
             raise NoSuchFoldError(fold_id)
         session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
-
-    @contextlib.contextmanager
-    def _client(self) -> Generator[DBOSClient]:
-        client = DBOSClient(
-            system_database_url=self._settings.queue_url, application_name=APPLICATION
-        )
-        try:
-            yield client
-        finally:
-            client.destroy()
 
 
 def _no_input(fold_id: str) -> AdminError:

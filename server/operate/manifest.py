@@ -18,7 +18,7 @@ MANIFEST: Final = "manifest.json"
 BACKUP_FORMAT: Final = 1
 """Version number of the manifest's format. Backups of another format are refused; it rises when an
 older foldback could not restore a new backup. Chosen."""
-DATABASE_NAMES: Final = re.compile(r"(rows|jobs)\.(sqlite|dump)")
+DATABASE_NAME: Final = re.compile(r"rows\.(sqlite|dump)")
 FILE_NAMES: Final = re.compile(
     r"folds/[0-9A-Za-z]{1,32}(/(?!\.)[^/\\\x00-\x1f]{1,255}){1,32}"
     r"|movies/[0-9A-Za-z]{1,32}/(?!\.)[^/\\\x00-\x1f]{1,255}"
@@ -56,7 +56,7 @@ class Manifest:
         created_at: Time of its start, in seconds since 1970.
         schema: Version of the rows' tables.
         storage: Kind of the stored files: ``directory`` or ``objects``.
-        databases: Dumps of the databases.
+        database: Dump of the database.
         files: Stored files.
     """
 
@@ -64,7 +64,7 @@ class Manifest:
     created_at: float
     schema: str
     storage: str
-    databases: tuple[BackupFile, ...]
+    database: BackupFile
     files: tuple[BackupFile, ...]
 
     def text(self) -> bytes:
@@ -82,16 +82,16 @@ class Manifest:
             values: dict[str, Any] = json.loads(text)
             if values.pop("format") != BACKUP_FORMAT:
                 raise ValueError("another format")
-            databases = tuple(BackupFile(**one) for one in values.pop("databases"))
+            database = BackupFile(**values.pop("database"))
             files = tuple(BackupFile(**one) for one in values.pop("files"))
-            found = cls(databases=databases, files=files, **values)
-            names = [str(one.name) for one in (*databases, *files)]
+            found = cls(database=database, files=files, **values)
+            names = [str(one.name) for one in (database, *files)]
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise AdminError(
                 f"got a {MANIFEST} that cannot be read ({error}), expected one of format "
                 f"{BACKUP_FORMAT}; use a backup that `foldback admin backup` completed."
             ) from None
-        strange = [one.name for one in databases if not DATABASE_NAMES.fullmatch(str(one.name))]
+        strange = [] if DATABASE_NAME.fullmatch(str(database.name)) else [database.name]
         strange += [one.name for one in files if not is_file_name(str(one.name))]
         if strange or len(set(names)) < len(names):
             raise AdminError(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from server.jobs.dbos_private import job_table_versions
-from server.jobs.queue import prepare
 from server.settings import Settings
 from server.store.schema_version import Schema
 from server.store.tables import engine_of, migrate, missing_database, reading_engine
@@ -33,28 +31,17 @@ def pending_changes(settings: Settings) -> list[str]:
 
     Raises:
         NewerSchemaError: A newer foldback wrote the tables.
-        SQLAlchemyError: A database does not answer.
+        SQLAlchemyError: The database does not answer.
     """
-    schema = schema_of(settings)
-    changes = [f"tables of folds: version {version}" for version in schema.missing]
-    current, newest = 0, None
-    if not missing_database(settings.queue_url):
-        engine = reading_engine(settings.queue_url)
-        try:
-            current, newest = job_table_versions(engine)
-        finally:
-            engine.dispose()
-    if newest is None or current < newest:
-        changes.append(f"tables of jobs: version {current} to {newest or 'the newest'}")
-    return changes
+    return [f"tables of folds: version {version}" for version in schema_of(settings).missing]
 
 
 def run_migration(settings: Settings) -> None:
-    """Bring all tables to the newest version, as a start of the service does.
+    """Bring the tables to the newest version, as a start of the service does.
 
     Raises:
         NewerSchemaError: A newer foldback wrote the tables.
-        SQLAlchemyError: A database does not answer.
+        SQLAlchemyError: The database does not answer.
         OSError: The disk is read-only.
     """
     settings.make_directories()
@@ -63,4 +50,3 @@ def run_migration(settings: Settings) -> None:
         migrate(engine)
     finally:
         engine.dispose()
-    prepare(settings)

@@ -16,9 +16,8 @@ from alembic import command
 from click.testing import Result
 from typer.testing import CliRunner
 
-from server.jobs.queue import Jobs, prepare
 from server.operate.admin import admin
-from server.operate.databases import Database, databases_of
+from server.operate.database import Database
 from server.operate.errors import AdminError
 from server.operate.manifest import MANIFEST, BackupFile, Manifest
 from server.settings import Settings
@@ -48,16 +47,14 @@ class Site:
         return CliRunner().invoke(admin, arguments, env=given)
 
     def add(self, fold_id: str) -> None:
-        """Adds a fold with files; its job waits."""
-        store, jobs = Store(self.settings), Jobs(self.settings)
+        """Adds a fold with files, which waits."""
+        store = Store(self.settings)
         store.add(a_fold(fold_id, status="queued"), "token")
         aside = self.data_dir / f"aside-{fold_id}"
         (aside / "timeline.zarr").mkdir(parents=True)
         (aside / "input").write_bytes(b"cells of " + fold_id.encode())
         (aside / "timeline.zarr" / "zarr.json").write_bytes(b'{"attributes": {}}')
         store.folders.adopt(aside, fold_id)
-        jobs.enqueue(fold_id, 1, 60.0)
-        jobs.close()
         store.close()
 
     def input_of(self, fold_id: str) -> bytes:
@@ -108,7 +105,7 @@ def test_restored_service_is_as_it_was(
     with pytest.raises(NoSuchFoldError):
         site.input_of("later") if kind == "large" else Store(site.settings).fold("later")
     assert not (site.data_dir / "folds" / "later").exists()
-    assert json.loads(site.run("show", "first", "--json").stdout)["job"] == "ENQUEUED"
+    assert json.loads(site.run("show", "first", "--json").stdout)["job"] == "queued"
     assert site.run("migrate", "--check").exit_code == 0
 
 
@@ -168,7 +165,7 @@ def _unfinished(copy: Path) -> None:
     (copy / MANIFEST).unlink()
 
 
-def _named(name: str, field: str = "files") -> Callable[[Path], None]:
+def _named(name: str) -> Callable[[Path], None]:
     """A manifest that names a file elsewhere, which is there and has the right digest."""
 
     def change(copy: Path) -> None:
@@ -176,8 +173,12 @@ def _named(name: str, field: str = "files") -> Callable[[Path], None]:
         with open(copy.parent / "evil", "rb") as file:
             evil = replace(BackupFile.of("", file), name=name)
         manifest = Manifest.read((copy / MANIFEST).read_bytes())
-        files = (*getattr(manifest, field), evil)
-        (copy / MANIFEST).write_bytes(replace(manifest, **{field: files}).text())
+        changed = (
+            replace(manifest, database=evil)
+            if "rows" in name
+            else replace(manifest, files=(*manifest.files, evil))
+        )
+        (copy / MANIFEST).write_bytes(changed.text())
 
     return change
 
@@ -195,7 +196,7 @@ HOSTILE = {
     "no fold": _named("folds/../evil"),
     "hidden": _named("folds/first/.evil"),
     "line": _named("folds/first/a\nb"),
-    "database": _named("../rows.sqlite", "databases"),
+    "database": _named("../rows.sqlite"),
     "twice": _named("folds/first/input"),
 }
 
@@ -247,7 +248,7 @@ def test_passwords_reach_programs_in_their_environment_alone(
 
     monkeypatch.setattr(subprocess, "run", note)
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "hidden-too")
-    database = Database("rows", "postgresql+psycopg://me:p%40ss%2Fw@db:5433/folds?sslmode=require")
+    database = Database("postgresql+psycopg://me:p%40ss%2Fw@db:5433/folds?sslmode=require")
     with pytest.raises(AdminError, match="exit code 1: no such server$"):
         database.dump(tmp_path / "rows.dump")
     ((command, environment),) = seen
@@ -257,14 +258,6 @@ def test_passwords_reach_programs_in_their_environment_alone(
     assert "hidden-too" not in environment.values()
 
 
-def test_rows_and_jobs_in_one_database_are_dumped_once() -> None:
-    one = "postgresql://me@db/folds"
-    assert [d.name for d in databases_of(Settings(database_url=one, jobs_url=one))] == ["rows"]
-    two = Settings(database_url=one, jobs_url="postgresql://me@db/jobs")
-    assert [d.file for d in databases_of(two)] == ["rows.dump", "jobs.dump"]
-    assert [d.file for d in databases_of(Settings())] == ["rows.sqlite", "jobs.sqlite"]
-
-
 def test_migration_is_told_before_it_is_done(tmp_path: Path) -> None:
     site = Site(tmp_path / "data")
     told = site.run("migrate", "--check")
@@ -272,18 +265,17 @@ def test_migration_is_told_before_it_is_done(tmp_path: Path) -> None:
     assert not site.data_dir.exists()
     assert "nothing to back up" in site.run("backup", str(tmp_path / "copy")).stderr
     site.settings.make_directories()
-    prepare(site.settings)
     engine = engine_for(site.settings.store_url)
     alembic = config()
     with engine.begin() as connection:
         alembic.attributes["connection"] = connection
-        command.upgrade(alembic, "0011")
+        command.upgrade(alembic, "0012")
     told = site.run("migrate", "--check")
     assert told.exit_code == 3
-    assert told.stdout == "would migrate tables of folds: version 0012\n"
+    assert told.stdout == "would migrate tables of folds: version 0013\n"
     assert site.run("backup", str(tmp_path / "copy")).exit_code == 0  # before the upgrade
     assert "foldback admin migrate" in site.run("list").stderr
-    assert site.run("migrate").stdout == "migrated tables of folds: version 0012\n"
+    assert site.run("migrate").stdout == "migrated tables of folds: version 0013\n"
     assert site.run("migrate", "--check").stdout == "All tables are of this version.\n"
     with engine.begin() as connection:
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")
@@ -298,7 +290,6 @@ def test_migration_on_postgresql_is_told_before_it_is_done(
 ) -> None:
     site = Site(tmp_path / "data", postgres.database())
     told = site.run("migrate", "--check")
-    assert told.exit_code == 3 and "tables of jobs: version 0" in told.stdout
+    assert told.exit_code == 3 and "version 0001" in told.stdout
     assert site.run("migrate").exit_code == 0
     assert site.run("migrate", "--check").exit_code == 0
-    prepare(site.settings)

@@ -118,7 +118,7 @@ def imported(*arguments: str) -> set[str]:
     return names | {name.partition(".")[0] for name in names}
 
 
-WEB = {"dbos", "fastapi", "sqlalchemy", "uvicorn", "viser"}
+WEB = {"fastapi", "sqlalchemy", "uvicorn", "viser"}
 PHYSICS = {"mujoco", "numba", "numpy", "scipy", "zarr"}
 
 

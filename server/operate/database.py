@@ -1,4 +1,4 @@
-"""Databases of a service: dump, state, and restoration of each.
+"""The database of a service: dump, state, and restoration.
 
 SQLite is copied by its backup API, PostgreSQL by its own programs. Passwords reach these in their
 environment and never on their command line, which other users of the machine can read.
@@ -23,10 +23,9 @@ from psycopg.pq import Conninfo
 
 from planner.files import temporary_path
 from server.operate.errors import AdminError
-from server.settings import VARIABLE_PREFIX, Settings
+from server.settings import VARIABLE_PREFIX
 from server.store.tables import read_only_engine, reading_engine
 
-JOBS_SCHEMA: Final = "dbos"
 SECRET_PREFIXES: Final = (VARIABLE_PREFIX, "AWS_", "PG")
 """Beginnings of the names of variables that PostgreSQL's programs do not inherit from this process:
 they may hold secrets, or name another database."""
@@ -36,14 +35,8 @@ LOG_SUFFIXES: Final = ("-wal", "-shm", "-journal")
 
 @dataclass(frozen=True, slots=True)
 class Database:
-    """One database of a service.
+    """The database of a service: its address, with its password."""
 
-    Attributes:
-        name: Stem of its file in a backup: ``rows`` or ``jobs``.
-        url: Address, with its password.
-    """
-
-    name: str
     url: str
 
     @property
@@ -59,7 +52,7 @@ class Database:
     @property
     def file(self) -> str:
         """Name of its file in a backup; the suffix tells the kind of database."""
-        return f"{self.name}.sqlite" if self.is_sqlite else f"{self.name}.dump"
+        return "rows.sqlite" if self.is_sqlite else "rows.dump"
 
     def dump(self, target: Path) -> None:
         """Write a consistent copy into an existing file, while the service runs.
@@ -98,9 +91,7 @@ class Database:
             with self._connection() as connection:
                 used = bool(connection.exec_driver_sql(query).scalar())
         if used:
-            raise AdminError(
-                f"the database of {self.name} is in use; stop all web processes and workers first."
-            )
+            raise AdminError("the database is in use; stop all web processes and workers first.")
 
     def restore(self, source: BufferedReader) -> None:
         """Replace the content of the database by a dump.
@@ -113,7 +104,6 @@ class Database:
             self._restore_sqlite(source)
             return
         with self._connection() as connection:
-            connection.exec_driver_sql(f"DROP SCHEMA IF EXISTS {JOBS_SCHEMA} CASCADE")
             for name in self._tables(connection):
                 connection.exec_driver_sql(f"DROP TABLE {name} CASCADE")
             connection.commit()
@@ -154,7 +144,7 @@ class Database:
 
     @staticmethod
     def _tables(connection: sa.Connection) -> list[str]:
-        """Return the quoted names of PostgreSQL's tables outside the job system's schema."""
+        """Return the quoted names of PostgreSQL's tables."""
         quote = connection.dialect.identifier_preparer.quote
         return [quote(name) for name in sa.inspect(connection).get_table_names()]
 
@@ -177,13 +167,6 @@ class Database:
         if done.returncode:
             said = done.stderr.strip().partition("\n")[0]
             raise AdminError(f"{program} ended with the exit code {done.returncode}: {said}")
-
-
-def databases_of(settings: Settings) -> tuple[Database, ...]:
-    """Return the databases of a service; rows and jobs may share one."""
-    rows = Database("rows", settings.store_url)
-    jobs = Database("jobs", settings.queue_url)
-    return (rows,) if _variables(rows.url) == _variables(jobs.url) != {} else (rows, jobs)
 
 
 def _variables(url: str) -> dict[str, str]:
