@@ -155,9 +155,10 @@ class EtaEstimator:
             before = self._told.get(fold_id)
             if before is not None:
                 at, told = before
-                down = max(0.0, told - (now - at))
+                passed_s = max(0.0, now - at)  # the time of day may have been set back
+                down = max(0.0, told - passed_s)
                 settling_s = min(max(SETTLING_RANGE_S[0], down / 4.0), SETTLING_RANGE_S[1])
-                left = down + (left - down) * (1.0 - math.exp(-(now - at) / settling_s))
+                left = down + (left - down) * (1.0 - math.exp(-passed_s / settling_s))
             self._told[fold_id] = (now, left)
         return max(1, round(left))
 
