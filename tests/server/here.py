@@ -89,12 +89,12 @@ class ServiceHere(Service):
     def take_over(self, other: Service, *fold_ids: str) -> None:
         """Begins with the rows of another service, and with the files of some of its folds."""
         self.data_dir.mkdir()
-        for name in ("foldback.db", "jobs.db"):
-            with (
-                closing(sqlite3.connect(other.data_dir / name, timeout=PATIENCE_S)) as theirs,
-                closing(sqlite3.connect(self.data_dir / name)) as mine,
-            ):
-                theirs.backup(mine)
+        name = "foldback.db"
+        with (
+            closing(sqlite3.connect(other.data_dir / name, timeout=PATIENCE_S)) as theirs,
+            closing(sqlite3.connect(self.data_dir / name)) as mine,
+        ):
+            theirs.backup(mine)
         for fold_id in fold_ids:
             shutil.copytree(other.directory(fold_id), self.directory(fold_id))
 

@@ -17,7 +17,7 @@ from tests.server.service import SNAKE, Service, bearer
 
 TOKEN = bearer("T" * 32)
 INTERNAL = re.compile(
-    r"Traceback|sqlalchemy|sqlite|psycopg|dbos|pydantic|starlette|fastapi|uvicorn|numpy"
+    r"Traceback|sqlalchemy|sqlite|psycopg|pydantic|starlette|fastapi|uvicorn|numpy"
     r"|\bserver\.\w+\.|\bplanner\.\w+\.|site-packages|\.py\b|0x[0-9a-f]{6,}"
     r"|<class|/home/|/tmp/|/work/|/data/",
     re.IGNORECASE,

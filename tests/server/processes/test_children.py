@@ -16,8 +16,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import InputError
-from planner.progress import COMPILING
-from server.jobs.runner import STAGES
+from planner.progress import COMPILING, STAGES
 from server.limits.quota import Quota
 from server.processes import children
 from server.processes.children import EVENTS, Child, ChildError, Pool, Reader

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from server.jobs.queue import FoldClaim, Queue
 from server.jobs.slices import SLICE_POLL_S, Slice
 from server.limits.fair_queue import slice_s, wait_s
 from server.settings import Settings
@@ -132,6 +133,8 @@ def test_whoever_had_it_before_has_no_say_any_more(store: Store) -> None:
     store.add(fold, new_token())
     first = store.begin(fold.id, "read", "one")
     assert first == store.begin(fold.id, "explode", "one")
+    assert store.begin(fold.id, "explode", "two") is None, "one has it"
+    Queue(store).hand_back(FoldClaim(fold.id, "one", "explode", files=0, losses=0))
     second = store.begin(fold.id, "explode", "two")
     assert second > first
     assert not store.report(fold.id, first, {"fraction": 0.9})
