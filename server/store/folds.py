@@ -19,10 +19,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session, sessionmaker
 
-from planner.parameters.parameters import AUTO, FLOATING
 from planner.pipeline.expected_cost import ExpectedCost, expected_cost
-from planner.pipeline.preference import COMPUTING, preference_named
-from planner.pipeline.request import FoldRequest
 from planner.progress import COMPILING
 from server.limits.fair_queue import (
     QUICK_FOLD_S,
@@ -43,6 +40,7 @@ from server.store.tables import (
     engine_of,
     is_read_only,
     migrate,
+    request_of,
 )
 
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token", "rows_of"]
@@ -630,17 +628,7 @@ class Store:
 
 def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
     """Return what computing a fold is expected to cost, or one like it of so many modules."""
-    request = FoldRequest(
-        preset=row.preset,
-        settings=row.settings or "",
-        strategy=row.strategy or AUTO,
-        prefer=preference_named(row.prefer or COMPUTING),
-        world="table" if row.world == "table" else FLOATING,
-        module=row.module,
-        refold=row.refold is not None,
-        smooth=row.smooths is not None,
-    )
-    return expected_cost(row.modules if modules is None else modules, request)
+    return expected_cost(row.modules if modules is None else modules, request_of(row))
 
 
 def _in_lane(cost_s: float) -> sa.ColumnElement[bool]:

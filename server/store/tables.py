@@ -15,8 +15,11 @@ from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
+from planner.pipeline.request import FoldRequest
+
 if TYPE_CHECKING:
     from server.settings import Settings
+    from server.store.shown import ShownFold
 
 
 class Base(DeclarativeBase):
@@ -32,7 +35,7 @@ class FoldRow(Base):
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
     ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
     ``prefer`` tells which of several plans is wanted, see ``planner.pipeline.preference``;
-    ``world`` is where it folds, see ``planner.parameters.parameters.WORLDS``;
+    ``world`` is where it folds, see ``planner.parameters.parameters.WORLD_CHOICES``;
     ``settings`` is what ``planner.parameters.settings.settings_text`` makes of those of its
     preset.
 
@@ -116,6 +119,30 @@ class FoldRow(Base):
     def over(self) -> bool:
         """True if the fold has ended, verified or not."""
         return self.status in ENDED
+
+
+REQUESTED_COLUMNS: Final = (
+    "preset",
+    "settings",
+    "seed",
+    "module_size",
+    "strategy",
+    "prefer",
+    "world",
+)
+"""Options of a request that are columns of a fold's row, under the same names."""
+
+
+def columns_of(request: FoldRequest) -> dict[str, Any]:
+    """Return the columns of a row that hold a request."""
+    return {name: getattr(request, name) for name in REQUESTED_COLUMNS}
+
+
+def request_of(row: FoldRow | ShownFold) -> FoldRequest:
+    """Return the request of a fold, without the options that turn its shape into a path."""
+    values = {name: getattr(row, name) for name in (*REQUESTED_COLUMNS, "module")}
+    given: dict[str, Any] = {name: each for name, each in values.items() if each is not None}
+    return FoldRequest(**given, refold=row.refold is not None, smooth=row.smooths is not None)
 
 
 STATUSES = ("queued", "running", "verified", "failed", "cancelled")
