@@ -168,6 +168,9 @@ class Services:
             for replica in self.replicas(service):
                 self.start(replica, self.of_foldback(replica), *FOLDBACK, command)
 
+    def stop_foldback(self) -> None:
+        self.stop(*(name for name in self.processes if name.startswith(("web", "worker"))))
+
     def admin(self, *arguments: object) -> subprocess.CompletedProcess[str]:
         """What `docker compose run --rm worker admin …` does."""
         return subprocess.run(
@@ -285,7 +288,7 @@ def back_up_and_restore(services: Services) -> None:
     check("a running service is not overwritten", services.admin("restore", copy).returncode == 1)
     refused = services.admin("restore", "--replace", copy)
     check("not even when told", refused.returncode == 1 and "in use" in refused.stderr)
-    services.stop(*(name for name in services.processes if name.startswith(("web", "worker"))))
+    services.stop_foldback()
     services.stop("storage-0")  # it holds everything in memory
     start_storage(services)
     for data in services.place.glob("data-*"):
@@ -313,6 +316,7 @@ def rehearse() -> None:
                 print(f"--- {log.name}\n" + "\n".join(log.read_text().splitlines()[-15:]))
             raise
         finally:
+            services.stop_foldback()  # workers hand folds back, for which they need the rest
             services.stop(*services.processes)
 
 
