@@ -113,7 +113,7 @@ class PathOptions:
             InputError: When one of them cannot be read.
         """
         options = options_of(cls)
-        read = {name: options[name].read(given[name]) for name in given.keys() & options.keys()}
+        read = {name: options[name].read(given[name]) for name in given if name in options}
         return cls(**{**given, **read})
 
     @classmethod
