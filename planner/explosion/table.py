@@ -53,9 +53,9 @@ FIRST_BACKTRACK_RELEASES: Final = 3
 time; the number doubles each time. Larger values escape from deeper dead ends and repeat more work.
 Chosen."""
 PERTURBATION_GROWTH: Final = 0.25
-"""Random forces loosen a jammed chain on a table. Relative increase of these forces each time that
-they are drawn, or that a release of modules is undone, without progress. Larger values shake
-harder, sooner. Chosen."""
+"""Random forces loosen a jammed chain on a table. Fraction by which they grow with each attempt
+that brings no progress: each time that new forces are drawn, or that modules which did not come
+loose are held again. Larger values shake harder, sooner. Chosen."""
 FORCED_RELEASE_PERIOD: Final = 4
 """Checks of a jammed chain on a table, counted: every time that this number is reached, the next
 modules are released although the chain's tail does not point in its wanted direction; after the

@@ -40,9 +40,9 @@ BODY_CAP_REFERENCE_MODULES: Final = 512
 step as it is; for longer chains the limit grows with length, as their ends go farther. Larger
 values take more steps. Chosen."""
 MAX_BODY_CAP_SCALE: Final = 2.5
-"""Maximum factor by which a long chain's limit of a module's displacement per step grows. Larger
-values take fewer steps, but modules could meet before the search for near pairs finds them.
-Chosen."""
+"""In one simulation step a module may move only so far; this limit grows with the number of
+modules. Maximum factor by which it grows. Larger values take fewer steps, but modules could meet
+before the search for near pairs finds them. Chosen."""
 
 
 @dataclass(slots=True)

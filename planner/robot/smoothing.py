@@ -91,8 +91,9 @@ MARGIN_ROUNDING_PITCH: Final = 1e-9
 """Loss of clearance, in pitches, that a smoothed motion may have against the given one:
 rounding."""
 MIN_PROVED_BOUND_PITCH: Final = 1e-9
-"""Lower bound of the clearance, in pitches, from which on a smoothed motion counts as proved free
-of contact. Larger values would demand proofs that take most of the checks."""
+"""Smallest proved lower bound of the clearance between modules, in pitches, with which a smoothed
+motion counts as free of contact: just above 0, because of rounding. With a larger value the proof
+computes many more distances, for a gap that nobody needs."""
 MIN_EFFORT: Final = 1e-9
 """Minimum torque effort of a motion by which the smoothing's costs are divided, to avoid a division
 by zero for motions without torque."""
