@@ -38,8 +38,9 @@ from planner.progress import Cancelled, Report, never, silent
 
 MIN_TABLE_PROGRESS_RAD: Final = 0.3
 """Decrease of the sum of all hinge angles, rad, that counts as progress of a chain that unfolds on
-a table. A run that does not reach it for ``patience`` simulation steps is jammed, and new random
-forces are drawn to loosen it. Larger values take slow runs for jammed ones. Chosen."""
+a table. After many simulation steps (parameter ``patience``) without progress the run is jammed,
+and new random forces are drawn to loosen it. Larger values take slow runs for jammed ones.
+Chosen."""
 MAX_RELEASE_ERROR_RAD: Final = 1.2
 """Maximum angle between the tail of a chain on a table and its wanted heading, rad, at which the
 next modules are released from the folded core. Larger values release earlier, with a tail that

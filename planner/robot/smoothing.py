@@ -101,9 +101,8 @@ MIN_STEP_LENGTH_RAD: Final = 1e-6
 """Minimum length of motion between two frames, in rad, by which angle differences are divided in
 smoothing, to avoid a division by zero."""
 DISTANCE_WEIGHT: Final = 0.03
-"""Length of motion, in rad, that smoothing counts for a module's displacement of one pitch; a
-larger value shortens the modules' ways more than the hinges'. Equal to the default of
-``PlaybackParameters.distance_weight``."""
+"""Length of motion, in rad, that smoothing counts for a module's displacement of one pitch, the
+same as in playbacks. A larger value shortens the modules' ways more than the hinges'. Chosen."""
 SWEEP_STEPS: Final = 6
 """Number of consecutive intervals between frames that one sweep checks for collisions in smoothing;
 a sweep reports its closest place only. Smaller values find more close places at once, more slowly.

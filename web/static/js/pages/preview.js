@@ -542,7 +542,7 @@ get("fold").onclick = async () => {
   const body = form();
   const preset = get("preset").value;
   const more = /** @type {NodeListOf<HTMLInputElement | HTMLSelectElement>} */ (get("more").querySelectorAll("input, select"));
-  for (const { name, value } of more) if (value) body.set(name, value);
+  for (const { name, value } of more) if (value && !body.has(name)) body.set(name, value);
   body.set("prefer", get("prefer").value);
   if (onTable() && tableSettings()) body.set("settings", tableSettings());
   if (preset === "paper") for (const [key, value] of Object.entries(changed())) body.set(key, value);
