@@ -133,20 +133,8 @@ def create_app(
         finally:
             if warming is not None:
                 warming.cancel()
-            context.reader.close()
-            context.preparer.close()
-            context.trajectories.close()
-            context.pictures.close()
-            if context.fork_server is not None and fork_server is None:
-                context.fork_server.close()
-            context.artifacts.close()
-            context.answers.close()
-            context.waits.close()
-            context.fold_states.close()
-            context.preview_scenes.close()
-            context.store.close()
+            _close(context, shared=fork_server is not None)
             stats.close()
-            context.uploads.close()
 
     app = FastAPI(
         title="foldback",
@@ -170,6 +158,12 @@ def create_app(
         app.include_router(module.router)
     app.include_router(robot.schemas)
 
+    _add_middleware(app, settings, metrics)
+    return app
+
+
+def _add_middleware(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
+    """Add what handles each request before its route, the innermost first."""
     app.add_middleware(ResponseCache)
     app.add_middleware(HeadAsGet)
     app.add_middleware(
@@ -191,7 +185,6 @@ def create_app(
     )
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Access, metrics=metrics)
-    return app
 
 
 async def _warm_up(context: Context) -> None:
@@ -207,14 +200,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     store = Store(settings)
     previews = Previews(settings, store.folders.storage)
     leases = Leases.of(settings, store)
-    artifacts = Artifacts(
-        store,
-        # With a storage they are among the copies, which have a bound of their own.
-        on_stored=store.add_derived if store.folders.storage is None else None,
-        min_free_disk_bytes=settings.min_free_disk_bytes,
-        total=settings.files_waiting,
-        per_visitor=settings.files_waiting_of_visitor,
-    )
+    artifacts = _artifacts(settings, store)
     awaited = ChildLimits.of(settings, awaited=True)
     fork_server = shared or ForkServer.where_possible(
         ["reader", "preparer", "retimer"],
@@ -233,26 +219,9 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         store=store,
         timelines=TimelineViews(),
         waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
-        streams=Quota(
-            "event streams",
-            total=settings.max_streams,
-            per_visitor=settings.max_streams_of_visitor,
-        ),
-        robots=Quota(
-            "robots", total=settings.max_robots, per_visitor=settings.max_robots_of_visitor
-        ),
-        trajectories=Trajectories(
-            Pool(
-                "retimer",
-                replace(awaited, folders=(str(settings.motions_dir),)),
-                wall_s=settings.retime_seconds,
-                fork_server=fork_server,
-            ),
-            motions,
-            Scratch(settings.scratch_dir),
-            total=settings.answers_waiting,
-            per_visitor=settings.answers_waiting_of_visitor,
-        ),
+        streams=_quota("event streams", settings.max_streams, settings.max_streams_of_visitor),
+        robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
+        trajectories=_trajectories(settings, awaited, motions, fork_server),
         answers=SingleFlight(
             "answers",
             at_once=2,
@@ -264,31 +233,13 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         ),
         uploads=Uploads(settings),
         fork_server=fork_server,
-        reader=_reader(
-            Pool("reader", awaited, wall_s=settings.read_seconds, fork_server=fork_server),
-            "uploads",
-            total=settings.max_uploads,
-            per_visitor=settings.max_uploads_of_visitor,
-        ),
-        preparer=_reader(
-            Pool("preparer", awaited, wall_s=settings.preview_seconds, fork_server=fork_server),
-            "previews",
-            total=settings.previews_waiting,
-            per_visitor=settings.previews_waiting_of_visitor,
-        ),
+        reader=_reader(settings, awaited, fork_server),
+        preparer=_preparer(settings, awaited, fork_server),
         previews=previews,
         preview_scenes=PreviewScenes(previews),
         artifacts=artifacts,
         exports=Exports(store, artifacts),
-        # Started by itself: the fork server would have to load and compile what pictures need.
-        pictures=Pictures(
-            Pool(
-                "pictures",
-                replace(awaited, folders=(str(settings.motions_dir),)),
-                wall_s=settings.preview_seconds,
-            ),
-            motions,
-        ),
+        pictures=_pictures(settings, awaited, motions),
         movies=Movies(settings, store),
         gallery=gallery,
         fold_states=FoldStates(store, remaining),
@@ -300,7 +251,86 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     )
 
 
-def _reader(pool: Pool, what: str, *, total: int, per_visitor: int) -> Reader:
+def _close(context: Context, *, shared: bool) -> None:
+    """Close what has been opened, first what uses the rest.
+
+    Args:
+        context: What has been opened.
+        shared: True if the fork server goes on for other applications.
+    """
+    own_fork_server = None if shared else context.fork_server
+    for part in (
+        context.reader,
+        context.preparer,
+        context.trajectories,
+        context.pictures,
+        own_fork_server,
+        context.artifacts,
+        context.answers,
+        context.waits,
+        context.fold_states,
+        context.preview_scenes,
+        context.store,
+        context.uploads,
+    ):
+        if part is not None:
+            part.close()
+
+
+def _artifacts(settings: Settings, store: Store) -> Artifacts:
+    return Artifacts(
+        store,
+        # With a storage they are among the copies, which have a bound of their own.
+        on_stored=store.add_derived if store.folders.storage is None else None,
+        min_free_disk_bytes=settings.min_free_disk_bytes,
+        total=settings.files_waiting,
+        per_visitor=settings.files_waiting_of_visitor,
+    )
+
+
+def _quota(what: str, total: int, per_visitor: int) -> Quota:
+    return Quota(what, total=total, per_visitor=per_visitor)
+
+
+def _trajectories(
+    settings: Settings, awaited: ChildLimits, motions: Scratch, fork_server: ForkServer | None
+) -> Trajectories:
+    return Trajectories(
+        Pool(
+            "retimer",
+            replace(awaited, folders=(str(settings.motions_dir),)),
+            wall_s=settings.retime_seconds,
+            fork_server=fork_server,
+        ),
+        motions,
+        Scratch(settings.scratch_dir),
+        total=settings.answers_waiting,
+        per_visitor=settings.answers_waiting_of_visitor,
+    )
+
+
+def _pictures(settings: Settings, awaited: ChildLimits, motions: Scratch) -> Pictures:
+    # Started by itself: the fork server would have to load and compile what pictures need.
+    pool = Pool(
+        "pictures",
+        replace(awaited, folders=(str(settings.motions_dir),)),
+        wall_s=settings.preview_seconds,
+    )
+    return Pictures(pool, motions)
+
+
+def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer | None) -> Reader:
+    pool = Pool("reader", awaited, wall_s=settings.read_seconds, fork_server=fork_server)
+    return _bounded(pool, "uploads", settings.max_uploads, settings.max_uploads_of_visitor)
+
+
+def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer | None) -> Reader:
+    pool = Pool("preparer", awaited, wall_s=settings.preview_seconds, fork_server=fork_server)
+    total, per_visitor = settings.previews_waiting, settings.previews_waiting_of_visitor
+    return _bounded(pool, "previews", total, per_visitor)
+
+
+def _bounded(pool: Pool, what: str, total: int, per_visitor: int) -> Reader:
     quota = Quota(
         what,
         at_once=READERS,

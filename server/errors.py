@@ -122,11 +122,9 @@ def not_stored(what: str, error: OSError) -> NoRoom:
     """Return the error of something that could not be written."""
     if error.errno in READ_ONLY_ERRORS:
         return read_only()
-    words = f"The {what} could not be stored ({error.strerror}); try again later."
-    return NoRoom("no-room", words, retry_after_s=FULL_DISK_RETRY_S)
+    return no_room(f"The {what} could not be stored ({error.strerror}); try again later.")
 
 
-def nearly_full() -> NoRoom:
-    """Return the error for a disk with less than the minimum of free space."""
-    words = "The disk of the service is nearly full; try again later."
-    return NoRoom("no-room", words, retry_after_s=FULL_DISK_RETRY_S)
+def no_room(detail: str) -> NoRoom:
+    """Return the error of a disk that is full, or nearly so."""
+    return NoRoom("no-room", detail, retry_after_s=FULL_DISK_RETRY_S)

@@ -185,12 +185,10 @@ class Site:
         shutil.rmtree(self.disk.path, ignore_errors=True)
 
     def left_uploads(self) -> list[str]:
-        """Names of what lies under its uploads, but for the lock of the process that lives."""
+        """Names of the files under its uploads."""
         folder = self.data_dir / "uploads"
         return sorted(
-            path.relative_to(folder).as_posix()
-            for path in folder.rglob("*")
-            if path.is_file() and path.name != "lock"
+            path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()
         )
 
     def answer(self, method: str, path: str, **more: Any) -> httpx.Response | None:

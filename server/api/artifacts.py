@@ -17,8 +17,8 @@ from server.api.context import Context
 from server.api.folds import Here, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody
 from server.errors import Conflict, NotFound, Unusable
-from server.files.download_names import download_stem
 from server.http.client_address import address_of
+from server.http.downloads import download
 from server.store.folds import FoldRow
 from server.store.shown import has_motion
 
@@ -175,11 +175,9 @@ async def get_export(request: Request, fold_id: str, name: str, context: Here) -
     directory = await asyncio.to_thread(context.store.directory, fold_id)
     await asyncio.to_thread(check, directory, PLAN, export.filename)
     path = await context.exports.file(fold_id, export, visitor=address_of(request))
-    return FileResponse(
-        path,
-        media_type=export.media_type,
-        filename=export.filename if export.shared else _download(row, export.filename),
-    )
+    if export.shared:
+        return FileResponse(path, media_type=export.media_type, filename=export.filename)
+    return download(path, export.media_type, row.name, f"-{export.filename}")
 
 
 def _file(name: str) -> None:
@@ -201,7 +199,7 @@ def _file(name: str) -> None:
             check(path.parent, name)
         if not row.over or not path.is_file():
             raise not_there(row, name)
-        return FileResponse(path, media_type=PLAN_MEDIA_TYPES[name], filename=_download(row, name))
+        return download(path, PLAN_MEDIA_TYPES[name], row.name, f"-{name}")
 
 
 for _name in PLAN_MEDIA_TYPES:
@@ -215,11 +213,6 @@ def _finished(context: Context, fold_id: str) -> FoldRow:
     if not row.over or not (context.store.directory(fold_id) / PLAN).is_file():
         raise not_there(row, "plan")
     return row
-
-
-def _download(row: FoldRow, name: str) -> str:
-    """Return the name under which a browser saves a file of a fold."""
-    return f"{download_stem(row.name)}-{name}"
 
 
 def not_there(row: FoldRow, what: str) -> NotFound | Conflict:

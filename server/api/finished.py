@@ -25,6 +25,7 @@ from server.api.submit import Submission
 from server.files.uploads import Upload
 from server.processes.scratch import Scratch
 from server.store.folds import Store, new_id
+from server.store.owner import Owner
 from server.store.tables import CounterRow, FoldRow
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str |
             shape=shape.name,
         ),
         visitor=SERVICE_VISITOR,
-        token="",
+        owner=Owner(""),
     )
     return asked.content_key
 

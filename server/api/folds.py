@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import Response
-from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from planner.names import clean_name
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context, context_of, in_list_rate
 from server.api.forms import form_of
+from server.api.owners import AnyClaim, OptionalOwner, RequiredOwner, not_owner
 from server.api.schemas import (
     MAX_FOLD_NAME,
     Accepted,
@@ -28,18 +28,29 @@ from server.api.schemas import (
 )
 from server.api.source import Origin, open_source, origin_in_form, validate
 from server.api.submit import Submission, submit
-from server.errors import Forbidden, Unidentified, Unusable
-from server.files.cancelled import sweep_cancelled_of
+from server.errors import Forbidden, Unusable
 from server.http.client_address import address_of
 from server.http.response_cache import mark
-from server.store.folds import new_token
+from server.jobs.housekeeping import limit_cancelled
 from server.store.owned import change_fold
+from server.store.owner import Owner
+from server.store.tables import FoldRow
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
-bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
+NOT_FOLD_OWNER: Final = (
+    "This is not the token of the fold's owner. A gallery fold that several clients requested "
+    "has no owner."
+)
 
 Here = Annotated[Context, Depends(context_of)]
-Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
+
+
+def existing_fold(fold_id: str, context: Here) -> FoldRow:
+    """Return the row of the fold in the address."""
+    return context.store.fold(fold_id)
+
+
+ExistingFold = Annotated[FoldRow, Depends(existing_fold)]
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -57,7 +68,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
 def post_fold(
     http: Request,
     context: Here,
-    credentials: Bearer,
+    claim: AnyClaim,
     origin: Annotated[Origin, Depends(origin_in_form)],
     asked: Annotated[FoldRequest, Depends(form_of(FoldRequest))],
 ) -> Accepted:
@@ -76,12 +87,12 @@ def post_fold(
             upload=upload,
             source=source,
             visitor=context.visitor(http),
-            token=token_of(credentials) or new_token(),
+            owner=claim.owner,
         )
         receipt = submit(context, submission)
     return Accepted(
         id=receipt.row.id,
-        owner_token=receipt.token,
+        owner_token=claim.token if receipt.own else None,
         existing=receipt.existing,
         links=Links.of(receipt.row.id),
     )
@@ -93,11 +104,11 @@ def post_fold(
     dependencies=[Depends(in_list_rate)],
     responses=problems(429),
 )
-def get_folds(context: Here, credentials: Bearer) -> Folds:
+def get_folds(context: Here, owner: OptionalOwner) -> Folds:
     """List gallery folds and your own folds. Folds of other owners are never listed."""
     rows = {row.id: row for row in context.store.list_public()}
-    if (token := token_of(credentials)) is not None:
-        rows.update({row.id: row for row in context.store.list_owned(token)})
+    if owner is not None:
+        rows.update({row.id: row for row in context.store.list_owned(owner)})
     newest_first = sorted(rows.values(), key=lambda row: row.created_at, reverse=True)
     return Folds(folds=[Fold.of(row, context.store, context.remaining) for row in newest_first])
 
@@ -150,18 +161,17 @@ def get_refolds(fold_id: str, context: Here) -> Shapes:
 @router.post(
     "/{fold_id}/cancel", status_code=202, summary="Stop a fold", responses=problems(401, 403, 404)
 )
-def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
+def post_cancel(before: ExistingFold, context: Here, owner: RequiredOwner) -> Fold:
     """Cancel a fold. A gallery fold that other clients requested too keeps running.
 
     The input is stored for up to an hour, so that the fold can be started again.
     """
-    store = context.store
-    before = store.fold(fold_id)
-    if not store.cancel(fold_id, needed(credentials)):
-        raise _not_owner()
+    store, fold_id = context.store, before.id
+    if not store.cancel(fold_id, owner):
+        raise not_owner(NOT_FOLD_OWNER)
     row = store.fold(fold_id)
     if not before.over:
-        sweep_cancelled_of(store, row.visitor)
+        limit_cancelled(store, row.visitor)
     return Fold.of(row, context.store, context.remaining)
 
 
@@ -170,13 +180,14 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
     summary=("Rename a fold or change its owner token"),
     responses=problems(401, 403, 404, 422),
 )
-def patch_fold(fold_id: str, changes: FoldChanges, context: Here, credentials: Bearer) -> Fold:
+def patch_fold(
+    row: ExistingFold, changes: FoldChanges, context: Here, owner: RequiredOwner
+) -> Fold:
     """Change the name on pages, in lists and of downloads; the name inside the plan stays.
 
     Gallery folds cannot be renamed.
     """
     store = context.store
-    row, token = store.fold(fold_id), needed(credentials)
     if row.public:
         raise Forbidden(
             "public", "This is a gallery fold, which everyone can see; it cannot be renamed."
@@ -188,53 +199,22 @@ def patch_fold(fold_id: str, changes: FoldChanges, context: Here, credentials: B
             f"got a name without printable characters, expected 1 to {MAX_FOLD_NAME} characters.",
             where="name",
         )
-    if not change_fold(store, fold_id, token, name=name, new_token=changes.owner_token):
-        raise _not_owner()
-    return Fold.of(store.fold(fold_id), store, context.remaining)
+    heir = None if changes.owner_token is None else Owner.from_token(changes.owner_token)
+    if not change_fold(store, row.id, owner, name=name, heir=heir):
+        raise not_owner(NOT_FOLD_OWNER)
+    return Fold.of(store.fold(row.id), store, context.remaining)
 
 
 @router.delete(
     "/{fold_id}", status_code=204, summary="Delete a fold", responses=problems(401, 403, 404)
 )
-def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
+def delete_fold(row: ExistingFold, context: Here, owner: RequiredOwner) -> Response:
     """Delete a fold permanently. Gallery folds cannot be deleted."""
-    store = context.store
-    row, token = store.fold(fold_id), needed(credentials)
     if row.public:
         raise Forbidden(
             "public", "This is a gallery fold, which everyone can see; it cannot be deleted."
         )
-    if not store.delete(fold_id, token):
-        raise _not_owner()
-    store.folders.remove(fold_id)
+    if not context.store.delete(row.id, owner):
+        raise not_owner(NOT_FOLD_OWNER)
+    context.store.folders.remove(row.id)
     return Response(status_code=204)
-
-
-def token_of(credentials: HTTPAuthorizationCredentials | None) -> str | None:
-    """Return the token, or None; a short one could be guessed and counts as none."""
-    if credentials is None or not 24 <= len(credentials.credentials) <= 200:
-        return None
-    return credentials.credentials
-
-
-def needed(credentials: HTTPAuthorizationCredentials | None) -> str:
-    """Return the token.
-
-    Raises:
-        Unidentified: When there is none.
-    """
-    if (token := token_of(credentials)) is not None:
-        return token
-    raise Unidentified(
-        "no-owner-token",
-        "This needs the fold's owner token, which the answer to the upload contained, as "
-        "'Authorization: Bearer …'.",
-    )
-
-
-def _not_owner() -> Forbidden:
-    return Forbidden(
-        "not-owner",
-        "This is not the token of the fold's owner. A gallery fold that several clients requested "
-        "has no owner.",
-    )

@@ -9,7 +9,6 @@ door.
 from __future__ import annotations
 
 import asyncio
-import hashlib
 from functools import cache
 from typing import Annotated, Final
 
@@ -24,6 +23,7 @@ from planner.verification.integrity import check
 from server.api.finding import find_now, viewing_of
 from server.http.client_address import address_of
 from server.http.compression import Asset
+from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING_STATUSES, ShownFold
@@ -38,7 +38,6 @@ router = APIRouter(include_in_schema=False)
 MAX_FRAME_WAIT_S: Final = 2.0
 """Maximum time that a request may wait for new frames of a running fold (long polling), in s. A
 larger value needs fewer requests, and each one occupies a connection for longer. Chosen."""
-BINARY_MEDIA_TYPE: Final = "application/octet-stream"
 
 
 @router.get("/view")
@@ -157,14 +156,8 @@ def _binary(request: Request, data: bytes, timeline: TimelineView) -> Response:
 
 
 def _kept(request: Request, data: bytes) -> Response:
-    """Return an answer that browsers cache and revalidate."""
-    headers = {
-        "Cache-Control": "private, no-cache",
-        "ETag": f'"{hashlib.sha256(data).hexdigest()[:20]}"',
-    }
-    if request.headers.get("if-none-match") == headers["ETag"]:
-        return Response(status_code=304, headers=headers)
-    return Response(data, media_type=BINARY_MEDIA_TYPE, headers=headers)
+    headers = {"Cache-Control": "private, no-cache"}
+    return revalidated(request, data, BINARY_MEDIA_TYPE, headers)
 
 
 def _nothing() -> Response:

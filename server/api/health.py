@@ -12,7 +12,8 @@ from pydantic import BaseModel, Field
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.api.context import Context
-from server.api.folds import Bearer, Here, problems
+from server.api.folds import Here, problems
+from server.api.owners import Bearer
 from server.api.schemas import PreparingBody
 from server.errors import Forbidden
 from server.ops.metrics import METRICS_MEDIA_TYPE

@@ -10,8 +10,9 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from server.api.folds import Bearer, Here, needed, problems
+from server.api.folds import Here, problems
 from server.api.movies import MovieBody
+from server.api.owners import RequiredOwner, not_owner
 from server.api.schemas import (
     Fold,
     FoldsMade,
@@ -21,10 +22,10 @@ from server.api.schemas import (
     PreviewsMade,
     moment,
 )
-from server.errors import Forbidden, Malformed
+from server.errors import Malformed
 from server.jobs.movies import MovieState
-from server.store.folds import new_token
-from server.store.owned import folds_made, forget_preview, previews_made, replace_token
+from server.store.owned import folds_made, forget_preview, hand_over_all, previews_made
+from server.store.owner import Claim, Owner
 from server.store.shown import ShownFold, shown_name
 
 router = APIRouter(prefix="/api/mine", tags=["mine"])
@@ -48,21 +49,22 @@ class MoviesMade(BaseModel):
     movies: list[MovieMade]
 
 
-async def holder(request: Request, response: Response, context: Here, credentials: Bearer) -> str:
-    """Return the owner token of the request; the answer must not be cached."""
+async def listing_owner(
+    request: Request, response: Response, context: Here, owner: RequiredOwner
+) -> Owner:
+    """Return the owner of a request in the rate of lists; the answer must not be cached."""
     response.headers["Cache-Control"] = "no-store"
-    token = needed(credentials)
     context.take_list(request)
-    return token
+    return owner
 
 
-Holder = Annotated[str, Depends(holder)]
+ListingOwner = Annotated[Owner, Depends(listing_owner)]
 
 
 @router.get("/folds", summary="List my folds", responses=problems(401, 422, 429))
 def get_my_folds(
     context: Here,
-    token: Holder,
+    owner: ListingOwner,
     before: Annotated[
         str | None,
         Query(
@@ -75,7 +77,7 @@ def get_my_folds(
     ] = 24,
 ) -> FoldsMade:
     """List the folds first requested with this token, gallery shapes included."""
-    found = folds_made(context.store, token, before=before, limit=limit)
+    found = folds_made(context.store, owner, before=before, limit=limit)
     query = urlencode({"before": found.next, "limit": limit}, safe=",")
     return FoldsMade(
         folds=[Fold.of(row, context.store, context.remaining) for row in found.rows],
@@ -85,10 +87,10 @@ def get_my_folds(
 
 
 @router.get("/previews", summary="List my previews", responses=problems(401, 429))
-def get_my_previews(context: Here, token: Holder) -> PreviewsMade:
+def get_my_previews(context: Here, owner: ListingOwner) -> PreviewsMade:
     """List the previews uploaded with this token, with their latest options."""
     keep_s = context.settings.preview_keep_s
-    rows = previews_made(context.store, token, keep_s=keep_s)
+    rows = previews_made(context.store, owner, keep_s=keep_s)
     return PreviewsMade(
         previews=[
             PreviewMade(
@@ -113,16 +115,16 @@ def get_my_previews(context: Here, token: Holder) -> PreviewsMade:
     summary="Delete a preview",
     responses=problems(401, 403, 429),
 )
-def delete_my_preview(context: Here, token: Holder, preview_id: str) -> Response:
+def delete_my_preview(context: Here, owner: ListingOwner, preview_id: str) -> Response:
     """Delete an upload and its previews. Folds made from it stay."""
-    if not forget_preview(context.store, preview_id, token):
-        raise Forbidden("not-owner", "This token does not belong to this preview.")
+    if not forget_preview(context.store, preview_id, owner):
+        raise not_owner("This token does not belong to this preview.")
     context.previews.remove(preview_id)
     return Response(status_code=204)
 
 
 @router.get("/movies", summary="List my movies", responses=problems(401, 429))
-def get_my_movies(context: Here, token: Holder) -> MoviesMade:
+def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
     """List the movies requested with this token, of any fold."""
     return MoviesMade(
         movies=[
@@ -131,7 +133,7 @@ def get_my_movies(context: Here, token: Holder) -> MoviesMade:
                 created_at=moment(row.created_at),
                 movie=MovieBody.of(row.fold_id, MovieState.of(row)),
             )
-            for row, fold in context.movies.made(token)
+            for row, fold in context.movies.made(owner)
         ]
     )
 
@@ -141,9 +143,11 @@ def get_my_movies(context: Here, token: Holder) -> MoviesMade:
     summary="Replace a key that other people may know",
     responses=problems(400, 401, 422, 429),
 )
-def post_my_key(context: Here, token: Holder, wanted: KeyWanted | None = None) -> KeyReplaced:
+def post_my_key(context: Here, owner: ListingOwner, wanted: KeyWanted | None = None) -> KeyReplaced:
     """Move all items of this token to another token; this token stops working."""
-    new = (wanted.owner_token if wanted is not None else None) or new_token()
-    if new == token:
+    token = None if wanted is None else wanted.owner_token
+    claim = Claim.new() if token is None else Claim(token)
+    if claim.owner == owner:
         raise Malformed("same-key", "got the same key again; send a new key, or none.")
-    return KeyReplaced(owner_token=new, folds=replace_token(context.store, token, new))
+    folds = hand_over_all(context.store, owner, claim.owner)
+    return KeyReplaced(owner_token=claim.token, folds=folds)

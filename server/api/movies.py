@@ -11,10 +11,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.errors import InputError
 from planner.file_names import TIMELINE
 from planner.verification.integrity import check
-from server.api.folds import Bearer, Here, problems, token_of
+from server.api.folds import Here, problems
+from server.api.owners import AnyClaim, OptionalOwner, not_owner
 from server.api.schemas import Fault
-from server.errors import Conflict, Forbidden, Unusable
-from server.files.download_names import download_stem
+from server.errors import Conflict, Unusable
+from server.http.downloads import download
 from server.jobs.movies import MovieState
 from web.movies.movie import Movie
 
@@ -117,7 +118,7 @@ def post_movie(
     response: Response,
     fold_id: str,
     context: Here,
-    credentials: Bearer,
+    claim: AnyClaim,
     options: MovieOptions,
 ) -> MovieBody:
     """Add a movie to the queue. The same options return the same movie.
@@ -128,11 +129,10 @@ def post_movie(
         movie = Movie.of(options.model_dump())
     except InputError as error:
         raise Unusable.of(error) from None
-    token = token_of(credentials)
-    of_owner = token is not None and context.store.owns(fold_id, token)
+    of_owner = context.store.owns(fold_id, claim.owner)
     visitor = context.visitor(request)
-    asked = context.movies.ask(fold_id, movie, visitor, of_owner=of_owner, token=token)
-    body = MovieBody.of(fold_id, *asked)
+    state, new = context.movies.ask(fold_id, movie, visitor, owner=claim.owner, of_owner=of_owner)
+    body = MovieBody.of(fold_id, state, claim.token if new else None)
     response.headers["Location"] = body.links.self
     _again(response, body)
     return body
@@ -166,11 +166,7 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     path = context.movies.file(fold_id, movie_id)
     if path is None:
         raise Conflict("not-ready", "The movie is not ready yet.", retry_after_s=1)
-    return FileResponse(
-        path,
-        media_type=MOVIE_MEDIA_TYPES[path.suffix[1:]],
-        filename=f"{download_stem(row.name)}{path.suffix}",
-    )
+    return download(path, MOVIE_MEDIA_TYPES[path.suffix[1:]], row.name, path.suffix)
 
 
 @router.delete(
@@ -179,16 +175,14 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     summary="Cancel or delete a movie",
     responses=problems(403, 404),
 )
-def delete_movie(fold_id: str, movie_id: str, context: Here, credentials: Bearer) -> Response:
+def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwner) -> Response:
     """Cancel or delete a movie, with its own token or the fold's owner token."""
     context.store.fold(fold_id)
     state = context.movies.state(fold_id, movie_id)
-    token = credentials.credentials if credentials else ""
-    if not state.owned_by(token) and not context.store.owns(fold_id, token):
-        raise Forbidden(
-            "not-owner",
+    if owner is None or not (owner.owns(state.token_hash) or context.store.owns(fold_id, owner)):
+        raise not_owner(
             "This needs the token that the answer to POST contained, or that of the fold's "
-            "owner, as 'Authorization: Bearer …'.",
+            "owner, as 'Authorization: Bearer …'."
         )
     context.movies.delete(fold_id, movie_id)
     return Response(status_code=204)

@@ -21,6 +21,7 @@ from server.jobs.remaining import EtaEstimator
 from server.store.estimates import Expected, plain_fold
 from server.store.folds import FoldRow, Store
 from server.store.leases import Preparing
+from server.store.owner import MAX_TOKEN_CHARS, MIN_TOKEN_CHARS
 from server.store.shown import ShownFold
 from server.store.tables import REQUESTED_COLUMNS
 
@@ -33,9 +34,9 @@ MAX_FOLD_NAME: Final = 200
 """Maximum length of the name that an owner gives a fold, in characters; a longer one is refused. A
 larger value makes lists and pages harder to read. Chosen."""
 
-TOKEN_PATTERN: Final = r"^[!-~]{24,200}$"
+TOKEN_PATTERN: Final = rf"^[!-~]{{{MIN_TOKEN_CHARS},{MAX_TOKEN_CHARS}}}$"
 """Pattern of an owner token (the secret with which a client proves that folds are its own) that the
-client chooses itself: 24 to 200 printable ASCII characters without spaces."""
+client chooses itself: printable ASCII characters without spaces."""
 SHOWN_COLUMNS: Final = (
     *("id", "name", "status", "stage", "public", "modules", "module", "shape", "refold", "smooths"),
     *REQUESTED_COLUMNS,

@@ -17,13 +17,14 @@ from fastapi.responses import Response
 
 from planner.parameters.option import options_of
 from planner.pipeline.request import FoldRequest, PreviewRequest
-from server.api.folds import Bearer, Here, problems, token_of
+from server.api.folds import Here, problems
 from server.api.forms import field, form_of
+from server.api.owners import OptionalOwner
 from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
 from server.api.source import GalleryShape, Origin, Uploaded, id_field, open_source, validate
 from server.errors import NotFound, Unusable
-from server.store.folds import hash_of
 from server.store.owned import note_preview
+from server.store.owner import Owner
 from server.store.tables import PreviewRow
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
@@ -75,7 +76,7 @@ async def preview_in_form(
 async def post_preview(
     request: Request,
     context: Here,
-    credentials: Bearer,
+    owner: OptionalOwner,
     origin: Annotated[Origin, Depends(previewed_in_form)],
     form: Annotated[tuple[PreviewRequest, bool], Depends(preview_in_form)],
 ) -> Preview:
@@ -85,7 +86,7 @@ async def post_preview(
     """
     settings, (options, full) = context.settings, form
     bounded(options, settings.max_modules)
-    visitor, token = context.visitor(request), token_of(credentials)
+    visitor = context.visitor(request)
 
     def reported(gone: Callable[[], bool]) -> Preview:
         known = origin.preview
@@ -98,8 +99,8 @@ async def post_preview(
         report = context.previews.report(
             known, options, context.preparer, visitor=visitor, gone=gone
         )
-        if token is not None:
-            row = preview_row(known, token, options, report)
+        if owner is not None:
+            row = preview_row(known, owner, options, report)
             keep_s = settings.preview_keep_s
             note_preview(context.store, row, sent=known != origin.preview, keep_s=keep_s)
         times = ExpectedTimes.of(report, options.world, context.estimates.total_s)
@@ -156,7 +157,7 @@ def bounded(options: PreviewRequest, max_modules: int) -> None:
 
 
 def preview_row(
-    preview_id: str, token: str, options: PreviewRequest, report: dict[str, Any]
+    preview_id: str, owner: Owner, options: PreviewRequest, report: dict[str, Any]
 ) -> PreviewRow:
     """Return a preview's row for its list, as its owner accesses it now."""
     now = time.time()
@@ -166,7 +167,7 @@ def preview_row(
     told = {k: "true" if v is True else v for k, v in asked.items()}
     return PreviewRow(
         id=preview_id,
-        owner=hash_of(token),
+        owner=owner.digest,
         name=str(report["name"])[:MAX_FOLD_NAME],
         modules=int(report["modules"]),
         module=str(report["module"]),

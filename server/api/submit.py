@@ -18,14 +18,16 @@ from planner.pipeline.expected_cost import ExpectedCost
 from server.api.base_folds import BaseFold
 from server.api.context import Context
 from server.api.source import Source
-from server.errors import Conflict, Unavailable, Unusable, nearly_full, not_stored
+from server.errors import Conflict, Unavailable, Unusable, not_stored
 from server.files.uploads import Upload
+from server.limits.disk_space import check_space
 from server.limits.queue_room import Waiting, check_room
 from server.processes.children import ChildError
 from server.processes.read_task import MAX_STORED_CELLS
 from server.settings import Settings
 from server.store.fold_files import size_of, sync
-from server.store.folds import cost_of, hash_of, new_id
+from server.store.folds import cost_of, new_id
+from server.store.owner import Owner
 from server.store.tables import FoldRow, columns_of
 
 
@@ -43,7 +45,7 @@ class Submission:
     upload: Upload
     source: Source
     visitor: str
-    token: str
+    owner: Owner
 
     @property
     def content_key(self) -> str:
@@ -51,7 +53,7 @@ class Submission:
 
         One that is not public has its owner in it, so that nobody learns what others have sent.
         """
-        return self.key_of(hash_of(self.token))
+        return self.key_of(self.owner.digest)
 
     def key_of(self, owner: str | None) -> str:
         """Return its content key, also if it belongs to a visitor."""
@@ -72,10 +74,10 @@ class Submission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """Answer to a submission; it holds a token only for a fold of the visitor's own."""
+    """Answer to a submission; ``own`` is True if the fold belongs to the owner who submitted it."""
 
     row: FoldRow
-    token: str | None
+    own: bool
     existing: bool
 
 
@@ -95,7 +97,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
         _note(directory, source)
         row = _row(context, submission, found)
         context.store.folders.adopt(directory, row.id)
-        added = _add(context, row, submission.token)
+        added = _add(context, row, submission.owner)
     except OSError as error:
         raise not_stored("upload", error) from error
     if not added:
@@ -104,7 +106,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
         raise Conflict(
             "changed-meanwhile", "The same fold has just finished; send the request again."
         )
-    return Receipt(row=row, token=submission.token, existing=False)
+    return Receipt(row=row, own=True, existing=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,25 +152,23 @@ def _known(context: Context, submission: Submission) -> Receipt | None:
     key, again = submission.content_key, submission.source.repeats
     if again is not None and again.content_key == (theirs := submission.key_of(again.owner)):
         key = theirs
-    row = context.store.ask(key, submission.token)
+    row = context.store.ask(key, submission.owner)
     if row is None:
         return None
-    own = row.owner == hash_of(submission.token)
-    return Receipt(row=row, token=submission.token if own else None, existing=True)
+    return Receipt(row=row, own=submission.owner.owns(row.owner), existing=True)
 
 
 def _check_room(context: Context, visitor: str) -> None:
     settings = context.settings
     check_room(_waiting(context), Waiting(visitor, 0.0), settings)
-    if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
-        raise nearly_full()
+    check_space(settings.root, settings.min_free_disk_bytes)
 
 
 def _waiting(context: Context) -> list[Waiting]:
     return [Waiting(visitor, cost_s) for visitor, cost_s in context.store.waiting()]
 
 
-def _add(context: Context, row: FoldRow, token: str) -> bool:
+def _add(context: Context, row: FoldRow, owner: Owner) -> bool:
     """Add a fold that the queue has room for; False if its content key is taken.
 
     Unless it is added, nothing of it stays.
@@ -182,7 +182,7 @@ def _add(context: Context, row: FoldRow, token: str) -> bool:
         _check_limits(cost, context.settings)
         with store.admitting:
             check_room(_waiting(context), Waiting(row.visitor, cost.expected_s), context.settings)
-            added = store.add(row, token)
+            added = store.add(row, owner)
     except Exception:
         with contextlib.suppress(Exception):
             store.folders.remove(row.id)

@@ -56,14 +56,9 @@ def movie(
 ) -> None:
     """Make a movie of a fold: the straight chain folds into its shape."""
     try:
-        kind = out.suffix.lower().removeprefix(".")
-        if kind not in FORMATS:
-            raise InputError(
-                "bad-movie", f"got the file {out.name!r}, expected one that ends in .mp4 or .gif."
-            )
         movie = Movie.of(
             {
-                "format": kind,
+                "format": _format_of(out),
                 "width": width,
                 "height": height,
                 "fps": fps,
@@ -76,18 +71,7 @@ def movie(
                 "last_frame": last,
             }
         )
-        timeline = result(directory.resolve(), TIMELINE)
-        if not timeline.is_dir():
-            raise InputError(
-                "no-directory",
-                "it contains no timeline; expected a folder that `foldback fold` wrote.",
-                where=str(directory),
-            )
-        if not out.resolve().parent.is_dir():
-            raise InputError(
-                "no-directory", "the folder of the movie does not exist.", where=str(out)
-            )
-        _make(movie, timeline, out, on_table=is_on_table(directory))
+        _make(movie, _timeline_of(directory), out, on_table=is_on_table(directory))
     except InputError as error:
         refuse(error, as_json)
     except ChildError as error:
@@ -98,6 +82,30 @@ def movie(
         print(json.dumps({"file": str(out), "pictures": movie.count, **asdict(movie)}))
     else:
         Console().print(f"{out}: {movie.count} pictures, {megabytes:.1f} MB", markup=False)
+
+
+def _format_of(out: Path) -> str:
+    """Return the format of a movie by the name of its file, whose folder must exist."""
+    kind = out.suffix.lower().removeprefix(".")
+    if kind not in FORMATS:
+        raise InputError(
+            "bad-movie", f"got the file {out.name!r}, expected one that ends in .mp4 or .gif."
+        )
+    if not out.resolve().parent.is_dir():
+        raise InputError("no-directory", "the folder of the movie does not exist.", where=str(out))
+    return kind
+
+
+def _timeline_of(directory: Path) -> Path:
+    """Return the timeline in a fold's directory."""
+    timeline = result(directory.resolve(), TIMELINE)
+    if not timeline.is_dir():
+        raise InputError(
+            "no-directory",
+            "it contains no timeline; expected a folder that `foldback fold` wrote.",
+            where=str(directory),
+        )
+    return timeline
 
 
 def _make(movie: Movie, timeline: Path, out: Path, *, on_table: bool) -> None:

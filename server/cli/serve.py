@@ -170,7 +170,7 @@ def _fold_first(context: Context, name: str) -> str:
     from server.api.source import Origin, open_source
     from server.api.submit import Submission, submit
     from server.errors import Unusable
-    from server.store.folds import new_token
+    from server.store.owner import Claim
 
     try:
         with (
@@ -178,7 +178,7 @@ def _fold_first(context: Context, name: str) -> str:
             context.uploads.stored(stream, source.request.filename) as upload,
         ):
             submission = Submission(
-                upload=upload, source=source, visitor=SERVICE_VISITOR, token=new_token()
+                upload=upload, source=source, visitor=SERVICE_VISITOR, owner=Claim.new().owner
             )
             receipt = submit(context, submission)
     except Unusable as error:

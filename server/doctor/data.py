@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import tempfile
 import time
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from planner.files import READ_ONLY_ERRORS
 from server.doctor.finding import Finding
 from server.errors import READ_ONLY_WORDS
+from server.limits.disk_space import free_space
 from server.ops.readiness import check_folder
 from server.settings import Settings
 from server.store.object_store import open_storage
@@ -54,7 +54,7 @@ def directory(settings: Settings) -> Finding:
             ),
         )
     kind = _kind_of_disk(there)
-    free = shutil.disk_usage(there).free
+    free = free_space(there)
     found = f"{root} on {kind}, {free // 2**20} MiB free"
     if root != there:
         found += "; it will be created"

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
 from planner.files import write_whole
-from server.errors import NoRoom, not_stored
+from server.errors import not_stored
+from server.limits.disk_space import check_space
 from server.limits.single_flight import SingleFlight
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError
@@ -123,8 +124,7 @@ class Artifacts:
         directory = self._store.directory(fold_id)
         try:
             place = path.parent if self._folder else directory
-            if shutil.disk_usage(place).free < self._min_free_disk_bytes + len(data):
-                raise NoRoom("no-room", "The disk of the service is nearly full; try again later.")
+            check_space(place, self._min_free_disk_bytes, needed=len(data))
             path.parent.mkdir(exist_ok=True)
             write_whole(path, data)
         except FileNotFoundError as error:  # the fold was deleted in the meantime

@@ -29,7 +29,6 @@ from server.errors import (
     TooSlow,
     Unavailable,
     Unusable,
-    nearly_full,
     not_stored,
 )
 from server.files.stored_previews import (
@@ -41,10 +40,11 @@ from server.files.stored_previews import (
     visitor_noted,
 )
 from server.files.uploads import Upload
+from server.limits.disk_space import check_space
 from server.processes.children import ChildError, Reader
 from server.settings import Settings
 from server.store.folds import new_id
-from server.store.object_store import Storage
+from server.store.object_store import Storage, StorageError
 
 OPTIONS_KEY: Final = re.compile(r"[0-9a-f]{24}")
 MAX_OPTION_SETS: Final = 400
@@ -223,8 +223,7 @@ class Previews:
                 retry_after_s=60,
             )
         self._sweep_soon()  # reports may be much larger than what they tell of
-        if shutil.disk_usage(self._root).free < self._settings.min_free_disk_bytes:
-            raise nearly_full()
+        check_space(self._root, self._settings.min_free_disk_bytes)
         place.mkdir(exist_ok=True)
         if stranger:
             (place / STRANGER_FILE).touch()
@@ -337,7 +336,6 @@ class Previews:
         Args:
             coming: Bytes that an upload adds.
         """
-        self._elsewhere.sweep_soon()
         with self._lock:
             self._coming += coming
             enough = min(PREVIEW_SWEEP_BYTES, self._settings.previews_bytes // 8)
@@ -350,7 +348,8 @@ class Previews:
     def _sweep(self) -> None:
         try:
             self.sweep()
-        except (OSError, RuntimeError) as error:  # the process may be ending
+            self._elsewhere.sweep_if_due()
+        except (OSError, StorageError, RuntimeError) as error:  # the process may be ending
             log.warning("old previews could not be deleted: %s", error)
         finally:
             with self._lock:

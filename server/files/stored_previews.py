@@ -9,7 +9,6 @@ import json
 import logging
 import os
 import shutil
-import threading
 import time
 from collections import Counter
 from collections.abc import Iterable
@@ -128,7 +127,6 @@ class StoredPreviews:
     def __init__(self, settings: Settings, storage: Storage | None) -> None:
         self._settings = settings
         self._storage = storage
-        self._lock = threading.Lock()
         self._swept = -STORED_SWEEP_S
         self._visitors: dict[str, str] = {}
         """Whose those in the storage are, as far as it was asked for."""
@@ -217,14 +215,16 @@ class StoredPreviews:
         except (StorageError, OSError) as error:
             log.warning("a preview's time of use could not be updated: %s", error)
 
-    def sweep_soon(self) -> None:
-        """Sweep in a separate thread, unless that was done recently."""
-        with self._lock:
-            now = time.monotonic()
-            if self._storage is None or now - self._swept < STORED_SWEEP_S:
-                return
+    def sweep_if_due(self) -> None:
+        """Sweep, unless that was done recently.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        now = time.monotonic()
+        if now - self._swept >= STORED_SWEEP_S:
             self._swept = now
-        threading.Thread(target=self._sweep, name="previews", daemon=True).start()
+            self.sweep()
 
     def sweep(self) -> None:
         """Remove expired previews, and the oldest while there are too many.
@@ -247,12 +247,6 @@ class StoredPreviews:
         ]
         for name in superfluous(held, self._settings, now=time.time()):
             self._storage.remove(f"{PREVIEWS_KEY}/{name}")
-
-    def _sweep(self) -> None:
-        try:
-            self.sweep()
-        except (StorageError, RuntimeError) as error:  # the process may be ending
-            log.warning("old previews could not be deleted: %s", error)
 
     def _keep(self, key: str, directory: Path) -> None:
         assert self._storage is not None

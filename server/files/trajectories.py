@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 from zipfile import BadZipFile, ZipFile
 
 from planner.readers.limits import megabytes
-from server.errors import NoRoom, NotFound, ServiceError, TooLarge, Unavailable, Unusable
+from server.errors import NotFound, ServiceError, TooLarge, Unavailable, Unusable, no_room
 from server.limits.quota import Permit, Quota
 from server.limits.single_flight import SingleFlight
 from server.processes.children import ChildError, Pool
@@ -343,5 +343,5 @@ def _problem(error: ChildError) -> ServiceError:
     if error.code in ("time-limit", "cpu-limit", "memory-limit"):
         return _too_large()
     if error.code in ("disk-full", "disk-failed"):
-        return NoRoom("no-room", error.detail, retry_after_s=60)
+        return no_room(error.detail)
     return Unavailable(error.code, error.detail, retry_after_s=5)

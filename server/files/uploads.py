@@ -1,7 +1,7 @@
 """Uploads: on disk from the first bytes on, until they are accepted or removed.
 
-Each process has a directory of its own under ``uploads_dir``, held by a lock for as long as the
-process lives; what dead processes have left there was never acknowledged, and is swept away.
+Each process has a scratch directory under ``uploads_dir``; files of dead processes were never
+acknowledged, and are removed.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ import os
 import shutil
 import tempfile
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
-from typing import IO, BinaryIO, Final
+from typing import BinaryIO, Final
 
-from server.errors import nearly_full, not_stored
+from server.errors import not_stored
+from server.limits.disk_space import check_space
+from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.folds import new_id
 
 UPLOAD_CHUNK_BYTES: Final = 2**18
 """Number of bytes of an uploaded file that are copied and hashed at once. A larger value takes more
 memory; a smaller one is slower. Chosen."""
-LOCK_FILE: Final = "lock"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,23 +45,21 @@ class Upload:
 
 
 class Uploads:
-    """The uploads of one process. Safe to use from many threads.
+    """Uploads of one process. Safe to use from many threads.
 
-    What a form brings is spooled beside them, so that it is swept away with them. On a read-only
-    disk there are none.
+    Parts of forms are spooled beside them. On a read-only disk there are none.
     """
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        root = settings.uploads_dir
-        self._place = root / f"{os.getpid()}-{new_id()}"
-        self._lock: IO[str] | None = None
+        self._place = settings.uploads_dir
+        self._held = ExitStack()
         self._spooled_before = tempfile.tempdir
         if settings.read_only:
             return
-        root.mkdir(parents=True, exist_ok=True)
-        _sweep(root)
-        self._lock = _made(self._place)
+        scratch = Scratch(settings.uploads_dir)
+        scratch.sweep()
+        self._place = self._held.enter_context(scratch.directory())
         tempfile.tempdir = str(self._place)
 
     @property
@@ -73,9 +71,7 @@ class Uploads:
         """Remove the remaining files and release the directory."""
         if tempfile.tempdir == str(self._place):
             tempfile.tempdir = self._spooled_before
-        shutil.rmtree(self._place, ignore_errors=True)
-        if self._lock is not None:
-            self._lock.close()
+        self._held.close()
 
     @contextmanager
     def stored(self, source: BinaryIO, filename: str | None) -> Generator[Upload]:
@@ -87,7 +83,7 @@ class Uploads:
         directory = self._place / new_id()
         try:
             try:
-                self._check_room()
+                check_space(self._place, self._settings.min_free_disk_bytes)
                 directory.mkdir()
                 digest, size = _copied(source, directory / "input")
             except OSError as error:
@@ -95,10 +91,6 @@ class Uploads:
             yield Upload(directory=directory, filename=filename, digest=digest, size=size)
         finally:
             shutil.rmtree(directory, ignore_errors=True)
-
-    def _check_room(self) -> None:
-        if shutil.disk_usage(self._place).free < self._settings.min_free_disk_bytes:
-            raise nearly_full()
 
 
 def _copied(source: BinaryIO, path: Path) -> tuple[str, int]:
@@ -111,39 +103,3 @@ def _copied(source: BinaryIO, path: Path) -> tuple[str, int]:
         file.flush()
         os.fsync(file.fileno())
     return digest.hexdigest(), size
-
-
-def _made(place: Path) -> IO[str]:
-    """Create a directory that sweeps spare while its returned lock is open.
-
-    It gets its name when it is locked: nobody may find it before.
-    """
-    aside = place.with_name(f".{place.name}")
-    aside.mkdir(mode=0o700)
-    lock = open(aside / LOCK_FILE, "w")  # noqa: SIM115 (held for the life of the process)
-    flock(lock, LOCK_EX | LOCK_NB)
-    aside.rename(place)
-    return lock
-
-
-def _sweep(root: Path) -> None:
-    """Remove directories without a lock holder."""
-    for left in root.iterdir():
-        if left.name.startswith("."):
-            continue  # just being made
-        if left.is_symlink() or not left.is_dir():
-            left.unlink(missing_ok=True)
-        elif not _held(left):
-            shutil.rmtree(left, ignore_errors=True)
-
-
-def _held(place: Path) -> bool:
-    """Return True if a living process holds the lock of a directory."""
-    try:
-        with open(place / LOCK_FILE) as lock:
-            flock(lock, LOCK_EX | LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    return False

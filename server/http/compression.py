@@ -8,13 +8,14 @@ here holds neither.
 from __future__ import annotations
 
 import gzip
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Self
 
 from fastapi import Request
 from fastapi.responses import Response
+
+from server.http.downloads import etag_of, revalidated
 
 MAX_COMPRESSED_FRACTION: Final = 0.9
 """Largest size of a gzipped answer, as a fraction of the original size, at which the gzipped form
@@ -46,21 +47,18 @@ class Asset:
             data=data,
             packed=packed if len(packed) < MAX_COMPRESSED_FRACTION * len(data) else None,
             kind=kind,
-            etag=hashlib.sha256(data).hexdigest()[:20],
+            etag=etag_of(data),
         )
 
     def response(self, request: Request, headers: Mapping[str, str] | None = None) -> Response:
         """Return the answer, or 304 if the client has it; with ``headers`` besides its own."""
         takes = "gzip" in request.headers.get("accept-encoding", "")
         packed = self.packed if takes else None
-        told = {
-            "ETag": f'"{self.etag}"' if packed is None else f'"{self.etag}-gzip"',
-            "Cache-Control": "no-cache",
-            **({} if self.packed is None else {"Vary": "Accept-Encoding"}),
-            **(headers or {}),
-        }
-        if request.headers.get("if-none-match") == told["ETag"]:
-            return Response(status_code=304, headers=told)
-        if packed is not None:
-            told["Content-Encoding"] = "gzip"
-        return Response(self.data if packed is None else packed, media_type=self.kind, headers=told)
+        vary = {} if self.packed is None else {"Vary": "Accept-Encoding"}
+        told = {**vary, **(headers or {})}
+        if packed is None:
+            return revalidated(request, self.data, self.kind, told, etag=self.etag)
+        answer = revalidated(request, packed, self.kind, told, etag=f"{self.etag}-gzip")
+        if answer.status_code == 200:
+            answer.headers["Content-Encoding"] = "gzip"
+        return answer

@@ -29,12 +29,12 @@ from planner.parameters.option import options_of
 from planner.pipeline.request import FoldRequest
 from server import errors
 from server.errors import (
-    FULL_DISK_RETRY_S,
     NoRoom,
     NoSuch,
     ServiceError,
     Unavailable,
     Unusable,
+    no_room,
     read_only,
 )
 from server.http.access_log import request_id_of
@@ -166,11 +166,7 @@ def of_trouble(error: BaseException | None) -> ServiceError | None:
 
 
 def _disk() -> NoRoom:
-    return NoRoom(
-        "no-room",
-        "The disk of the service is full; nothing was lost. Try again later.",
-        retry_after_s=FULL_DISK_RETRY_S,
-    )
+    return no_room("The disk of the service is full; nothing was lost. Try again later.")
 
 
 def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:

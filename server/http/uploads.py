@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
 from typing import Final
 
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from server.errors import ServiceError, nearly_full
+from server.errors import ServiceError, not_stored
 from server.http.client_address import address_of
 from server.http.problems import response_of
 from server.http.security import SAFE_METHODS, forget
+from server.limits.disk_space import check_space
 from server.limits.quota import Quota
 from server.settings import Settings
 
@@ -62,12 +62,11 @@ class UploadsAtOnce:
         length = Headers(scope=scope).get("content-length", "")
         coming = int(length) if length.isdecimal() and len(length) < 16 else 0
         settings = self._settings
+        needed = min(coming, settings.max_upload_bytes)
         try:
-            free = shutil.disk_usage(settings.uploads_dir).free
+            check_space(settings.uploads_dir, settings.min_free_disk_bytes, needed=needed)
         except OSError as error:
-            raise nearly_full() from error
-        if free < settings.min_free_disk_bytes + min(coming, settings.max_upload_bytes):
-            raise nearly_full()
+            raise not_stored("upload", error) from error
 
 
 def _is_form(scope: Scope) -> bool:

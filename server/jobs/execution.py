@@ -20,7 +20,7 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.fold_layout import any_verified, result
 from planner.progress import STAGES
 from planner.readers.gallery import Gallery
-from server.files.cancelled import sweep_cancelled_of
+from server.jobs.housekeeping import limit_cancelled
 from server.jobs.progress import REPEATED_STAGES, JobProgress
 from server.jobs.queue import MAX_LOSSES, FoldClaim, Queue
 from server.jobs.retry import RETRY_INTERVAL_S, Answer, retry_until_available
@@ -202,7 +202,7 @@ class Execution:
             # Who has cancelled it wants the worker for something else: no waiting.
             with contextlib.suppress(StorageError, SQLAlchemyError, NoSuchFoldError):
                 self._store.folders.leave(self._fold_id, outcome.files)
-                sweep_cancelled_of(self._store, self._store.fold(self._fold_id).visitor)
+                limit_cancelled(self._store, self._store.fold(self._fold_id).visitor)
         self._wait_for(lambda: self._queue.release(self._claim))
 
     def _checkpoint(self, stage: str, files: int) -> None:
@@ -268,8 +268,10 @@ class Execution:
             epoch, lambda: self._store.folders.bring(self._fold_id, files, epoch)
         )
         spent_s = self._wait_for(lambda: self._store.stage_s(self._fold_id))
-        done = _Progress(self._store, self._fold_id, stage, epoch, spent_s)
-        progress = JobProgress(done.report)
+        started_at = time.time()
+        progress = JobProgress(
+            lambda fields: self._report(epoch, fields), _first_progress(stage, spent_s, started_at)
+        )
         part = self._slice
         if part is None:
             part = self._wait_for(lambda: Slice(self._store, self._fold_id, epoch))
@@ -278,10 +280,12 @@ class Execution:
             result = self._call(
                 stage,
                 directory,
-                on_progress=done.take,
+                on_progress=progress.take,
                 cancelled=lambda: progress.cancelled() or part.over(),
             )
-        done.take_end()
+        ended_at = time.time()
+        took_s = round(spent_s.get(stage, 0.0) + ended_at - started_at, 3)
+        progress.take({"stage_s": {**spent_s, stage: took_s}, "began_at": ended_at})
         wanted = self._wait_for(progress.last)
         # A stage that was told to stop may have a result all the same, of what there was by then.
         if part.ended and wanted and self._wait_for(part.pause):
@@ -307,6 +311,13 @@ class Execution:
         # A plan that the certificate has refused is tried again in another way, a few times.
         following = result.get("again") or STAGES[STAGES.index(stage) + 1]
         return Outcome(status="running", following=following)
+
+    def _report(self, epoch: int, fields: dict[str, Any] | None) -> bool:
+        """Store the progress of a stage; False if the fold is no longer wanted."""
+        if fields is not None:
+            place = self._store.folders.place(self._fold_id)
+            fields = {**fields, "frames": frames_promised(place)}
+        return self._store.report(self._fold_id, epoch, fields)
 
     def _call(
         self,
@@ -460,51 +471,17 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
         thread.join()
 
 
-class _Progress:
-    """Progress of a stage as its row stores it."""
-
-    def __init__(
-        self, store: Store, fold_id: str, stage: str, epoch: int, spent_s: dict[str, float]
-    ) -> None:
-        self._store = store
-        self._spent_s = spent_s
-        self._began_at = time.time()
-        self._fold_id = fold_id
-        self._epoch = epoch
-        self._place = store.folders.place(fold_id)
-        self._progress: dict[str, Any] = {
-            "stage": stage,
-            "fraction": 0.0,
-            "steps": 0,
-            "steps_per_second": 0.0,
-            "simulated_s": 0.0,
-            "message": "getting ready" if stage in STAGES[:2] else "",
-            "plan": 0,
-            "plans": 0,
-        }
-        self._waits = True
-
-    def take(self, event: dict[str, Any]) -> None:
-        """Process an event of the child."""
-        self._progress = {key: event[key] for key in self._progress}
-        self._waits = True
-
-    def take_end(self) -> None:
-        """The child is done: what it has made, and how long it took, is reported once more."""
-        stage = self._progress["stage"]
-        took_s = time.time() - self._began_at
-        self._spent_s[stage] = round(self._spent_s.get(stage, 0.0) + took_s, 3)
-        self._began_at = time.time()
-        self._waits = True
-
-    def report(self) -> bool:
-        """Send pending reports; False if the fold is no longer wanted."""
-        progress = {
-            **self._progress,
-            "frames": frames_promised(self._place),
-            "stage_s": self._spent_s,
-            "began_at": self._began_at,
-        }
-        going = self._store.report(self._fold_id, self._epoch, progress if self._waits else None)
-        self._waits = False
-        return going
+def _first_progress(stage: str, spent_s: dict[str, float], started_at: float) -> dict[str, Any]:
+    """Return the progress of a stage that starts, as a fold's row stores it."""
+    return {
+        "stage": stage,
+        "fraction": 0.0,
+        "steps": 0,
+        "steps_per_second": 0.0,
+        "simulated_s": 0.0,
+        "message": "getting ready" if stage in STAGES[:2] else "",
+        "plan": 0,
+        "plans": 0,
+        "stage_s": spent_s,
+        "began_at": started_at,
+    }

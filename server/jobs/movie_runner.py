@@ -75,8 +75,7 @@ class MovieJobs:
             return  # nobody wants it any more, or it was made before
         movie = Movie.of(row.wishes)
         with self._scratch.directory() as place:
-            done = _Progress(self._store, job)
-            progress = JobProgress(done.report)
+            progress = JobProgress(lambda fields: self._report(job, fields), {"steps": 0})
             if not retry_until_available(progress.last):
                 return
             files = retry_until_available(lambda: self._store.directory(fold_id))
@@ -85,7 +84,7 @@ class MovieJobs:
             ask_for_movie(place, row.wishes, timeline, MOVIE_FILE, on_table=is_on_table(files))
 
             def take(event: dict[str, Any]) -> None:
-                done.take(event)
+                progress.take(event)
                 with contextlib.suppress(OSError):
                     os.utime(files)  # a copy that is in use is not dropped
 
@@ -98,6 +97,14 @@ class MovieJobs:
             )
             if whole and self._kept(fold_id, job, movie, place / MOVIE_FILE):
                 log.info("created a movie of %d pictures", movie.count, extra=about)
+
+    def _report(self, job: str, fields: dict[str, Any] | None) -> bool:
+        """Store the number of drawn pictures; False if the movie is no longer wanted."""
+        if fields is None:
+            with self._store.reading() as session:
+                return session.scalar(_making(job)) is not None
+        with self._store.changing() as session:
+            return _update(session, job, status="running", frames_done=int(fields["steps"]))
 
     def _row(self, job: str) -> MovieRow | None:
         with self._store.reading() as session:
@@ -149,31 +156,6 @@ class MovieJobs:
                 self._store.folders.remove_movie(fold_id, movie_file(job))
 
         retry_until_available(clear)
-
-
-class _Progress:
-    """Progress of a movie as its row stores it."""
-
-    def __init__(self, store: Store, job: str) -> None:
-        self._store = store
-        self._job = job
-        self._done = 0
-        self._told: int | None = None
-
-    def take(self, event: dict[str, Any]) -> None:
-        """Process an event of the child."""
-        self._done = int(event["steps"])
-
-    def report(self) -> bool:
-        """Report the progress; False if the movie is no longer wanted."""
-        done = self._done
-        if done == self._told:
-            with self._store.reading() as session:
-                return session.scalar(_making(self._job)) is not None
-        with self._store.changing() as session:
-            going = _update(session, self._job, status="running", frames_done=done)
-        self._told = done
-        return going
 
 
 def _making(job: str) -> sa.Select[str]:

@@ -6,9 +6,7 @@ stops the work (``server/jobs/movie_runner.py``).
 
 from __future__ import annotations
 
-import hmac
 import logging
-import shutil
 import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
@@ -22,12 +20,14 @@ from sqlalchemy.orm import Session
 from planner.file_names import TIMELINE
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
-from server.errors import Conflict, NoRoom, NoSuch, NotFound, TooMany, Unavailable
+from server.errors import Conflict, NoSuch, NotFound, TooMany, Unavailable
+from server.limits.disk_space import check_space
 from server.limits.networks import networks_of
 from server.limits.quota import Holder, network_share
 from server.settings import Settings
-from server.store.folds import Store, hash_of, new_id, new_token
+from server.store.folds import Store, new_id
 from server.store.object_store import StorageError
+from server.store.owner import Owner, owned_by
 from server.store.tables import UNFINISHED_MOVIE_STATUSES, FoldRow, MovieRow, movie_file
 from web.movies.movie import Movie
 
@@ -80,10 +80,6 @@ class MovieState:
             problem=row.problem,
         )
 
-    def owned_by(self, token: str) -> bool:
-        """Return True if this is the token that the request for the movie returned."""
-        return hmac.compare_digest(self.token_hash, hash_of(token))
-
 
 class Movies:
     """The service's end of movies. Safe to use from many threads, and in many processes."""
@@ -98,20 +94,20 @@ class Movies:
         movie: Movie,
         visitor: str,
         *,
+        owner: Owner,
         of_owner: bool = False,
-        token: str | None = None,
-    ) -> tuple[MovieState, str | None]:
+    ) -> tuple[MovieState, bool]:
         """Request a movie, unless it exists or is being made. A failed one is tried again.
 
         Args:
             fold_id: The fold.
             movie: Options of the movie.
             visitor: Visitor that requests it.
+            owner: Owner of the movie, if it is a new one.
             of_owner: True for the fold's owner, whose movies others do not displace.
-            token: His; a new one if he has none.
 
         Returns:
-            The movie, and the token with which it may be deleted; None when somebody asked before.
+            The movie, and True if it is a new one.
 
         Raises:
             NoSuchFoldError: When there is no such fold.
@@ -133,17 +129,16 @@ class Movies:
             if state.status != "failed":
                 if of_owner:
                     self._take_over(fold_id, movie.key)
-                return state, None
+                return state, False
         except NoSuchMovieError:
             pass
-        token = token or new_token()
         wanted = MovieRow(
             fold_id=fold_id,
             id=movie.key,
             job=f"{fold_id}.{movie.key}.{new_id()}.{movie.format}",
             wishes=asdict(movie),
             visitor=visitor,
-            token_hash=hash_of(token),
+            token_hash=owner.digest,
             status="queued",
             frames_done=0,
             created_at=time.time(),
@@ -155,8 +150,8 @@ class Movies:
             self._store.fold(fold_id)
             if of_owner:
                 self._take_over(fold_id, movie.key)
-            return self.state(fold_id, movie.key), None
-        return MovieState.of(wanted), token
+            return self.state(fold_id, movie.key), False
+        return MovieState.of(wanted), True
 
     def state(self, fold_id: str, movie_id: str) -> MovieState:
         """Return the state of a movie.
@@ -166,14 +161,13 @@ class Movies:
         """
         return MovieState.of(self._row(fold_id, movie_id))
 
-    def made(self, token: str) -> list[tuple[MovieRow, FoldRow]]:
-        """Movies that the holder of a token has asked for, each with its fold, newest first."""
-        holder = hash_of(token)
-        of_his_fold = sa.and_(FoldRow.owner == holder, MovieRow.of_owner)
+    def made(self, owner: Owner) -> list[tuple[MovieRow, FoldRow]]:
+        """Return the movies that an owner has requested, each with its fold, newest first."""
+        of_own_fold = sa.and_(owned_by(owner), MovieRow.of_owner)
         wanted = (
             sa.select(MovieRow, FoldRow)
             .join(FoldRow, FoldRow.id == MovieRow.fold_id)
-            .where(sa.or_(MovieRow.token_hash == holder, of_his_fold))
+            .where(sa.or_(owned_by(owner, MovieRow.token_hash), of_own_fold))
             .order_by(MovieRow.created_at.desc(), MovieRow.job)
             .limit(MAX_LISTED_MOVIES)
         )
@@ -270,8 +264,7 @@ class Movies:
                 f"{others} movies are being created for others; try again in {MOVIE_RETRY_S} s.",
                 retry_after_s=MOVIE_RETRY_S,
             )
-        if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
-            raise NoRoom("no-room", "The disk of the service is nearly full; try again later.")
+        check_space(settings.root, settings.min_free_disk_bytes)
 
     def _lose(self, job: str, while_it_is: tuple[str, ...]) -> None:
         with self._store.changing() as session:
@@ -287,7 +280,7 @@ class Movies:
             session.execute(
                 sa.update(MovieRow)
                 .where(MovieRow.fold_id == fold_id, MovieRow.id == movie_id)
-                .values(of_owner=True, token_hash="")  # the hash of no token
+                .values(of_owner=True, token_hash="")  # the digest of no token
             )
 
     def _delete(self, session: Session, *which: sa.ColumnElement[bool]) -> list[tuple[str, str]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -20,19 +20,30 @@ Chosen."""
 
 
 class JobProgress:
-    """See the module's description.
+    """Progress of a job, written to its row at a bounded rate.
 
     Args:
-        report: Notes how far it is; False when it is not wanted any more.
+        report: Writes the fields, or nothing if they are None because none has changed; returns
+            False if the job is no longer wanted.
+        fields: Fields at the start of the job.
     """
 
-    def __init__(self, report: Callable[[], bool]) -> None:
+    def __init__(
+        self, report: Callable[[dict[str, Any] | None], bool], fields: dict[str, Any]
+    ) -> None:
         self._report = report
+        self._fields = fields
+        self._changed = True
         self._going = True
         self._at = 0.0
 
+    def take(self, event: dict[str, Any]) -> None:
+        """Take the fields that an event changes; others in it are ignored."""
+        self._fields = {key: event.get(key, value) for key, value in self._fields.items()}
+        self._changed = True
+
     def cancelled(self) -> bool:
-        """Return True if the stage is cancelled, as of the last report."""
+        """Return True if the job is cancelled, as of the last report."""
         if time.monotonic() - self._at >= REPORT_INTERVAL_S:
             try:
                 self.last()
@@ -43,7 +54,8 @@ class JobProgress:
         return not self._going
 
     def last(self) -> bool:
-        """Report at once; False if the task is no longer wanted."""
-        self._going = self._report()
+        """Report at once; False if the job is no longer wanted."""
+        self._going = self._report(self._fields if self._changed else None)
+        self._changed = False
         self._at = time.monotonic()
         return self._going

@@ -18,7 +18,7 @@ from types import FrameType
 from typing import Final
 
 from server.jobs.dispatcher import Dispatcher
-from server.jobs.janitor import Janitor
+from server.jobs.housekeeping import Housekeeping
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.queue import Lane, Queue
 from server.jobs.runner import Runner
@@ -82,7 +82,7 @@ class _LeaseMonitor:
         self._runner = runner
         self._name = name
         self._leases = Leases.of(settings, store)
-        self._janitor = Janitor(settings, store)
+        self._housekeeping = Housekeeping(settings, store)
         self._preparing: float | None = -1.0  # what an earlier worker of this name noted is wrong
         self._swept_at = time.monotonic()
 
@@ -119,7 +119,7 @@ class _LeaseMonitor:
             self._leases.deregister(dead)
         if time.monotonic() - self._swept_at >= WORKER_SWEEP_S:
             self._swept_at = time.monotonic()
-            self._janitor.sweep()
+            self._housekeeping.sweep()
 
 
 def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], what: str) -> None:

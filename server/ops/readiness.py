@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-import shutil
 import tempfile
 import threading
 import time
@@ -17,6 +16,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from planner.pipeline.compiling_lock import compiling_fraction
 from server.errors import READ_ONLY_WORDS
+from server.limits.disk_space import free_space
 from server.settings import Settings
 from server.store.object_store import StorageError
 from server.store.stats import Stats
@@ -134,7 +134,7 @@ class Readiness:
 
     def _look(self) -> Places:
         try:
-            free_bytes = shutil.disk_usage(self._settings.root).free
+            free_bytes = free_space(self._settings.root)
         except OSError:
             free_bytes = None
         disk, storage = disk_says(self._settings), self._storage_says()
@@ -155,7 +155,7 @@ class Readiness:
 def disk_says(settings: Settings) -> str:
     """Return ``ok`` if uploads can be written and there is room, or the problem."""
     try:
-        free = shutil.disk_usage(settings.root).free
+        free = free_space(settings.root)
         if free < settings.min_free_disk_bytes:
             return f"{free // 2**20} MiB free"
         with tempfile.NamedTemporaryFile(dir=settings.uploads_dir) as probe:

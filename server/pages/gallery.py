@@ -29,6 +29,7 @@ from server.pages.cards import (
 )
 from server.pages.page import origin_of, page
 from server.pages.problem_page import not_found_page
+from server.store.owner import Claim
 from words.messages import message_for_people
 
 router = APIRouter(include_in_schema=False)
@@ -66,7 +67,7 @@ def fold_shape(request: Request, name: str, world: World = "floating") -> Respon
         accepted = post_fold(
             http=request,
             context=context_of(request),
-            credentials=None,
+            claim=Claim.new(),
             origin=Origin(shape=name),
             asked=FoldRequest(world=world),
         )

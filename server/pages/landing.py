@@ -12,13 +12,13 @@ from fastapi.responses import HTMLResponse, Response
 from planner.chain.chain import Chain
 from server.api.context import context_of, in_list_rate
 from server.errors import READ_ONLY_WORDS
+from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from server.pages.cards import cards, selected
 from server.pages.page import origin_of, page, templates
 from server.pages.pictures import picture_answer
 from server.pages.privacy import who_and_how_long
 from server.pages.problem_page import DRAWN_CELLS
 from server.pages.shape_drawings import chain_of, drawing_of
-from server.pages.static import etag_response
 from server.store.folds import Store
 from web.pictures.isometric import isometric_svg
 from web.pictures.shipped import shipped_pictures
@@ -58,7 +58,7 @@ async def landing(request: Request) -> Response:
 async def featured_bundle(request: Request) -> Response:
     """Return the metadata of the chain on the first page."""
     gallery = context_of(request).gallery
-    return etag_response(request, await asyncio.to_thread(_bundle, gallery))
+    return revalidated(request, await asyncio.to_thread(_bundle, gallery), BINARY_MEDIA_TYPE)
 
 
 @router.get("/featured/picture.png")
@@ -71,7 +71,7 @@ async def featured_picture(request: Request) -> Response:
 @router.get("/featured/batch")
 async def featured_batch(request: Request) -> Response:
     """Return the recorded fold of the first page (see ``examples/make_featured.py``)."""
-    return etag_response(request, await asyncio.to_thread(_recorded))
+    return revalidated(request, await asyncio.to_thread(_recorded), BINARY_MEDIA_TYPE)
 
 
 @cache

@@ -12,8 +12,9 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from planner.motion.timeline import chain_from_attributes
+from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
+from server.http.security import INDEXED_HEADERS
 from server.pages.page import origin_of, page
-from server.pages.static import etag_response
 from web.static_files import STATIC
 from web.viser.scene_bundle import bundle_of
 
@@ -21,7 +22,6 @@ router = APIRouter(include_in_schema=False)
 
 PAPER_DIR: Final = STATIC.parent / "paper"
 CHAIN: Final = "chain.json"
-BINARY_MEDIA_TYPE: Final = "application/octet-stream"
 PICTURE_MEDIA_TYPE: Final = "image/webp"
 
 
@@ -68,7 +68,7 @@ async def part_of_experiment(request: Request, name: str, part: str) -> Response
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")
     kind = PICTURE_MEDIA_TYPE if found.suffix == ".webp" else BINARY_MEDIA_TYPE
-    return etag_response(request, await asyncio.to_thread(_data, found), kind, listed=True)
+    return revalidated(request, await asyncio.to_thread(_data, found), kind, INDEXED_HEADERS)
 
 
 @cache

@@ -20,6 +20,7 @@ from server.files.previews import (
     read_report,
 )
 from server.http.client_address import address_of
+from server.http.downloads import BINARY_MEDIA_TYPE
 from server.pages.page import page, script_addresses, script_json
 from server.pages.problem_page import not_found_page
 from server.store.shown import shown_name
@@ -27,7 +28,6 @@ from web.pictures.preview_drawing import preview_svg
 
 router = APIRouter(include_in_schema=False)
 
-BINARY_MEDIA_TYPE: Final = "application/octet-stream"
 SCENE_CACHE_CONTROL: Final = "private, max-age=3600"
 
 

@@ -8,8 +8,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from server.api.context import context_of
-from server.files.cancelled import CANCELLED_FOLD_S
-from server.jobs.janitor import MIN_UNUSED_S
+from server.jobs.housekeeping import CANCELLED_FOLD_S, MIN_UNUSED_S
 from server.pages.page import page
 from server.settings import Settings
 from server.store.shown import ShownFold

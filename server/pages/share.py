@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Query, Request
-from fastapi.responses import FileResponse, HTMLResponse, Response
+from fastapi.responses import HTMLResponse, Response
 
 from planner.errors import DamagedError, TimelineError
 from planner.file_names import TIMELINE
@@ -22,8 +22,8 @@ from planner.verification.integrity import check
 from server.api.finding import find_fold, viewing_of
 from server.api.frames import view_page
 from server.errors import Conflict
-from server.files.download_names import download_stem
 from server.http.client_address import address_of
+from server.http.downloads import download
 from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import not_found_page
@@ -183,8 +183,7 @@ def _file(path: Path, name: str, kind: str, media_type: str) -> Response:
         "Content-Security-Policy": "sandbox; default-src 'none'",
         "Cache-Control": "private, no-cache",
     }
-    filename = f"{download_stem(name)}.{kind}"
-    return FileResponse(path, media_type=media_type, headers=headers, filename=filename)
+    return download(path, media_type, name, f".{kind}", headers)
 
 
 def _ancestors(request: Request) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import mimetypes
 import re
 from functools import cache
@@ -87,18 +86,6 @@ async def static_file(request: Request, name: str) -> Response:
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")
     return found.response(request, headers)
-
-
-def etag_response(
-    request: Request, data: bytes, kind: str = "application/octet-stream", *, listed: bool = False
-) -> Response:
-    """Something that browsers keep until it changes; ``listed`` as of a page."""
-    headers = {"ETag": f'"{hashlib.sha256(data).hexdigest()[:20]}"', "Cache-Control": "no-cache"}
-    if listed:
-        headers |= INDEXED_HEADERS
-    if request.headers.get("if-none-match") == headers["ETag"]:
-        return Response(status_code=304, headers=headers)
-    return Response(data, media_type=kind, headers=headers)
 
 
 @cache

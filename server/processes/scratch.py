@@ -61,6 +61,9 @@ class Scratch:
             return
         with _locked(self._root):
             for left in list(self._root.iterdir()):
+                if left.is_symlink() or not left.is_dir():
+                    left.unlink(missing_ok=True)
+                    continue
                 try:
                     with _locked(left, at_once=True):
                         shutil.rmtree(left, ignore_errors=True)

@@ -6,7 +6,6 @@ asks for a fold that is just being cancelled gets it and it goes on, or gets ano
 
 from __future__ import annotations
 
-import hashlib
 import secrets
 import threading
 import time
@@ -31,6 +30,7 @@ from server.limits.fair_queue import (
 )
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
+from server.store.owner import Owner, owned_by
 from server.store.shown import Found, ShownFold
 from server.store.tables import (
     ENDED,
@@ -43,7 +43,7 @@ from server.store.tables import (
     request_of,
 )
 
-__all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token", "rows_of"]
+__all__ = ["FoldRow", "NoSuchFoldError", "Store", "new_id", "rows_of"]
 
 UNFINISHED_STATUSES = ("queued", "running")
 ACCESS_RESOLUTION_S: Final = 900.0
@@ -69,16 +69,6 @@ def new_id() -> str:
     """Return an id that cannot be guessed: 100 random bits in letters and digits."""
     alphabet = "abcdefghijkmnpqrstuvwxyz23456789"
     return "".join(secrets.choice(alphabet) for _ in range(20))
-
-
-def new_token() -> str:
-    """Return a token that proves ownership."""
-    return secrets.token_urlsafe(24)
-
-
-def hash_of(token: str) -> str:
-    """Return the stored hash of a token."""
-    return hashlib.sha256(token.encode()).hexdigest()
 
 
 class Ahead(NamedTuple):
@@ -187,12 +177,12 @@ class Store:
                 .limit(limit)
             ).all()
 
-    def list_owned(self, token: str, limit: int = 100) -> Sequence[FoldRow]:
-        """Return the folds of a token, newest first."""
+    def list_owned(self, owner: Owner, limit: int = 100) -> Sequence[FoldRow]:
+        """Return the folds of an owner, newest first."""
         with self._sessions() as session:
             return session.scalars(
                 sa.select(FoldRow)
-                .where(FoldRow.owner == hash_of(token))
+                .where(owned_by(owner))
                 .order_by(FoldRow.created_at.desc())
                 .limit(limit)
             ).all()
@@ -203,11 +193,11 @@ class Store:
             return None
         return (row.seen_at or row.ended_at or row.created_at) + self._keep_days * DAY_S
 
-    def owns(self, fold_id: str, token: str) -> bool:
-        """Return True if a token owns a fold; a gallery fold has no owner."""
+    def owns(self, fold_id: str, owner: Owner) -> bool:
+        """Return True if a fold belongs to an owner; gallery folds belong to none."""
         with self._sessions() as session:
             row = session.get(FoldRow, fold_id)
-        return row is not None and not row.public and row.owner == hash_of(token)
+        return row is not None and not row.public and owner.owns(row.owner)
 
     def waiting(self) -> list[tuple[str, float]]:
         """Return the visitor and the expected cost of each fold that is queued or running."""
@@ -316,12 +306,12 @@ class Store:
 
     # Writing, on the side of the visitors
 
-    def add(self, row: FoldRow, token: str) -> bool:
+    def add(self, row: FoldRow, owner: Owner) -> bool:
         """Add a fold with its owner; False if another fold has its content key.
 
         Its turn in the queue is settled here.
         """
-        row.owner = row.maker = hash_of(token)
+        row.owner = row.maker = owner.digest
         row.cost_s = cost_of(row).expected_s
         row.seen_at = row.seen_at or row.ended_at or row.created_at
         try:
@@ -390,13 +380,13 @@ class Store:
             with suppress(SQLAlchemyError):
                 self._change(row.id, seen_at=now)
 
-    def ask(self, content_key: str, token: str) -> FoldRow | None:
+    def ask(self, content_key: str, owner: Owner) -> FoldRow | None:
         """Join the existing fold with a content key; None if there is none.
 
         One of the gallery that somebody else has asked for too is nobody's from now on, so that
         nobody stops it for the other. It counts as looked at just now.
         """
-        shared = sa.and_(FoldRow.public, FoldRow.owner != hash_of(token))
+        shared = sa.and_(FoldRow.public, sa.not_(owned_by(owner)))
         wanted = (
             sa.update(FoldRow)
             .where(FoldRow.content_key == content_key)
@@ -407,13 +397,13 @@ class Store:
         with self.changing() as session:
             return session.scalar(wanted)
 
-    def cancel(self, fold_id: str, token: str) -> bool:
+    def cancel(self, fold_id: str, owner: Owner) -> bool:
         """Cancel an unfinished fold; a running one stops as soon as its worker sees this.
 
         Returns:
-            False when the token is not its owner's.
+            False if the fold does not belong to the owner.
         """
-        own = (FoldRow.id == fold_id, FoldRow.owner == hash_of(token))
+        own = (FoldRow.id == fold_id, owned_by(owner))
         waits = FoldRow.worker.is_(None)
         with self.changing() as session:
             session.execute(
@@ -440,20 +430,19 @@ class Store:
         with self.changing() as session:
             return bool(rows_of(session.execute(gone)))
 
-    def delete(self, fold_id: str, token: str | None = None) -> bool:
+    def delete(self, fold_id: str, owner: Owner | None = None) -> bool:
         """Delete a fold's row; the caller removes its directory.
 
         Args:
             fold_id: The fold.
-            token: Whoever has it must own the fold, which must not be of the gallery; anything goes
-                when None.
+            owner: Its owner; gallery folds have none. Any fold is deleted if None.
 
         Returns:
             Whether it was deleted.
         """
         gone = sa.delete(FoldRow).where(FoldRow.id == fold_id)
-        if token is not None:
-            gone = gone.where(FoldRow.owner == hash_of(token), FoldRow.public.is_(False))
+        if owner is not None:
+            gone = gone.where(owned_by(owner), FoldRow.public.is_(False))
         with self.changing() as session:
             return bool(rows_of(session.execute(gone)))
 

@@ -1,8 +1,4 @@
-"""Owned: the folds, previews and movies of a token, and changes to them.
-
-Tokens are looked up by their hashes, so that neither the database nor the time that it takes tells
-anything of one.
-"""
+"""Owned: the folds, previews and movies of an owner, and changes to them."""
 
 from __future__ import annotations
 
@@ -15,7 +11,8 @@ from typing import Final
 import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
-from server.store.folds import Store, hash_of, rows_of
+from server.store.folds import Store, rows_of
+from server.store.owner import Owner, owned_by
 from server.store.tables import FoldRow, MovieRow, PreviewRow
 
 MAX_LISTED_PREVIEWS: Final = 50
@@ -38,16 +35,16 @@ class FoldsMade:
     total: int
 
 
-def folds_made(store: Store, token: str, *, before: str | None, limit: int) -> FoldsMade:
-    """Return the folds that a token was the first to request.
+def folds_made(store: Store, owner: Owner, *, before: str | None, limit: int) -> FoldsMade:
+    """Return the folds that an owner was the first to request.
 
     Args:
         store: The rows.
-        token: His.
+        owner: The owner.
         before: The ``next`` of those that are known already, ``created_at,id``.
         limit: Maximum number to return.
     """
-    made = FoldRow.maker == hash_of(token)
+    made = owned_by(owner, FoldRow.maker)
     wanted = sa.select(FoldRow).where(made)
     if before is not None:
         at, _, last = before.partition(",")
@@ -67,44 +64,43 @@ def folds_made(store: Store, token: str, *, before: str | None, limit: int) -> F
 
 
 def change_fold(
-    store: Store, fold_id: str, token: str, *, name: str | None, new_token: str | None
+    store: Store, fold_id: str, owner: Owner, *, name: str | None, heir: Owner | None
 ) -> bool:
-    """Rename a fold or hand it over; False if the token does not own it.
+    """Rename a fold or hand it over to an heir; False if it does not belong to the owner.
 
     The same upload, sent again, is a fold of its own once this one was handed over.
     """
-    new_owner = None if new_token is None else hash_of(new_token)
     values = {
         **({} if name is None else {"name": name, "renamed": True}),
         **(
             {}
-            if new_owner is None
-            else {"owner": new_owner, "maker": new_owner, "content_key": None}
+            if heir is None
+            else {"owner": heir.digest, "maker": heir.digest, "content_key": None}
         ),
     }
     if not values:
-        return store.owns(fold_id, token)
+        return store.owns(fold_id, owner)
     own = sa.update(FoldRow).where(
-        FoldRow.id == fold_id, FoldRow.owner == hash_of(token), FoldRow.public.is_(False)
+        FoldRow.id == fold_id, owned_by(owner), FoldRow.public.is_(False)
     )
     with store.changing() as session:
         return bool(rows_of(session.execute(own.values(**values))))
 
 
-def replace_token(store: Store, token: str, new_token: str) -> int:
-    """Move everything of a token to another one atomically; return its number of folds.
+def hand_over_all(store: Store, owner: Owner, heir: Owner) -> int:
+    """Move everything of an owner to an heir atomically; return the number of folds.
 
     An upload that is sent again is a fold of its own then, as after ``change_fold``.
     """
-    old, new = hash_of(token), hash_of(new_token)
-    owned = sa.update(FoldRow).where(FoldRow.owner == old)
+    owned = sa.update(FoldRow).where(owned_by(owner))
     with store.changing() as session:
         session.execute(owned.where(FoldRow.public.is_(False)).values(content_key=None))
-        session.execute(owned.values(owner=new))
-        made = sa.update(FoldRow).where(FoldRow.maker == old).values(maker=new)
-        moved = rows_of(session.execute(made))
+        session.execute(owned.values(owner=heir.digest))
+        made = sa.update(FoldRow).where(owned_by(owner, FoldRow.maker))
+        moved = rows_of(session.execute(made.values(maker=heir.digest)))
         for rows, column in ((PreviewRow, PreviewRow.owner), (MovieRow, MovieRow.token_hash)):
-            session.execute(sa.update(rows).where(column == old).values({column: new}))
+            theirs = sa.update(rows).where(owned_by(owner, column))
+            session.execute(theirs.values({column: heir.digest}))
     return moved
 
 
@@ -126,16 +122,17 @@ def note_preview(store: Store, preview: PreviewRow, *, sent: bool, keep_s: float
         if sent:
             session.add(preview)
         else:
-            known = (PreviewRow.id == preview.id, PreviewRow.owner == preview.owner)
+            own = owned_by(Owner(preview.owner), PreviewRow.owner)
             now = {name: getattr(preview, name) for name in names}
-            session.execute(sa.update(PreviewRow).where(*known).values(**now))
+            known = sa.update(PreviewRow).where(PreviewRow.id == preview.id, own)
+            session.execute(known.values(**now))
 
 
-def previews_made(store: Store, token: str, *, keep_s: float) -> Sequence[PreviewRow]:
-    """Previews of the holder of a token, the last one that he looked at first."""
+def previews_made(store: Store, owner: Owner, *, keep_s: float) -> Sequence[PreviewRow]:
+    """Return the previews of an owner, the last viewed first."""
     wanted = (
         sa.select(PreviewRow)
-        .where(PreviewRow.owner == hash_of(token), PreviewRow.seen_at > time.time() - keep_s)
+        .where(owned_by(owner, PreviewRow.owner), PreviewRow.seen_at > time.time() - keep_s)
         .order_by(PreviewRow.seen_at.desc(), PreviewRow.id)
         .limit(MAX_LISTED_PREVIEWS)
     )
@@ -143,8 +140,8 @@ def previews_made(store: Store, token: str, *, keep_s: float) -> Sequence[Previe
         return session.scalars(wanted).all()
 
 
-def forget_preview(store: Store, preview_id: str, token: str) -> bool:
+def forget_preview(store: Store, preview_id: str, owner: Owner) -> bool:
     """Remove a preview from its owner's list; False if it is not in that list."""
-    own = (PreviewRow.id == preview_id, PreviewRow.owner == hash_of(token))
+    own = (PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner))
     with store.changing() as session:
         return bool(rows_of(session.execute(sa.delete(PreviewRow).where(*own))))

@@ -11,7 +11,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
-from server.store.folds import new_token
+from server.store.owner import new_token
 from tests.server.files.test_preview import CROSS, stl, voxels
 from tests.server.service import SNAKE, Service, bearer, owner
 

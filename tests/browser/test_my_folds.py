@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from server.store.folds import new_token
+from server.store.owner import new_token
 from tests.browser.conftest import keep
 from tests.server.service import SNAKE, STAIRS, Service, bearer
 

@@ -10,7 +10,10 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy import event
 
+from server.store.owner import Claim, Owner
 from server.store.tables import FoldRow, MovieRow
+
+SOMEBODY = Owner.from_token("a token of somebody")
 
 
 def a_fold(fold_id: str, **values: Any) -> FoldRow:
@@ -67,3 +70,8 @@ def statements() -> Generator[list[tuple[str, Any]]]:
         yield said
     finally:
         event.remove(sa.Engine, "before_cursor_execute", note)
+
+
+def new_owner() -> Owner:
+    """Return the holder of a new token."""
+    return Claim.new().owner

@@ -15,7 +15,7 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.timeline import Timeline
-from server.files.cancelled import CANCELLED_FOLD_S, sweep_cancelled
+from server.jobs.housekeeping import CANCELLED_FOLD_S, Housekeeping
 from server.settings import Settings
 from server.store.folds import Store
 from tests.server.here import ServiceHere
@@ -269,10 +269,12 @@ def test_a_fold_is_asked_for_once_more_by_its_id(desk: Service) -> None:
     assert desk.fold(fold=other["id"], seed="22", preset="paper")["existing"]
     size = sum(path.stat().st_size for path in (folder / other["id"]).iterdir())
     # They count from now on, not from its end on; the cancelled one goes.
-    store = Store(Settings(data_dir=desk.data_dir))
+    settings = Settings(data_dir=desk.data_dir)
+    store = Store(settings)
     try:
         assert store.fold(other["id"]).bytes == size
-        sweep_cancelled(store, time.time() + 2 * CANCELLED_FOLD_S)
+        later = time.time() + 2 * CANCELLED_FOLD_S
+        Housekeeping(settings, store, clock=lambda: later).remove_cancelled()
     finally:
         store.close()
     assert desk.http.post("/api/folds", data={"fold": first["id"]}).status_code == 404

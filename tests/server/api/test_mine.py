@@ -11,8 +11,9 @@ import pytest
 
 from foldback_client import Client, Problem
 from server.settings import Settings
-from server.store.folds import Store, new_token
-from tests.server.rows import a_fold
+from server.store.folds import Store
+from server.store.owner import new_token
+from tests.server.rows import SOMEBODY, a_fold
 from tests.server.service import SNAKE, Service, bearer
 
 
@@ -56,9 +57,9 @@ def test_the_same_moment_breaks_no_list(store: Store) -> None:
     from server.store.owned import folds_made
 
     for name in "bdac":
-        store.add(a_fold(name, created_at=1.7e9 + 0.1), "a token")
-    first = folds_made(store, "a token", before=None, limit=3)
-    rest = folds_made(store, "a token", before=first.next, limit=3)
+        store.add(a_fold(name, created_at=1.7e9 + 0.1), SOMEBODY)
+    first = folds_made(store, SOMEBODY, before=None, limit=3)
+    rest = folds_made(store, SOMEBODY, before=first.next, limit=3)
     assert [row.id for row in (*first.rows, *rest.rows)] == list("dcba")
     assert (rest.next, rest.total) == (None, 4)
 
@@ -106,8 +107,8 @@ def test_what_is_computed_gives_no_other_name(store: Store) -> None:
     from server.store.owned import change_fold
 
     for name in ("renamed", "left"):
-        store.add(a_fold(name, status="queued"), "a token")
-    assert change_fold(store, "renamed", "a token", name="Mine", new_token=None)
+        store.add(a_fold(name, status="queued"), SOMEBODY)
+    assert change_fold(store, "renamed", SOMEBODY, name="Mine", heir=None)
     for name in ("renamed", "left"):
         store.describe(name, name="of its file", modules=5, module="cube")
     assert [store.fold(n).name for n in ("renamed", "left")] == ["Mine", "of its file"]
@@ -122,7 +123,7 @@ def test_how_long_a_fold_is_kept_is_told(tmp_path: Any) -> None:
             ("running", {"status": "running"}),
             ("public", {"public": True}),
         ):
-            store.add(a_fold(name, **values), "a token")
+            store.add(a_fold(name, **values), SOMEBODY)
         kept = {name: store.kept_until(store.fold(name)) for name in ("seen", "ended")}
         assert kept == {"seen": 1e9 + 172800, "ended": 2e9 + 172800}
         for name in ("pinned", "running", "public"):

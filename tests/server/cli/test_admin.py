@@ -14,11 +14,12 @@ from typer.testing import CliRunner
 
 from planner.readers.gallery import Gallery
 from server.api.finished import import_finished
-from server.files.cancelled import sweep_cancelled
+from server.jobs.housekeeping import Housekeeping
 from server.operate.admin import admin
 from server.operate.fold_tasks import AdminTasks
 from server.settings import Settings
-from server.store.folds import NoSuchFoldError, Store, hash_of
+from server.store.folds import NoSuchFoldError, Store
+from server.store.owner import Owner
 from server.store.tables import FoldRow, MovieRow
 from tests.server.rows import a_fold, a_movie
 from tests.server.service import SNAKE, Service, over, owner
@@ -45,7 +46,7 @@ def place(tmp_path: Path) -> Iterator[Path]:
         "shown": {"created_at": now - 9 * DAY_S, "public": True, "shape": "mallet-64"},
         "waits": {"status": "queued", "created_at": now - 30.0, "name": "x\n\x1b[31m"},
     }.items():
-        store.add(a_fold(fold_id, **values), TOKEN)
+        store.add(a_fold(fold_id, **values), Owner.from_token(TOKEN))
         (tmp_path / "folds" / fold_id).mkdir()
         (tmp_path / "folds" / fold_id / "input").touch()
     store.close()
@@ -165,7 +166,7 @@ def test_a_fold_whose_files_a_sweeper_removes_is_not_queued_again(
         remove(fold_id)
 
     monkeypatch.setattr(store.folders, "remove", meanwhile)
-    sweep_cancelled(store, time.time())
+    Housekeeping(Settings(data_dir=place), store).remove_cancelled()
     with pytest.raises(NoSuchFoldError):
         store.fold("old")
     assert not (place / "folds" / "old").exists()
@@ -209,7 +210,7 @@ def test_a_cancelled_fold_is_computed_after_all(service: Service) -> None:
         assert service.wait(fold["id"], over)["status"] == "verified"
         row: FoldRow = admin_tasks.fold(fold["id"])
         assert row.epoch >= before + 2
-        assert row.owner == hash_of(fold["owner_token"])
+        assert row.owner == Owner.from_token(fold["owner_token"]).digest
         assert [worker.pid for worker in admin_tasks.workers()]
     finally:
         admin_tasks.close()

@@ -26,7 +26,7 @@ from server.store.schema_version import config
 from server.store.tables import engine_for
 from tests.server.bucket import Bucket
 from tests.server.postgres import Postgres
-from tests.server.rows import a_fold
+from tests.server.rows import SOMEBODY, a_fold
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Site:
     def add(self, fold_id: str) -> None:
         """Adds a fold with files, which waits."""
         store = Store(self.settings)
-        store.add(a_fold(fold_id, status="queued"), "token")
+        store.add(a_fold(fold_id, status="queued"), SOMEBODY)
         aside = self.data_dir / f"aside-{fold_id}"
         (aside / "timeline.zarr").mkdir(parents=True)
         (aside / "input").write_bytes(b"cells of " + fold_id.encode())
@@ -227,9 +227,9 @@ def test_links_among_the_files_of_a_service_are_not_backed_up(small: Site, tmp_p
 
 def test_backup_of_a_running_database_is_whole(small: Site, tmp_path: Path) -> None:
     store = Store(small.settings)
-    store.add(a_fold("second"), "token")  # it stands in the write-ahead log alone
+    store.add(a_fold("second"), SOMEBODY)  # it stands in the write-ahead log alone
     assert small.run("backup", str(tmp_path / "copy")).exit_code == 0
-    store.add(a_fold("third"), "token")
+    store.add(a_fold("third"), SOMEBODY)
     store.close()
     with sqlite3.connect(tmp_path / "copy/rows.sqlite") as copy:
         found = {fold_id for (fold_id,) in copy.execute("SELECT id FROM folds")}

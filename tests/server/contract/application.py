@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import httpx
@@ -34,24 +34,17 @@ class Application:
         self._app = create_app(self._settings)
 
     def __enter__(self) -> Application:
-        self._portals = start_blocking_portal()
-        self._portal = self._portals.__enter__()
-        self._life = self._portal.wrap_async_context_manager(
-            self._app.router.lifespan_context(self._app)
-        )
-        self._life.__enter__()
+        with ExitStack() as stack:
+            self._portal = stack.enter_context(start_blocking_portal())
+            life = self._app.router.lifespan_context(self._app)
+            stack.enter_context(self._portal.wrap_async_context_manager(life))
+            self._open = stack.pop_all()
         transport = httpx.ASGITransport(app=self._app)
         self._client = httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8000")
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._life.__exit__(kind, error, trace)
-        self._portals.__exit__(kind, error, trace)
+    def __exit__(self, *_: object) -> None:
+        self._open.close()
 
     @property
     def context(self) -> Context:

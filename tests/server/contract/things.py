@@ -8,7 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 from server.files.stored_previews import UPLOAD_FILE
-from server.store.folds import hash_of, new_id, new_token
+from server.store.folds import new_id
+from server.store.owner import Owner, new_token
 from server.store.tables import FoldRow, MovieRow, PreviewRow
 from tests.server.contract.application import Application
 from tests.server.rows import a_fold, a_movie
@@ -42,11 +43,11 @@ class Thing:
         self._store = application.context.store
         state, *events = words.split("+")
         row = a_fold(self.fold_id, **{"content_key": new_token(), **STATES[state]})
-        self._store.add(row, self.token("owner"))
+        self._store.add(row, self.owner("owner"))
         happen: dict[str, Callable[[], object]] = {
             "shared": self._share,
-            "movie": lambda: self._add_movie(self.token("owner"), of_owner=True),
-            "asked-movie": lambda: self._add_movie(self.token("asker"), of_owner=False),
+            "movie": lambda: self._add_movie("owner", of_owner=True),
+            "asked-movie": lambda: self._add_movie("asker", of_owner=False),
             "taken-movie": lambda: self._add_movie(None, of_owner=True),
             "preview": self._add_preview,
             "handed": self._hand_over,
@@ -62,6 +63,10 @@ class Thing:
         assert token is not None
         return token
 
+    def owner(self, actor: str) -> Owner:
+        """Return an actor that has a token."""
+        return Owner.from_token(self.token(actor))
+
     def state(self) -> tuple[object, ...]:
         """Return all that an action may change."""
         with self._store.reading() as session:
@@ -74,7 +79,7 @@ class Thing:
     def _share(self) -> None:
         content_key = self._store.fold(self.fold_id).content_key
         assert content_key is not None
-        assert self._store.ask(content_key, self.token("asker")) is not None
+        assert self._store.ask(content_key, self.owner("asker")) is not None
 
     def _hand_over(self) -> None:
         self._give("PATCH", f"/api/folds/{self.fold_id}")
@@ -87,8 +92,8 @@ class Thing:
         answer = self._application.ask(method, path, token=self.token("owner"), body=body)
         assert answer.status_code == 200, answer.text
 
-    def _add_movie(self, token: str | None, *, of_owner: bool) -> None:
-        token_hash = "" if token is None else hash_of(token)
+    def _add_movie(self, actor: str | None, *, of_owner: bool) -> None:
+        token_hash = "" if actor is None else self.owner(actor).digest
         movie = a_movie(self.fold_id, MOVIE_ID, token_hash=token_hash, of_owner=of_owner)
         with self._store.changing() as session:
             session.add(movie)
@@ -99,7 +104,7 @@ class Thing:
         (directory / UPLOAD_FILE).write_text(json.dumps({"filename": None, "visitor": "somebody"}))
         row = PreviewRow(
             id=self.fold_id,
-            owner=hash_of(self.token("owner")),
+            owner=self.owner("owner").digest,
             name="a shape",
             modules=16,
             module="cube",

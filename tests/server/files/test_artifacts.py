@@ -9,15 +9,16 @@ import pytest
 
 from server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts
 from server.store.fold_files import EXPORTS_DIR
-from server.store.folds import Store, new_token
+from server.store.folds import Store
 from server.store.tables import FoldRow
+from tests.server.rows import SOMEBODY
 from tests.server.store.test_rows import row
 
 
 @pytest.fixture
 def fold(store: Store) -> FoldRow:
     added = row(status="verified")
-    store.add(added, new_token())
+    store.add(added, SOMEBODY)
     store.directory(added.id).mkdir()
     (store.directory(added.id) / "plan").write_text("a plan")
     return added

@@ -27,10 +27,11 @@ from server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts
 from server.files.exports import Exports
 from server.pages.facts import fold_facts
 from server.store.fold_files import EXPORTS_DIR
-from server.store.folds import NoSuchFoldError, Store, new_token
+from server.store.folds import NoSuchFoldError, Store
 from server.store.shown import Found, ShownFold
 from server.store.tables import FoldRow
 from tests.server.cli.test_command_line import foldback
+from tests.server.rows import SOMEBODY
 from tests.server.service import SNAKE, Service
 from tests.server.store.test_rows import row
 
@@ -129,7 +130,7 @@ def test_a_fold_that_is_not_over_says_so(desk: Service) -> None:
 def fold(store: Store, service: Service, finished: dict[str, Any]) -> FoldRow:
     """A row whose directory has a real plan and nothing else, as if from long ago."""
     added = row(status="verified", summary=finished["state"]["summary"])
-    store.add(added, new_token())
+    store.add(added, SOMEBODY)
     store.directory(added.id).mkdir()
     shutil.copy(directory_of(service, finished) / "plan.npz", store.directory(added.id))
     return added

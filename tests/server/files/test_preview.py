@@ -22,7 +22,7 @@ from server.files.preview_scenes import MAX_PENDING_SCENES, SCENES_AT_ONCE, Prev
 from server.files.previews import NoSuchPreviewError, Previews
 from server.files.uploads import Uploads
 from server.settings import Settings
-from server.store.folds import new_token
+from server.store.owner import new_token
 from tests.server.service import PATIENCE_S, SNAKE, Service
 from web.pictures.isometric import isometric_svg
 from web.timeline.columns import decode

@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from server.store.folds import Store, new_token
+from server.store.folds import Store
 from server.store.owned import change_fold, folds_made, forget_preview, previews_made
+from server.store.owner import Owner, new_token
 from tests.server.http.test_threats_strangers import NAMES, PAGE
+from tests.server.rows import new_owner
 from tests.server.service import SNAKE, Service, bearer
 
 LISTS = ("folds", "previews", "movies")
@@ -114,10 +116,11 @@ def test_the_database_is_asked_for_hashes_alone(store: Store) -> None:
     def on_query(*told: Any) -> None:
         asked.append(repr(told[2:4]))
 
-    folds_made(store, token, before=None, limit=1)
-    previews_made(store, token, keep_s=1.0)
-    forget_preview(store, "x", token)
-    change_fold(store, "x", token, name="a", new_token=new_token())
+    owner = Owner.from_token(token)
+    folds_made(store, owner, before=None, limit=1)
+    previews_made(store, owner, keep_s=1.0)
+    forget_preview(store, "x", owner)
+    change_fold(store, "x", owner, name="a", heir=new_owner())
     assert len(asked) >= 4 and not [query for query in asked if token in query]
 
 

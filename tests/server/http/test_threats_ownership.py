@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from server.store.folds import new_token
+from server.store.owner import new_token
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service, bearer, owner
 

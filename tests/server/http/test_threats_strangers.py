@@ -14,7 +14,8 @@ import pytest
 
 from server.pages.page import script_json
 from server.settings import Settings
-from server.store.folds import new_id, new_token
+from server.store.folds import new_id
+from server.store.owner import new_token
 from tests.server.service import SNAKE, Service, owner
 
 ServiceWith = Callable[..., Service]

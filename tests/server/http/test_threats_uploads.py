@@ -11,7 +11,6 @@ import time
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from fcntl import LOCK_EX, flock
 from pathlib import Path
 
 import httpx
@@ -20,8 +19,8 @@ import psutil
 import pytest
 import sqlalchemy as sa
 
-from server.files import cancelled
 from server.files.uploads import Uploads
+from server.jobs import housekeeping
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.tables import FoldRow
@@ -498,7 +497,6 @@ def test_what_another_process_takes_in_is_left_alone(tmp_path: Path) -> None:
     with first.stored(io.BytesIO(b"abc"), "a") as upload:
         dead = settings.uploads_dir / "1-dead"
         dead.mkdir()
-        (dead / "lock").touch()
         (dead / "input").write_text("never acknowledged")
         (settings.uploads_dir / "old").write_text("from a version before")
         outside = tmp_path / "outside"
@@ -510,8 +508,6 @@ def test_what_another_process_takes_in_is_left_alone(tmp_path: Path) -> None:
             first.place.name,
             second.place.name,
         }
-        with open(second.place / "lock") as lock, pytest.raises(BlockingIOError):
-            flock(lock, LOCK_EX | 4)
     assert not upload.directory.exists()
     second.close()
     first.close()
@@ -531,14 +527,14 @@ def test_an_upload_that_breaks_off_leaves_nothing(hasty: Service) -> None:
     with connected(hasty) as client:
         client.sendall(head("x", length(8 * MIB)) + PART + bytes(4 * MIB))
     _until(lambda: hasty.fold(SNAKE)["id"] is not None)
-    _until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == ["lock"])
+    _until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == [])
 
 
 def test_uploads_that_are_cancelled_at_once_fill_no_disk(
     here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert cancelled.MAX_CANCELLED_BYTES <= 16 * MIB
-    monkeypatch.setattr(cancelled, "MAX_CANCELLED_BYTES", 2**20)
+    assert housekeeping.MAX_CANCELLED_BYTES <= 16 * MIB
+    monkeypatch.setattr(housekeeping, "MAX_CANCELLED_BYTES", 2**20)
     service = here_with().start()
     size = 2**19
     for number in range(8):

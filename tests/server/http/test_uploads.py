@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planner.readers.gallery import Gallery
 from server.processes.read_task import check
-from server.store.folds import new_token
+from server.store.owner import new_token
 from tests.server.service import SNAKE, Service
 
 TOKEN = new_token()

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from server.store.folds import new_token
+from server.store.owner import new_token
 from tests.server.bucket import Bucket
 from tests.server.here import ServiceHere
 from tests.server.hosts import Hosts

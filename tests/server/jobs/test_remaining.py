@@ -17,7 +17,7 @@ from server.store.durations import MIN_SIMILAR_FOLDS, Duration, typical_s
 from server.store.folds import Store
 from server.store.leases import Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
-from tests.server.rows import a_fold
+from tests.server.rows import SOMEBODY, a_fold
 
 USUAL = {"read": 0.5, "explode": 8.0, "play_back": 4.0, "certify": 2.0, "export": 0.5}
 NOW = 1_000_000.0
@@ -56,7 +56,7 @@ def ended(store: Store, name: str, *, modules: int = 160, times: float = 1.0, **
     took = {"started_at": NOW - 100.0, "ended_at": NOW - 100.0 + sum(stage_s.values())}
     for k in range(MIN_SIMILAR_FOLDS):
         row = a_fold(f"{name} {k}", modules=modules, progress={"stage_s": stage_s}, **took, **how)
-        store.add(row, "a token of somebody")
+        store.add(row, SOMEBODY)
 
 
 def running(store: Store, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
@@ -68,7 +68,7 @@ def running(store: Store, stage: str, fraction: float, *, began_at: float, **how
         "began_at": began_at,
     }
     row = a_fold("now", status="running", stage=stage, modules=160, progress=told, **how)
-    store.add(row, "a token of somebody")
+    store.add(row, SOMEBODY)
     return row.id
 
 
@@ -157,7 +157,7 @@ def test_in_the_queue_it_is_the_wait_and_the_fold(store: Store, remaining: EtaEs
     first = a_fold("first", status="queued", modules=160)
     second = a_fold("second", status="queued", modules=160)
     for row in (first, second):
-        store.add(row, "a token of somebody")
+        store.add(row, SOMEBODY)
     one, two = remaining.of(store.fold("first")), remaining.of(store.fold("second"))
     assert (one.place, two.place) == (1, 2)
     assert one.remaining_s == sum(USUAL.values())
@@ -212,7 +212,7 @@ def test_wait_of_queued_fold_includes_what_is_left_of_preparing(
 ) -> None:
     ended(store, "another")
     queued = a_fold("waiting", status="queued", modules=160)
-    store.add(queued, "a token of somebody")
+    store.add(queued, SOMEBODY)
     now = running(store, "read", 0.0, began_at=NOW)
     ready = {key: remaining.of(store.fold(key)) for key in (queued.id, now)}
     told = Preparing(fraction=0.5, remaining_s=30.0)
@@ -229,7 +229,7 @@ def test_queued_fold_tells_the_running_fold_and_that_it_compiles(
     store: Store, remaining: EtaEstimator
 ) -> None:
     queued = a_fold("waiting", status="queued", modules=160)
-    store.add(queued, "a token of somebody")
+    store.add(queued, SOMEBODY)
     assert progress_of(store.fold(queued.id), remaining)["running_before"] == 0
     now = running(store, "read", 0.25, began_at=NOW)
     told = progress_of(store.fold(queued.id), remaining)

@@ -21,7 +21,7 @@ from server.pages.cards import (
     selected,
 )
 from server.store.folds import Store
-from tests.server.rows import a_fold
+from tests.server.rows import SOMEBODY, a_fold
 from tests.server.store.test_rows import row
 
 HEART = Card(
@@ -93,8 +93,10 @@ def test_the_best_of_several_folds_counts(store: Store) -> None:
     ]
     for number, (shape, status) in enumerate(folds):
         values = {"id": f"fold{number}", "shape": shape, "status": status, "public": True}
-        assert store.add(row(None, **values), "token")
-    assert store.add(row(None, id="private", shape="dog", status="verified", public=False), "t")
+        assert store.add(row(None, **values), SOMEBODY)
+    assert store.add(
+        row(None, id="private", shape="dog", status="verified", public=False), SOMEBODY
+    )
     assert fold_statuses(store) == {
         "heart": FoldStatus(status="verified", fold="fold1"),
         "cat": FoldStatus(status="running", fold="fold3"),

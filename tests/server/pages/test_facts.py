@@ -28,7 +28,7 @@ from server.store.folds import Store
 from server.store.leases import Leases
 from server.store.shown import Found, ShownFold
 from server.store.worker_identity import WorkerIdentities
-from tests.server.rows import a_fold
+from tests.server.rows import SOMEBODY, a_fold
 from tests.server.service import SNAKE, Service
 from tests.web.conftest import unfolding
 from words import quantities
@@ -189,7 +189,7 @@ def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Pat
     }
     settings = Settings(data_dir=tmp_path)
     with closing(Store(settings)) as store:
-        store.add(a_fold("earlier", summary=summary), "a token")
+        store.add(a_fold("earlier", summary=summary), SOMEBODY)
         leases = Leases(store, WorkerIdentities(settings), 1.0)
         state = Fold.of(store.fold("earlier"), store, EtaEstimator(store, leases)).summary
     assert state["certificate"]["verdict"] == "verified (kinematics only)"

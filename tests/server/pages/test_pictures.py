@@ -19,7 +19,8 @@ from server.files.artifacts import Artifacts
 from server.files.pictures import MAX_CACHED_PICTURES, RecentPictures
 from server.pages import pictures
 from server.store.fold_files import EXPORTS_DIR
-from server.store.folds import Store, new_token
+from server.store.folds import Store
+from tests.server.rows import SOMEBODY
 from tests.server.store.test_rows import row
 
 
@@ -47,7 +48,7 @@ def drawn() -> Drawn:
 def fold_in(store: Store, status: str) -> Path:
     """The directory of a new fold with the chain of a first candidate."""
     added = row(status=status)
-    store.add(added, new_token())
+    store.add(added, SOMEBODY)
     store.directory(added.id).mkdir()
     take(store.directory(added.id), "first")
     return store.directory(added.id)

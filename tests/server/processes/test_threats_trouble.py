@@ -17,7 +17,7 @@ from server.errors import NoRoom, ServiceError, Unavailable
 from server.http.problems import of_trouble
 from server.processes.children import Child
 from server.processes.limits import ChildLimits, environment_of_child
-from server.store.folds import new_token
+from server.store.owner import new_token
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service, bearer
 
@@ -136,7 +136,7 @@ def test_a_disk_that_takes_nothing_refuses_uploads_and_nothing_else(
     assert service.http.get(f"/folds/{fold_id}").status_code == 200
     resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, before)
     assert sent(service)["id"] == fold_id  # it is kept before it is known
-    assert [p.name for p in service.data_dir.glob("uploads/*/*")] == ["lock"]
+    assert [p.name for p in service.data_dir.glob("uploads/*/*")] == []
 
 
 @pytest.mark.parametrize(

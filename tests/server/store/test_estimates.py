@@ -18,7 +18,7 @@ from server.store.estimates import Estimates, expected_of_cost, plain_fold
 from server.store.folds import Store
 from server.store.leases import Leases
 from server.store.worker_identity import WorkerIdentities
-from tests.server.rows import a_fold
+from tests.server.rows import SOMEBODY, a_fold
 
 STAGE_S = {"read": 0.5, "explode": 8.0, "play_back": 4.0, "certify": 2.0, "export": 0.5}
 REPORT = {"modules": 160, "module": "cube"}
@@ -32,7 +32,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
 
 def add_ended(store: Store, count: int) -> None:
     for k in range(count):
-        store.add(a_fold(f"ended {k}", modules=160, progress={"stage_s": STAGE_S}), "a token")
+        store.add(a_fold(f"ended {k}", modules=160, progress={"stage_s": STAGE_S}), SOMEBODY)
 
 
 def told_everywhere(store: Store, tmp_path: Path) -> tuple[float, float]:
@@ -41,7 +41,7 @@ def told_everywhere(store: Store, tmp_path: Path) -> tuple[float, float]:
     preview = ExpectedTimes.of(REPORT, "floating", estimates.total_s)
     leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
     leases.heartbeat("one", host="here", pid=1, folds_at_once=1)
-    store.add(a_fold("asked", status="queued", modules=160, created_at=time.time()), "a token")
+    store.add(a_fold("asked", status="queued", modules=160, created_at=time.time()), SOMEBODY)
     outlook = EtaEstimator(store, leases, estimates).of(store.fold("asked"))
     assert outlook.remaining_s is not None
     return preview.expected_s, outlook.remaining_s

@@ -18,12 +18,13 @@ from server.jobs.movies import Movies, MovieState, NoSuchMovieError
 from server.jobs.queue import MAX_LOSSES, MovieClaim
 from server.limits.networks import visitor_at
 from server.settings import Settings
-from server.store.folds import Store, new_token
+from server.store.folds import Store
+from server.store.owner import Owner
 from server.store.tables import FoldRow, MovieRow
-from tests.server.rows import a_fold
+from tests.server.rows import a_fold, new_owner
 from web.movies.movie import Movie
 
-OWNER = new_token()
+OWNER = new_owner()
 MOVIES = [Movie.of({"seconds": seconds}) for seconds in (1, 2, 3, 4)]
 
 
@@ -44,6 +45,12 @@ class Process:
             row = session.get(MovieRow, ("a1", movie.key))
         assert row is not None
         return row
+
+    def ask(
+        self, movie: Movie, visitor: str, *, owner: Owner | None = None, of_owner: bool = False
+    ) -> tuple[MovieState, bool]:
+        owner = owner or new_owner()
+        return self.movies.ask("a1", movie, visitor, owner=owner, of_owner=of_owner)
 
     def make(self, movie: Movie = MOVIES[0]) -> None:
         self.worker.make(MovieClaim("a1", movie.key, self.row(movie).job, "worker:1"))
@@ -100,28 +107,28 @@ def test_asked_for_at_once_it_is_one_job(processes: Callable[..., list[Process]]
     both = processes()
     ready = threading.Barrier(8)
 
-    def ask(process: Process) -> str | None:
+    def ask(process: Process) -> bool:
         ready.wait()
-        return process.movies.ask("a1", MOVIES[0], "somebody")[1]
+        return process.ask(MOVIES[0], "somebody")[1]
 
     with ThreadPoolExecutor(8) as threads:
-        tokens = list(threads.map(ask, both * 4))
-    assert len([token for token in tokens if token]) == 1
+        new = list(threads.map(ask, both * 4))
+    assert new.count(True) == 1
     assert both[0].row().status == "queued"
 
 
 def test_the_bounds_hold_over_all_processes(processes: Callable[..., list[Process]]) -> None:
     here, there = processes(movies_waiting_of_visitor=1, movies_waiting=2)
-    here.movies.ask("a1", MOVIES[0], "somebody")
+    here.ask(MOVIES[0], "somebody")
     with pytest.raises(TooMany) as refused:
-        there.movies.ask("a1", MOVIES[1], "somebody")
+        there.ask(MOVIES[1], "somebody")
     assert refused.value.code == "too-many-movies"
-    there.movies.ask("a1", MOVIES[1], "another")
+    there.ask(MOVIES[1], "another")
     with pytest.raises(Unavailable) as full:
-        here.movies.ask("a1", MOVIES[2], "a third")
+        here.ask(MOVIES[2], "a third")
     assert full.value.code == "busy"
     # The same again is no other movie.
-    assert there.movies.ask("a1", MOVIES[0], "somebody")[1] is None
+    assert not there.ask(MOVIES[0], "somebody")[1]
 
 
 def test_movies_of_one_network_leave_room_for_others(
@@ -129,31 +136,31 @@ def test_movies_of_one_network_leave_room_for_others(
 ) -> None:
     here, there = processes(movies_waiting_of_visitor=1, movies_waiting=4)
     home = [visitor_at(f"2001:db8:1:{k}::1") for k in range(3)]
-    here.movies.ask("a1", MOVIES[0], home[0])
-    there.movies.ask("a1", MOVIES[1], home[1])
+    here.ask(MOVIES[0], home[0])
+    there.ask(MOVIES[1], home[1])
     with pytest.raises(TooMany, match="from your network"):
-        here.movies.ask("a1", MOVIES[2], home[2])
-    assert here.movies.ask("a1", MOVIES[2], visitor_at("2001:db8:2::1"))[1]
+        here.ask(MOVIES[2], home[2])
+    assert here.ask(MOVIES[2], visitor_at("2001:db8:2::1"))[1]
 
 
 def test_a_movie_that_is_lost_again_and_again_fails_and_may_be_asked_for_again(
     processes: Callable[..., list[Process]],
 ) -> None:
     here, there = processes()
-    _, first = here.movies.ask("a1", MOVIES[0], "somebody")
+    here.ask(MOVIES[0], "somebody")
     claim = MovieClaim("a1", MOVIES[0].key, here.row().job, "worker:1", losses=MAX_LOSSES)
     here.worker.make(claim)
     state = there.movies.state("a1", MOVIES[0].key)
     assert (state.status, state.problem and state.problem["code"]) == ("failed", "interrupted")
-    state, second = there.movies.ask("a1", MOVIES[0], "somebody")
+    owner = new_owner()
+    state, new = there.ask(MOVIES[0], "somebody", owner=owner)
     assert state.status == "queued"
-    assert second and second != first
-    assert state.owned_by(second)
+    assert new and owner.owns(state.token_hash)
 
 
 def test_done_twice_it_counts_once(processes: Callable[..., list[Process]], filming: Any) -> None:
     here, there = processes()
-    here.movies.ask("a1", MOVIES[0], "somebody")
+    here.ask(MOVIES[0], "somebody")
     filming["meanwhile"] = lambda: filming.update(meanwhile=lambda: None) or there.make()
     here.make()  # another has taken it over meanwhile, and is quicker
     there.make()
@@ -170,14 +177,14 @@ def test_deleted_meanwhile_nothing_is_left(
     processes: Callable[..., list[Process]], filming: Any
 ) -> None:
     here, there = processes()
-    here.movies.ask("a1", MOVIES[0], "somebody")
+    here.ask(MOVIES[0], "somebody")
     job = here.row().job
     filming["meanwhile"] = lambda: there.movies.delete("a1", MOVIES[0].key)
     here.make()
     assert left(here) == []
     with pytest.raises(NoSuchMovieError):
         here.movies.state("a1", MOVIES[0].key)
-    here.movies.ask("a1", MOVIES[0], "somebody")
+    here.ask(MOVIES[0], "somebody")
     old = MovieClaim("a1", MOVIES[0].key, job, "worker:1")
     here.worker.make(old)  # the old job is nobody's any more
     assert here.row().status == "queued"
@@ -194,7 +201,7 @@ def test_deleted_meanwhile_nothing_is_left(
 def test_the_oldest_goes_first(processes: Callable[..., list[Process]], filming: Any) -> None:
     here, there = processes(movies_of_fold=2)
     for movie in MOVIES:
-        here.movies.ask("a1", movie, "somebody")
+        here.ask(movie, "somebody")
         there.make(movie)
     assert sorted(left(here)) == sorted(here.row(movie).file for movie in MOVIES[2:])
     # A file that went away is no movie any more, and can be made again.
@@ -202,22 +209,22 @@ def test_the_oldest_goes_first(processes: Callable[..., list[Process]], filming:
     assert here.movies.file("a1", MOVIES[3].key) is None
     assert here.movies.state("a1", MOVIES[3].key).status == "failed"
     assert here.row(MOVIES[3]).bytes == 0
-    assert here.movies.ask("a1", MOVIES[3], "somebody")[1]
+    assert here.ask(MOVIES[3], "somebody")[1]
 
 
 def test_strangers_push_out_no_movie_of_the_owner(
     processes: Callable[..., list[Process]], filming: Any
 ) -> None:
     here, there = processes(movies_of_fold=1)
-    here.movies.ask("a1", MOVIES[0], "the owner", of_owner=True)
+    here.ask(MOVIES[0], "the owner", of_owner=True)
     there.make(MOVIES[0])
     for movie in MOVIES[1:3]:
-        here.movies.ask("a1", movie, "a stranger")
+        here.ask(movie, "a stranger")
         there.make(movie)
     assert sorted(left(here)) == sorted(here.row(m).file for m in (MOVIES[0], MOVIES[2]))
     # One that a stranger has asked for stays, too, once the owner wants it.
-    assert here.movies.ask("a1", MOVIES[2], "the owner", of_owner=True)[1] is None
-    here.movies.ask("a1", MOVIES[3], "a stranger")
+    assert here.ask(MOVIES[2], "the owner", of_owner=True)[1] is False
+    here.ask(MOVIES[3], "a stranger")
     there.make(MOVIES[3])
     assert len(left(here)) == 3
 
@@ -226,18 +233,18 @@ def test_a_movie_asked_for_at_once_by_a_stranger_and_the_owner_is_the_owner_s(
     processes: Callable[..., list[Process]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     here, there = processes()
-    tokens: list[str | None] = []
+    stranger = new_owner()
     state = here.movies.state
 
     def not_yet(fold_id: str, movie_id: str) -> MovieState:
         monkeypatch.setattr(here.movies, "state", state)
-        tokens.append(there.movies.ask(fold_id, MOVIES[0], "a stranger")[1])
+        assert there.ask(MOVIES[0], "a stranger", owner=stranger)[1]
         raise NoSuchMovieError(movie_id)
 
     monkeypatch.setattr(here.movies, "state", not_yet)
-    found, token = here.movies.ask("a1", MOVIES[0], "the owner", of_owner=True)
-    assert token is None and here.row().of_owner
-    assert tokens[0] and not found.owned_by(tokens[0])
+    found, new = here.ask(MOVIES[0], "the owner", of_owner=True)
+    assert not new and here.row().of_owner
+    assert not stranger.owns(found.token_hash)
 
 
 def test_what_a_dead_worker_left_is_swept(tmp_path: Path) -> None:

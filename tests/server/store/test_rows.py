@@ -16,11 +16,12 @@ from server.jobs.queue import FoldClaim, Queue
 from server.jobs.slices import SLICE_POLL_S, Slice
 from server.limits.fair_queue import slice_s, wait_s
 from server.settings import Settings
-from server.store.folds import NoSuchFoldError, Store, new_id, new_token
+from server.store.folds import NoSuchFoldError, Store, new_id
 from server.store.tables import FoldRow
 from tests.server.postgres import DATABASES
+from tests.server.rows import new_owner
 
-TOKEN = new_token()
+OWNER = new_owner()
 
 
 def row(key: str | None = None, **more: object) -> FoldRow:
@@ -54,29 +55,30 @@ def test_ids_cannot_be_guessed_and_never_name_another_place(store: Store) -> Non
 
 def test_a_content_key_is_taken_once(store: Store) -> None:
     first, second = row("key"), row("key")
-    assert store.add(first, new_token())
-    assert not store.add(second, new_token())
-    found = store.ask("key", new_token())
+    assert store.add(first, new_owner())
+    assert not store.add(second, new_owner())
+    found = store.ask("key", new_owner())
+    assert found is not None
     assert found.id == first.id
 
 
 def test_an_end_is_the_end(store: Store) -> None:
     fold = row("key")
-    store.add(fold, TOKEN)
+    store.add(fold, OWNER)
     assert store.begin(fold.id, "read", "one") == 1
     assert store.finish(fold.id, "verified", summary={"status": "verified"})
     assert store.finish(fold.id, "failed", summary={}, repeatable=False)
     assert store.fold(fold.id).status == "verified"
     assert store.begin(fold.id, "explode", "one") is None
-    assert store.cancel(fold.id, TOKEN)
+    assert store.cancel(fold.id, OWNER)
     assert store.fold(fold.id).status == "verified"
 
 
 def test_a_cancelled_fold_ends_as_cancelled_whatever_its_worker_says(store: Store) -> None:
     fold = row("key")
-    store.add(fold, TOKEN)
+    store.add(fold, OWNER)
     store.begin(fold.id, "export", "one")
-    assert store.cancel(fold.id, TOKEN)
+    assert store.cancel(fold.id, OWNER)
     assert store.finish(fold.id, "verified", summary={"status": "verified"}, size=10)
     ended = store.fold(fold.id)
     assert (ended.status, ended.summary, ended.error, ended.bytes) == ("cancelled", {}, None, 10)
@@ -85,18 +87,18 @@ def test_a_cancelled_fold_ends_as_cancelled_whatever_its_worker_says(store: Stor
 def test_a_cancelled_fold_is_not_begun_and_frees_its_key(store: Store) -> None:
     queued, running = row("a"), row("b")
     for fold in (queued, running):
-        store.add(fold, TOKEN)
+        store.add(fold, OWNER)
     epoch = store.begin(running.id, "explode", "one")
     assert epoch is not None
     assert store.report(running.id, epoch, {"fraction": 0.5})
     for fold in (queued, running):
-        assert store.cancel(fold.id, TOKEN)
+        assert store.cancel(fold.id, OWNER)
     assert store.fold(queued.id).status == "cancelled"
     assert store.begin(queued.id, "read", "one") is None
     assert not store.report(running.id, epoch, {"fraction": 0.6})
     assert not store.report(running.id, epoch)
-    assert store.ask("a", TOKEN) is None
-    assert store.ask("b", TOKEN) is None
+    assert store.ask("a", OWNER) is None
+    assert store.ask("b", OWNER) is None
 
 
 @pytest.mark.parametrize("database", DATABASES)
@@ -108,7 +110,7 @@ def test_what_somebody_asks_for_is_never_what_another_has_just_cancelled(
     outcomes: set[tuple[bool, str]] = set()
     with ThreadPoolExecutor(3) as threads:
         for number in range(30):
-            first, second = new_token(), new_token()
+            first, second = new_owner(), new_owner()
             fold = row(f"key{number}", public=True, shape="wrench-24")
             store.add(fold, first)
             ready = Barrier(3)
@@ -130,7 +132,7 @@ def test_what_somebody_asks_for_is_never_what_another_has_just_cancelled(
 
 def test_whoever_had_it_before_has_no_say_any_more(store: Store) -> None:
     fold = row()
-    store.add(fold, new_token())
+    store.add(fold, new_owner())
     first = store.begin(fold.id, "read", "one")
     assert first == store.begin(fold.id, "explode", "one")
     assert store.begin(fold.id, "explode", "two") is None, "one has it"
@@ -162,7 +164,7 @@ def order(store: Store, folds: list[FoldRow]) -> list[str]:
 def test_places_in_the_queue(store: Store) -> None:
     folds = [row(created_at=float(i)) for i in range(3)]
     for fold in folds:
-        store.add(fold, new_token())
+        store.add(fold, new_owner())
     assert [store.ahead(f)[0] for f in folds] == [1, 2, 3]
     store.begin(folds[0].id, "read", "one")
     assert [store.ahead(f)[0] for f in folds[1:]] == [1, 2]
@@ -173,7 +175,7 @@ def test_who_asks_for_much_does_not_hold_up_who_asks_for_little(store: Store) ->
     folds = [row(name=f"greedy {i}", visitor="greedy") for i in range(4)]
     folds += [row(name=f"modest {i}", visitor="modest") for i in range(2)]
     for fold in folds:
-        store.add(fold, new_token())
+        store.add(fold, new_owner())
     assert order(store, folds) == [
         *("greedy 0", "modest 0", "greedy 1", "modest 1", "greedy 2", "greedy 3"),
     ]
@@ -186,17 +188,17 @@ def test_short_folds_and_those_of_the_gallery_go_first(store: Store) -> None:
         row(name="gallery", visitor="c", modules=200, public=True),
     ]
     for fold in folds:
-        store.add(fold, new_token())
+        store.add(fold, new_owner())
     assert order(store, folds) == ["gallery", "short", "long"]
 
 
 def test_a_long_fold_is_not_overtaken_for_ever(store: Store) -> None:
     long = row(name="long", visitor="patient", modules=280)
-    store.add(long, new_token())
+    store.add(long, new_owner())
     served = 0
     while True:
         short = row(visitor=f"visitor {served}", modules=64)
-        store.add(short, new_token())
+        store.add(short, new_owner())
         if store.ahead(store.fold(long.id))[0] == 1:
             break
         store.begin(short.id, "read", "one")
@@ -210,13 +212,13 @@ def test_a_network_of_many_visitors_gets_the_turns_of_one(store: Store) -> None:
     folds = [row(name=f"many {i}", visitor=f"2001:db8::/48|{i}") for i in range(3)]
     folds += [row(name=f"one {i}", visitor="2001:db8:1::/48|0") for i in range(3)]
     for fold in folds:
-        store.add(fold, new_token())
+        store.add(fold, new_owner())
     assert order(store, folds) == ["many 0", "one 0", "many 1", "one 1", "many 2", "one 2"]
 
 
 def a_running_fold(store: Store, **values: Any) -> tuple[FoldRow, int]:
     fold = row(**values)
-    store.add(fold, new_token())
+    store.add(fold, new_owner())
     epoch = store.begin(fold.id, "explode", "one")
     assert epoch is not None
     return fold, epoch
@@ -226,12 +228,12 @@ def a_running_fold(store: Store, **values: Any) -> tuple[FoldRow, int]:
 def test_short_folds_never_wait_for_a_running_baseline(store: Store, preset: str) -> None:
     baseline, _ = a_running_fold(store, modules=160, preset=preset)
     refold = row(visitor="another", modules=160, refold="wrench-160")
-    store.add(refold, new_token())
+    store.add(refold, new_owner())
     ahead = store.ahead(store.fold(refold.id))
     assert (ahead.place, ahead.running) == (1, 0), "it has a place of its own in each worker"
     # One that takes longer shares the baseline's place, which makes room for it.
     several = row(visitor="another", modules=64, prefer="time")
-    store.add(several, new_token())
+    store.add(several, new_owner())
     assert store.ahead(store.fold(several.id)).running == 1
     assert store.others_wait(baseline.id, spent_s=1.0, cheaper=True)
 
@@ -240,11 +242,11 @@ def test_waiting_baseline_goes_after_short_folds_and_is_not_overtaken_for_ever(
     store: Store,
 ) -> None:
     baseline = row(name="baseline", visitor="patient", modules=160, preset="direct")
-    store.add(baseline, new_token())
+    store.add(baseline, new_owner())
     overtakes = 0
     while store.ahead(store.fold(baseline.id)).place == 1 or overtakes == 0:
         several = row(visitor=f"visitor {overtakes}", modules=64, prefer="time")
-        store.add(several, new_token())
+        store.add(several, new_owner())
         if store.ahead(store.fold(several.id)).place == 2:
             break
         store.begin(several.id, "read", "one")
@@ -269,13 +271,13 @@ def test_a_fold_makes_room_only_for_those_that_wait_for_it(
 ) -> None:
     fold, _ = a_running_fold(store, modules=modules)
     for each in waiting:
-        store.add(row(visitor="another", modules=each), new_token())
+        store.add(row(visitor="another", modules=each), new_owner())
     assert store.others_wait(fold.id, spent_s=1.0, cheaper=cheaper) == over
 
 
 def test_a_paused_fold_waits_behind_others_with_what_it_has_cost(store: Store) -> None:
     fold, epoch = a_running_fold(store, modules=16, name="paused")
-    store.add(row(visitor="another", name="waits", modules=2000), new_token())
+    store.add(row(visitor="another", name="waits", modules=2000), new_owner())
     assert store.pause(fold.id, epoch, spent_s=40.0)
     paused = store.fold(fold.id)
     assert (paused.status, paused.pauses, paused.cost_s) == ("queued", 1, 40.0)
@@ -311,7 +313,7 @@ def test_a_slice_is_over_when_its_time_is_and_another_waits(store: Store) -> Non
     now[0] = 100.0
     assert not part.over(), "no other fold waits"
     other = row(visitor="another", modules=16)
-    store.add(other, new_token())
+    store.add(other, new_owner())
     assert not part.over(), "the queue was looked at a moment ago"
     now[0] += SLICE_POLL_S
     assert part.over()
@@ -323,7 +325,7 @@ def test_a_slice_is_over_when_its_time_is_and_another_waits(store: Store) -> Non
 def test_what_a_fold_waits_for(store: Store) -> None:
     folds = [row(modules=160, created_at=float(i)) for i in range(3)]
     for fold in folds:
-        store.add(fold, new_token())
+        store.add(fold, new_owner())
     each = folds[0].cost_s
     place, ahead_s, running_s, *_ = store.ahead(store.fold(folds[2].id))
     assert (place, running_s) == (3, 0.0)

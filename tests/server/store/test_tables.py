@@ -15,13 +15,15 @@ from alembic.runtime.migration import MigrationContext
 
 from server.cli.serve import server_of
 from server.settings import Settings
-from server.store.folds import Store, hash_of
+from server.store.folds import Store
+from server.store.owner import Owner
 from server.store.schema_version import NewerSchemaError, Schema, config
 from server.store.tables import STATUSES, Base, engine_for, migrate
 from tests.server.postgres import DATABASES
-from tests.server.rows import a_fold
+from tests.server.rows import a_fold, new_owner
 
 TOKEN = "a-token-that-somebody-got-long-ago"
+OWNER = Owner.from_token(TOKEN)
 
 
 @pytest.fixture(params=DATABASES)
@@ -139,9 +141,9 @@ def test_the_first_schema_comes_up_with_all_its_rows(
             # Their keys are of another kind now, but for those of the gallery.
             key = fold["content_key"] if fold["public"] else None
             assert {name: getattr(row, name) for name in fold} == fold | {"content_key": key}
-            assert row.owner == row.maker == hash_of(TOKEN) and not row.renamed
-            assert store.owns(row.id, TOKEN) != row.public
-            assert not store.owns(row.id, "another")
+            assert row.owner == row.maker == OWNER.digest and not row.renamed
+            assert store.owns(row.id, OWNER) != row.public
+            assert not store.owns(row.id, new_owner())
             assert (row.refold, row.smooths, row.worker, row.resumed_at) == (None, None, None, None)
             assert (row.seen_at, row.pauses) == (fold["ended_at"] or fold["created_at"], 0)
             assert (row.turn, row.cost_s, row.epoch, row.kept) == (0, 0.0, 0, 0)
@@ -150,12 +152,12 @@ def test_the_first_schema_comes_up_with_all_its_rows(
             assert row.pinned is False
         assert store.counts() == dict.fromkeys(STATUSES, 1)
         assert [row.shape for row in store.list_public()] == ["mallet-64"]
-        assert len(store.list_owned(TOKEN)) == len(STATUSES)
+        assert len(store.list_owned(OWNER)) == len(STATUSES)
         assert {row.status for row in store.unfinished()} == {"queued", "running"}
         assert store.ahead(store.fold(folds[0]["id"]))[0] == 1
         new = a_fold("new", created_at=1.8e9, content_key=hashlib.sha256(b"new").hexdigest())
-        assert store.add(new, TOKEN)
-        assert not store.add(a_fold("twin", content_key=new.content_key), TOKEN)
+        assert store.add(new, OWNER)
+        assert not store.add(a_fold("twin", content_key=new.content_key), OWNER)
     finally:
         store.close()
     with engine.connect() as connection:
@@ -184,7 +186,7 @@ def test_of_several_owners_the_first_stays_and_movies_count_apart(
             column.type = sa.JSON()
         connection.execute(sa.insert(written), folds)
         owners = [
-            {"fold_id": fold["id"], "token_hash": hash_of(token), "created_at": at}
+            {"fold_id": fold["id"], "token_hash": Owner.from_token(token).digest, "created_at": at}
             for fold in folds
             for token, at in ((TOKEN, 1.0), ("a-stranger-who-had-the-link-only", 2.0))
         ]
@@ -195,7 +197,7 @@ def test_of_several_owners_the_first_stays_and_movies_count_apart(
     store = Store(Settings(data_dir=tmp_path, database_url=url))
     try:
         mine, public = store.fold("mine"), store.fold("open")
-        assert (mine.owner, mine.content_key, mine.bytes) == (hash_of(TOKEN), None, 600)
+        assert (mine.owner, mine.content_key, mine.bytes) == (OWNER.digest, None, 600)
         assert (public.owner, public.content_key, public.bytes) == (None, "open", 0)
     finally:
         store.close()

@@ -1,4 +1,4 @@
-"""Janitor: removal of expired folds and leftover files."""
+"""Housekeeping: removal of expired folds and leftover files."""
 
 from __future__ import annotations
 
@@ -9,22 +9,28 @@ from typing import Any
 
 import pytest
 
-from server.files.cancelled import CANCELLED_FOLD_S, MAX_CANCELLED_FOLDS, sweep_cancelled_of
-from server.files.derived import MIN_DERIVED_AGE_S
-from server.jobs.janitor import DAY_S, MIN_ORPHAN_AGE_S, Janitor
+from server.jobs.housekeeping import (
+    CANCELLED_FOLD_S,
+    DAY_S,
+    MAX_CANCELLED_FOLDS,
+    MIN_DERIVED_AGE_S,
+    MIN_ORPHAN_AGE_S,
+    Housekeeping,
+    limit_cancelled,
+)
 from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
-from server.store.folds import NoSuchFoldError, Store, new_id, new_token
+from server.store.folds import NoSuchFoldError, Store, new_id
 from server.store.tables import FoldRow
 from tests.server.bucket import Bucket
-from tests.server.rows import a_movie, statements
+from tests.server.rows import SOMEBODY, a_movie, statements
 
 MIB = 2**20
 GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
 
 
-def janitor(tmp_path: Path, store: Store, **settings: object) -> Janitor:
-    return Janitor(Settings(data_dir=tmp_path, **settings), store)  # pyright: ignore
+def housekeeping(tmp_path: Path, store: Store, **settings: object) -> Housekeeping:
+    return Housekeeping(Settings(data_dir=tmp_path, **settings), store)  # pyright: ignore
 
 
 def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
@@ -48,7 +54,7 @@ def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
         "summary": {},
     }
     row = FoldRow(**{**values, **more})
-    store.add(row, new_token())
+    store.add(row, SOMEBODY)
     place = store.folders.place(row.id)
     place.mkdir()
     (place / "plan.json").write_text("{}")
@@ -93,7 +99,7 @@ def left(store: Store, *folds: str) -> list[bool]:
     return found
 
 
-def test_janitor_removes_what_killed_processes_left_half_written(
+def test_housekeeping_removes_what_killed_processes_left_half_written(
     store: Store, tmp_path: Path
 ) -> None:
     place = store.folders.place(fold(store, days=0))
@@ -101,7 +107,7 @@ def test_janitor_removes_what_killed_processes_left_half_written(
     names = (".figures.zarr.a1b2.partial", ".figures.zarr.4711", f"{EXPORTS_DIR}/.a.csv.1.partial")
     stale, fresh = [place / name for name in names], place / ".plan.json.ff.partial"
     later = place / ".figures.zarr.b1.partial"
-    tidy = janitor(tmp_path, store)
+    tidy = housekeeping(tmp_path, store)
     for made in ((*stale, fresh), (later,)):  # a process may be killed after the first sweep
         for path in made:
             path.mkdir()
@@ -115,7 +121,7 @@ def test_janitor_removes_what_killed_processes_left_half_written(
 
 def test_nothing_is_forgotten_unless_it_is_asked_for(tmp_path: Path, store: Store) -> None:
     old = fold(store, days=5000, size=10**12)
-    assert janitor(tmp_path, store).sweep() == 0
+    assert housekeeping(tmp_path, store).sweep() == 0
     assert left(store, old) == [True]
 
 
@@ -128,34 +134,34 @@ def test_what_nobody_looks_at_expires(tmp_path: Path, store: Store) -> None:
         fold(store, days=31, status="queued", ended_at=None),
         fold(store, days=31, status="running", ended_at=None),
     ]
-    assert janitor(tmp_path, store, keep_days=30).sweep() == 1
+    assert housekeeping(tmp_path, store, keep_days=30).sweep() == 1
     assert left(store, *folds) == [False, True, True, True, True, True]
 
 
 def test_looking_at_a_fold_keeps_it(tmp_path: Path, store: Store) -> None:
     seen = fold(store, days=31)
     store.looked(store.fold(seen))
-    assert janitor(tmp_path, store, keep_days=30).sweep() == 0
+    assert housekeeping(tmp_path, store, keep_days=30).sweep() == 0
     assert left(store, seen) == [True]
 
 
 def test_the_longest_unseen_make_room(tmp_path: Path, store: Store) -> None:
     folds = [fold(store, days=days) for days in (4, 3, 2, 0)]
     pinned = fold(store, days=9, pinned=True)
-    assert janitor(tmp_path, store, storage_bytes=3 * MIB).sweep() == 2
+    assert housekeeping(tmp_path, store, storage_bytes=3 * MIB).sweep() == 2
     assert left(store, *folds, pinned) == [False, False, True, True, True]
 
 
 def test_what_somebody_has_just_looked_at_stays(tmp_path: Path, store: Store) -> None:
     folds = [fold(store, days=0), fold(store, days=0)]
-    assert janitor(tmp_path, store, storage_bytes=MIB).sweep() == 0
+    assert housekeeping(tmp_path, store, storage_bytes=MIB).sweep() == 0
     assert left(store, *folds) == [True, True]
 
 
 def test_a_visitor_has_a_bound_of_his_own(tmp_path: Path, store: Store) -> None:
     greedy = [fold(store, days=days, visitor="greedy") for days in (3, 2, 1)]
     modest = fold(store, days=9, visitor="modest")
-    assert janitor(tmp_path, store, storage_of_visitor_bytes=2 * MIB).sweep() == 1
+    assert housekeeping(tmp_path, store, storage_of_visitor_bytes=2 * MIB).sweep() == 1
     assert left(store, *greedy, modest) == [False, True, True, True]
 
 
@@ -175,7 +181,7 @@ def test_a_cancelled_fold_goes_an_hour_after_the_last_look(tmp_path: Path, store
         for days in (1.1 * hour, 0.9 * hour, 3 * hour, 1.2 * hour)
     )
     store.looked(store.fold(seen))
-    janitor(tmp_path, store).sweep()
+    housekeeping(tmp_path, store).sweep()
     assert left(store, old, late, pinned, seen) == [False, True, True, True]
 
 
@@ -185,7 +191,7 @@ def test_of_one_visitor_only_the_latest_cancelled_folds_stay(store: Store) -> No
         for n in range(MAX_CANCELLED_FOLDS + 2)
     ]
     others = fold(store, days=0.01, status="cancelled", visitor="another")
-    sweep_cancelled_of(store, "somebody")
+    limit_cancelled(store, "somebody")
     assert left(store, *folds, others) == MAX_CANCELLED_FOLDS * [True] + [False, False, True]
 
 
@@ -193,7 +199,7 @@ def test_a_sweep_reads_no_rows_that_stay(tmp_path: Path, store: Store) -> None:
     for _ in range(3):
         fold(store, days=1)
     old = [fold(store, days=days, status="cancelled") for days in (1, 2)]
-    sweeping = janitor(tmp_path, store, keep_days=30)
+    sweeping = housekeeping(tmp_path, store, keep_days=30)
     with statements() as said:
         sweeping.sweep()
     assert left(store, *old) == [False, False]
@@ -216,7 +222,7 @@ def test_cancelling_one_upload_after_the_other_fills_no_disk(store: Store) -> No
     large: dict[str, Any] = {"size": 8 * MIB, "status": "cancelled"}
     folds = [fold(store, days=n / 1e4, **large) for n in range(8)]
     others = fold(store, days=1e-4, visitor="another", **large)
-    sweep_cancelled_of(store, "somebody")
+    limit_cancelled(store, "somebody")
     there = [store.folders.place(name).exists() for name in folds]
     assert there == [True, True, True] + 5 * [False]  # the last one, and 16 MiB more
     assert sum(store.fold(name).bytes for name in folds) == 24 * MIB
@@ -237,7 +243,7 @@ def test_of_the_gallery_what_was_cancelled_or_failed_and_done_again_goes(
         fold(store, days=1, **failed, **GALLERY),  # nothing came after it
         fold(store, days=3, **failed, **GALLERY, content_key="key"),  # it would fail so again
     ]
-    janitor(tmp_path, store).sweep()
+    housekeeping(tmp_path, store).sweep()
     assert left(store, *gone, *stay) == [False, False, True, True, True, True]
 
 
@@ -249,18 +255,18 @@ def test_what_can_be_made_again_goes_before_any_fold_and_spends_nobody_s_quota(
         derive(store, name, 2 * MIB)
     movies = [movie(store, folds[0], of_owner=True), movie(store, folds[1], of_owner=False)]
     quota = {"storage_of_visitor_bytes": 2 * MIB}
-    janitor(tmp_path, store, storage_bytes=8 * MIB, **quota).sweep()
+    housekeeping(tmp_path, store, storage_bytes=8 * MIB, **quota).sweep()
     assert left(store, *folds) == [True, True]
     assert [store.fold(name).derived_bytes for name in folds] == [2 * MIB, 2 * MIB]
-    janitor(tmp_path, store, storage_bytes=7 * MIB, **quota).sweep()
+    housekeeping(tmp_path, store, storage_bytes=7 * MIB, **quota).sweep()
     assert [store.fold(name).derived_bytes for name in folds] == [0, 2 * MIB]
     # The movie that the owner has asked for is the last to go, then folds.
     for bound, there in ((3, [True, False]), (2, [False, False])):
-        janitor(tmp_path, store, storage_bytes=bound * MIB, **quota).sweep()
+        housekeeping(tmp_path, store, storage_bytes=bound * MIB, **quota).sweep()
         assert [path.exists() for path in movies] == there
     assert [store.fold(name).derived_bytes for name in folds] == [0, 0]
     assert left(store, *folds) == [True, True]
-    janitor(tmp_path, store, storage_bytes=1 * MIB).sweep()
+    housekeeping(tmp_path, store, storage_bytes=1 * MIB).sweep()
     assert left(store, *folds) == [False, True]
 
 
@@ -271,7 +277,7 @@ def test_what_an_earlier_version_counted_as_the_fold_s_own_counts_apart(
     for name in (old, counted):
         derive(store, name, MIB)
     store.set_derived(old, 0)
-    sweeping = janitor(tmp_path, store)
+    sweeping = housekeeping(tmp_path, store)
     sweeping.sweep()
     assert (store.fold(old).bytes, store.fold(old).derived_bytes) == (len("{}"), MIB)
     assert (store.fold(counted).bytes, store.fold(counted).derived_bytes) == (MIB, MIB)
@@ -285,7 +291,7 @@ def test_what_was_counted_twice_is_set_right_when_room_is_made(
     derive(store, fresh, MIB, age_s=0.0)
     for name in (twice, fresh):  # two processes have made the same file
         store.add_derived(name, MIB)
-    janitor(tmp_path, store, storage_bytes=2 * MIB).sweep()
+    housekeeping(tmp_path, store, storage_bytes=2 * MIB).sweep()
     assert [store.fold(name).derived_bytes for name in (twice, fresh)] == [0, MIB]
 
 
@@ -293,7 +299,7 @@ def test_what_was_just_made_stays_for_who_has_asked(tmp_path: Path, store: Store
     fresh = fold(store, days=1)
     derive(store, fresh, MIB, age_s=0.0)
     made = movie(store, fresh, of_owner=False, age_s=0.0)
-    janitor(tmp_path, store, storage_bytes=MIB).sweep()
+    housekeeping(tmp_path, store, storage_bytes=MIB).sweep()
     assert (store.fold(fresh).derived_bytes, made.exists()) == (MIB, True)
     assert left(store, fresh) == [True]
 
@@ -301,7 +307,7 @@ def test_what_was_just_made_stays_for_who_has_asked(tmp_path: Path, store: Store
 def test_a_full_disk_has_what_can_be_made_again_go(tmp_path: Path, store: Store) -> None:
     full = fold(store, days=1)
     derive(store, full, MIB)
-    janitor(tmp_path, store, min_free_disk_bytes=2**60).sweep()
+    housekeeping(tmp_path, store, min_free_disk_bytes=2**60).sweep()
     assert store.fold(full).derived_bytes == 0
     assert left(store, full) == [True]
 
@@ -313,7 +319,7 @@ def test_files_of_no_fold_go_when_they_were_seen_twice(tmp_path: Path, store: St
     before = time.time() - 2 * MIN_ORPHAN_AGE_S
     for name in (kept, orphan):
         os.utime(store.folders.place(name), (before, before))
-    sweeping = janitor(tmp_path, store)
+    sweeping = housekeeping(tmp_path, store)
     sweeping.sweep_orphans()
     assert store.folders.place(orphan).exists()
     sweeping.sweep_orphans()
@@ -334,7 +340,7 @@ def test_copies_of_folds_forgotten_elsewhere_go_too(
         copies = {name: settings.cache_dir / f"{name}-1" for name in (kept, orphan)}
         for copy in copies.values():
             copy.mkdir()
-        sweeping = Janitor(settings, store)
+        sweeping = Housekeeping(settings, store)
         sweeping.sweep_orphans()
         assert copies[orphan].exists()
         sweeping.sweep_orphans()

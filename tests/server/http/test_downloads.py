@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from fastapi.responses import FileResponse
 
-from server.files.download_names import MAX_STEM_CHARACTERS, download_stem
+from server.http.downloads import MAX_STEM_CHARACTERS, download_stem
 
 
 @pytest.mark.parametrize(

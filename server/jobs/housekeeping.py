@@ -1,0 +1,413 @@
+"""Housekeeping: deletion of unused folds, of files that can be computed again, and of leftovers.
+
+Unfinished, pinned and gallery folds stay. Others expire after ``keep_days`` without access. If the
+folds of a visitor, or of all, exceed their limit of disk space, the longest unused ones go. Derived
+files go before any fold: exports, pictures and movies. They count separately, since everyone with a
+link may request them.
+
+Cancelled folds stay for an hour, since many are folded again with other options. Of one visitor the
+last one keeps its files and the others a few bytes, so that cancelled uploads fill no disk. Failed
+gallery folds go once a later one has ended.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from typing import Final
+
+import sqlalchemy as sa
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import aliased
+
+from planner.files import remove_temporary
+from server.limits.disk_space import free_space
+from server.settings import Settings
+from server.store.fold_files import DERIVED_DIRS, EXPORTS_DIR, size_of
+from server.store.folds import DAY_S, Store, rows_of
+from server.store.object_store import StorageError
+from server.store.tables import (
+    ENDED,
+    UNFINISHED_MOVIE_STATUSES,
+    CounterRow,
+    FoldRow,
+    MovieRow,
+    movie_file,
+)
+
+MIN_UNUSED_S: Final = 3600.0
+"""Time since the last access to a fold within which it is not deleted to make room on the disk, in
+s. A larger value may leave the disk full; a smaller one deletes folds that are still in use.
+Chosen."""
+ORPHAN_SWEEP_S: Final = 3600.0
+"""Time between two searches for folds' files that belong to no row of the database, in s. A larger
+value leaves such files on the disk for longer. Chosen."""
+NAMES_PER_SWEEP: Final = 500
+"""Maximum number of folds whose files one sweep compares with the database; later sweeps continue.
+A larger value delays the worker's other duties. Chosen."""
+MIN_ORPHAN_AGE_S: Final = 3600.0
+"""Minimum age of files that belong to no row of the database before they are deleted, in s: a new
+fold has files before it has a row. A smaller value may delete new folds; a larger one occupies the
+disk for longer. Chosen."""
+MIN_DERIVED_AGE_S: Final = 600.0
+"""Minimum age of a derived file (an export or a movie) before it may be deleted to make room, in s,
+so that the client that requested the file can download it. A larger value may leave the disk full
+for longer. Chosen."""
+COUNTED_FLAG: Final = "counted_apart"
+"""Name of the database row which records that the derived files of earlier versions have been
+counted separately from the folds' own files; the count happens only once."""
+CANCELLED_FOLD_S: Final = 3600.0
+"""Time from the last access to a cancelled fold until the fold is deleted, in s. A larger value
+occupies the disk for longer. Chosen."""
+MAX_CANCELLED_BYTES: Final = 16 * 2**20
+"""Maximum total size of one visitor's cancelled folds, in bytes; beyond it the files of the oldest
+ones are deleted early. The newest one always stays. A larger value lets visitors occupy more of the
+disk. Chosen."""
+MAX_CANCELLED_FOLDS: Final = 32
+"""Maximum number of cancelled folds that are stored for one visitor; older ones are deleted. A
+larger value makes each cancellation slower. Chosen."""
+DELETION_BATCH_ROWS: Final = 500
+"""Maximum number of rows of the table of folds that one database query reads when cancelled or
+expired folds are deleted. A larger value takes more memory; a smaller one needs more queries.
+Chosen."""
+MAX_DELETION_BATCHES: Final = 20
+"""Maximum number of batches, of up to ``DELETION_BATCH_ROWS`` folds each, that one regular clean-up
+deletes of cancelled folds, and again of expired ones; the next one continues. A larger value delays
+the worker's other duties. Chosen."""
+log = logging.getLogger("foldback.janitor")
+_Unused = sa.Row[str, float | None, int]
+"""Id of a fold, time of the last access, and size of its own files."""
+_CANCELLED: Final = (FoldRow.status == "cancelled", FoldRow.pinned.is_(False))
+_EXPIRING: Final = (
+    FoldRow.status.in_(sorted(ENDED)),
+    FoldRow.pinned.is_(False),
+    FoldRow.public.is_(False),
+)
+
+
+class Housekeeping:
+    """See the module's description. Several may sweep at once.
+
+    Args:
+        settings: The settings.
+        store: Rows and files.
+        clock: Clock in seconds since 1970.
+    """
+
+    def __init__(
+        self, settings: Settings, store: Store, *, clock: Callable[[], float] = time.time
+    ) -> None:
+        self._settings = settings
+        self._store = store
+        self._clock = clock
+        self._counted_apart = False
+        self._orphans_at = -ORPHAN_SWEEP_S
+        self._names: Iterator[str] | None = None
+        """Rest of the round through all files; None if there is none under way."""
+        self._suspects: set[str] = set()
+        self._found: set[str] = set()
+        """Files without a row in the last round, and in this one."""
+
+    def sweep(self) -> int:
+        """Sweep once; return the number of expired folds."""
+        if not self._counted_apart:
+            _count_derived_apart(self._store)
+            self._counted_apart = True
+        self.remove_cancelled()
+        self._make_room()
+        gone = self._forget_superseded() + self._expire()
+        now = time.monotonic()
+        if self._names is not None or now - self._orphans_at >= ORPHAN_SWEEP_S:
+            if self._names is None:
+                self._orphans_at = now
+            self.sweep_orphans()
+        return gone
+
+    def remove_cancelled(self) -> None:
+        """Delete cancelled folds without access for an hour."""
+        self._forget_unused(self._clock() - CANCELLED_FOLD_S, *_CANCELLED)
+
+    def _make_room(self) -> None:
+        """Delete derived files if they exceed their limit or the disk is nearly full."""
+        settings = self._settings
+        lacking = 0
+        if settings.storage_bytes is not None:
+            with self._store.reading() as session:
+                own, files = session.execute(
+                    sa.select(sa.func.sum(FoldRow.bytes), sa.func.sum(FoldRow.derived_bytes))
+                ).one()
+                movies = session.scalar(sa.select(sa.func.sum(MovieRow.bytes)))
+            lacking = int(own or 0) + int(files or 0) + int(movies or 0) - settings.storage_bytes
+        if self._store.folders.storage is None:
+            lacking = max(lacking, settings.min_free_disk_bytes - free_space(settings.root))
+        if lacking > 0:
+            try:
+                freed = self._drop_exports(lacking)
+                self._drop_movies(lacking - freed)
+            except StorageError as error:
+                log.warning("no storage could be freed: %s", error)
+
+    def _drop_exports(self, lacking: int) -> int:
+        """Delete exports and pictures of folds, the longest unused first; return their bytes.
+
+        Args:
+            lacking: Number of bytes to free.
+
+        Raises:
+            StorageError: If the storage does not answer.
+        """
+        filled = sa.select(FoldRow.id).where(FoldRow.derived_bytes > 0).order_by(FoldRow.seen_at)
+        with self._store.reading() as session:
+            names = session.scalars(filled).all()
+        freed = 0
+        before = time.time() - MIN_DERIVED_AGE_S
+        for fold_id in names:
+            if freed >= lacking:
+                break
+            gone, left = self._store.folders.remove_exports(fold_id, before=before)
+            if gone:
+                log.info("deleting exports of fold %s", fold_id, extra={"fold": fold_id})
+                freed += gone
+            # Several processes may have made the same file, each of which has counted it.
+            self._store.set_derived(fold_id, left)
+        return freed
+
+    def _drop_movies(self, lacking: int) -> None:
+        """Delete movies, first those that the folds' owners have not requested.
+
+        Args:
+            lacking: Number of bytes to free.
+
+        Raises:
+            StorageError: If the storage does not answer.
+        """
+        finished = MovieRow.status.not_in(UNFINISHED_MOVIE_STATUSES)
+        oldest = (
+            sa.select(MovieRow.job)
+            .join(FoldRow, FoldRow.id == MovieRow.fold_id)
+            .where(finished, MovieRow.created_at < time.time() - MIN_DERIVED_AGE_S)
+            .order_by(MovieRow.of_owner, FoldRow.seen_at, MovieRow.created_at)
+        )
+        with self._store.reading() as session:
+            jobs = session.scalars(oldest).all()
+        for job in jobs:
+            if lacking <= 0:
+                return
+            gone = sa.delete(MovieRow).where(MovieRow.job == job, finished)
+            with self._store.changing() as session:
+                row = session.execute(gone.returning(MovieRow.fold_id, MovieRow.bytes)).first()
+            if row is not None:
+                log.info("deleting a movie of fold %s", row.fold_id, extra={"fold": row.fold_id})
+                self._store.folders.remove_movie(row.fold_id, movie_file(job))
+                lacking -= row.bytes
+
+    def _forget_superseded(self) -> int:
+        """Remove gallery folds that failed through the service's fault and were repeated."""
+        later = aliased(FoldRow)
+        failed = sa.select(FoldRow.id, FoldRow.seen_at).where(
+            FoldRow.public,
+            FoldRow.status == "failed",
+            FoldRow.content_key.is_(None),
+            sa.exists().where(
+                later.public,
+                later.shape == FoldRow.shape,
+                later.created_at > FoldRow.created_at,
+                later.status.in_(("verified", "failed")),
+            ),
+        )
+        with self._store.reading() as session:
+            rows = session.execute(failed).all()
+        return sum(_forget(self._store, fold_id, seen) for fold_id, seen in rows)
+
+    def _expire(self) -> int:
+        """Forget folds that are unseen for too long, or that there is no room for."""
+        settings = self._settings
+        gone = 0
+        if settings.keep_days is not None:
+            gone += self._forget_unused(self._clock() - settings.keep_days * DAY_S, *_EXPIRING)
+        if settings.storage_bytes is not None:
+            gone += self._forget_until(settings.storage_bytes)
+        if settings.storage_of_visitor_bytes is not None:
+            size = sa.func.sum(FoldRow.bytes)
+            beyond = (
+                sa.select(FoldRow.visitor)
+                .group_by(FoldRow.visitor)
+                .having(size > settings.storage_of_visitor_bytes)
+            )
+            with self._store.reading() as session:
+                visitors = session.scalars(beyond).all()
+            for visitor in visitors:
+                gone += self._forget_until(
+                    settings.storage_of_visitor_bytes, FoldRow.visitor == visitor
+                )
+        return gone
+
+    def _forget_unused(self, since: float, *which: sa.ColumnElement[bool]) -> int:
+        """Delete folds without access since then; return their number."""
+        gone = 0
+        for _ in range(MAX_DELETION_BATCHES):
+            batch = self._unused(since, *which)
+            gone += sum(_forget(self._store, fold_id, seen) for fold_id, seen, _ in batch)
+            if len(batch) < DELETION_BATCH_ROWS:
+                break
+        return gone
+
+    def _forget_until(self, limit: int, *whose: sa.ColumnElement[bool]) -> int:
+        """Forget folds, the longest unseen first, until the others take at most so many bytes.
+
+        Returns:
+            Number of folds that were forgotten.
+        """
+        with self._store.reading() as session:
+            total = int(session.scalar(sa.select(sa.func.sum(FoldRow.bytes)).where(*whose)) or 0)
+        gone = 0
+        unused_since = self._clock() - MIN_UNUSED_S
+        while total > limit:
+            before = gone
+            for fold_id, seen, size in self._unused(unused_since, *_EXPIRING, *whose):
+                if total > limit and _forget(self._store, fold_id, seen):
+                    total -= size
+                    gone += 1
+            if gone == before:
+                break
+        return gone
+
+    def _unused(self, since: float, *which: sa.ColumnElement[bool]) -> Sequence[_Unused]:
+        """Return folds without access since then, the longest unused first."""
+        with self._store.reading() as session:
+            return session.execute(
+                sa.select(FoldRow.id, FoldRow.seen_at, FoldRow.bytes)
+                .where(*which, FoldRow.seen_at < since)
+                .order_by(FoldRow.seen_at)
+                .limit(DELETION_BATCH_ROWS)
+            ).all()
+
+    def sweep_orphans(self) -> None:
+        """Remove half-written files, and files of folds that have no row; a part of all at a time.
+
+        What is found so in one round goes when it is found again in the next one.
+        """
+        if self._names is None:
+            self._names = self._files()
+            self._suspects, self._found = self._found, set()
+        names = set(itertools.islice(self._names, NAMES_PER_SWEEP))
+        if len(names) < NAMES_PER_SWEEP:
+            self._names = None
+        for name in names:
+            for folder in (self._settings.folds_dir, self._settings.work_dir):
+                remove_temporary(folder / name, before=time.time() - MIN_ORPHAN_AGE_S)
+        orphans = names - self._known(names)
+        for fold_id in orphans & self._suspects:
+            if not (fold_id.isascii() and fold_id.isalnum()):
+                continue
+            log.info("deleting files of %s, which belong to no fold", fold_id)
+            self._store.folders.remove(fold_id)
+        self._found |= orphans - self._suspects
+
+    def _files(self) -> Iterator[str]:
+        """Yield the names of the folds that there are old files of."""
+        folders, settings = self._store.folders, self._settings
+        for directory in (settings.folds_dir, settings.work_dir):
+            if not directory.is_dir():
+                continue
+            with os.scandir(directory) as entries:
+                for entry in entries:
+                    with suppress(OSError):  # somebody else removes it just now
+                        if time.time() - entry.stat().st_mtime > MIN_ORPHAN_AGE_S:
+                            yield entry.name
+        if folders.storage is not None:
+            yield from folders.storage.below("folds")
+            yield from folders.storage.below("movies")
+        yield from folders.copied()  # of folds that were forgotten on another machine
+
+    def _known(self, names: Iterable[str]) -> set[str]:
+        wanted = sorted(names)
+        known: set[str] = set()
+        with self._store.reading() as session:
+            for first in range(0, len(wanted), 500):
+                some = wanted[first : first + 500]
+                known |= set(session.scalars(sa.select(FoldRow.id).where(FoldRow.id.in_(some))))
+        return known
+
+
+def limit_cancelled(store: Store, visitor: str) -> None:
+    """Delete what a visitor's cancelled folds take beyond the limits.
+
+    Args:
+        store: Rows and files.
+        visitor: The visitor.
+    """
+    newest_first = (
+        sa.select(FoldRow.id, FoldRow.seen_at, FoldRow.bytes)
+        .where(*_CANCELLED, FoldRow.visitor == visitor)
+        .order_by(FoldRow.seen_at.desc())
+        .limit(MAX_CANCELLED_FOLDS + DELETION_BATCH_ROWS)
+    )
+    with store.reading() as session:
+        rows = session.execute(newest_first).all()
+    total = 0
+    for k, row in enumerate(rows):
+        if k >= MAX_CANCELLED_FOLDS:
+            _forget(store, row.id, row.seen_at)
+        elif k > 0 and total + row.bytes > MAX_CANCELLED_BYTES:
+            _drop_files(store, row)
+        else:
+            total += row.bytes if k > 0 else 0
+
+
+def _forget(store: Store, fold_id: str, seen: float | None) -> bool:
+    """Delete a fold with its files, unless it has changed since its row was read."""
+    if not store.expire(fold_id, seen):
+        return False
+    log.info("fold %s expires", fold_id, extra={"fold": fold_id})
+    _remove_files(store, fold_id)
+    return True
+
+
+def _drop_files(store: Store, row: _Unused) -> None:
+    """Delete the files and movies of a cancelled fold, but not its row."""
+    if not row.bytes:
+        return
+    same = (FoldRow.id == row.id, *_CANCELLED, FoldRow.seen_at == row.seen_at)
+    with store.changing() as session:
+        emptied = sa.update(FoldRow).where(*same).values(bytes=0, derived_bytes=0)
+        swept = rows_of(session.execute(emptied))
+        if swept:
+            session.execute(sa.delete(MovieRow).where(MovieRow.fold_id == row.id))
+    if swept:
+        _remove_files(store, row.id)
+
+
+def _remove_files(store: Store, fold_id: str) -> None:
+    try:
+        store.folders.remove(fold_id)
+    except StorageError as error:  # the search for files without a row finds them later
+        log.warning("files of fold %s could not be deleted: %s", fold_id, error)
+
+
+def _count_derived_apart(store: Store) -> None:
+    """Count derived files apart if an earlier version has counted them as the folds' own, once."""
+    with store.reading() as session:
+        done = session.get(CounterRow, COUNTED_FLAG) is not None
+    if done or store.folders.storage is not None:
+        return
+    uncounted = (FoldRow.derived_bytes == 0, FoldRow.status.in_(sorted(ENDED)))
+    with store.reading() as session:
+        names = session.scalars(sa.select(FoldRow.id).where(*uncounted)).all()
+    for fold_id in names:
+        place = store.folders.place(fold_id)
+        if not (made := size_of(place / EXPORTS_DIR)):
+            continue
+        own = size_of(place, but=DERIVED_DIRS)
+        with store.changing() as session:
+            session.execute(
+                sa.update(FoldRow)
+                .where(FoldRow.id == fold_id, *uncounted)
+                .values(bytes=own, derived_bytes=made)
+            )
+    with suppress(IntegrityError), store.changing() as session:  # another worker was quicker
+        session.add(CounterRow(name=COUNTED_FLAG, value=1))

@@ -1,0 +1,74 @@
+"""Owner of folds, previews and movies: the digest of a secret token, which alone is stored."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import secrets
+from dataclasses import dataclass, field
+from typing import Final
+
+import sqlalchemy as sa
+from sqlalchemy.orm import InstrumentedAttribute
+
+from server.store.tables import FoldRow
+
+MIN_TOKEN_CHARS: Final = 24
+"""Minimum length of an owner token, in characters; a shorter one counts as none, since it could be
+guessed. Chosen."""
+MAX_TOKEN_CHARS: Final = 200
+"""Maximum length of an owner token, in characters; a longer one counts as none. A larger value
+permits larger headers. Chosen."""
+DigestColumn = InstrumentedAttribute[str] | InstrumentedAttribute[str | None]
+"""Column with digests of owner tokens."""
+
+
+@dataclass(frozen=True, slots=True)
+class Owner:
+    """Holder of an owner token.
+
+    Attributes:
+        digest: SHA-256 of the token, in hexadecimal digits.
+    """
+
+    digest: str
+
+    @classmethod
+    def from_token(cls, token: str) -> Owner:
+        """Return the owner with this token."""
+        return cls(hashlib.sha256(token.encode()).hexdigest())
+
+    def owns(self, digest: str | None) -> bool:
+        """Return True if a stored digest is this owner's; no owner has an empty one."""
+        return bool(digest) and hmac.compare_digest(self.digest, digest)
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """Owner of what a request creates, with the token for the answer.
+
+    Attributes:
+        token: The secret; only the answer to the request contains it.
+    """
+
+    token: str = field(repr=False)
+
+    @property
+    def owner(self) -> Owner:
+        """Owner with this token."""
+        return Owner.from_token(self.token)
+
+    @classmethod
+    def new(cls) -> Claim:
+        """Return the claim of a client without a token."""
+        return cls(new_token())
+
+
+def new_token() -> str:
+    """Return a token that cannot be guessed."""
+    return secrets.token_urlsafe(24)
+
+
+def owned_by(owner: Owner, column: DigestColumn = FoldRow.owner) -> sa.ColumnElement[bool]:
+    """Return the condition that an owner's digest stands in a column."""
+    return column == owner.digest
