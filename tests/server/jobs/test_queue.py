@@ -13,11 +13,9 @@ import pytest
 from server.jobs.queue import FoldClaim, Lane, MovieClaim, Queue
 from server.limits.fair_queue import QUICK_FOLD_S
 from server.settings import Settings
-from server.store.folds import Store, new_token
+from server.store.folds import Store
 from server.store.tables import FoldRow
-from tests.server.rows import a_fold, a_movie, statements
-
-TOKEN = new_token()
+from tests.server.rows import SOMEBODY, a_fold, a_movie, statements
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -31,7 +29,9 @@ def store(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Store]:
 
 def add(store: Store, fold_id: str, *, turn: int = 0, cost_s: float = 1.0) -> None:
     with store.changing() as session:
-        session.add(a_fold(fold_id, status="queued", turn=turn, cost_s=cost_s, owner=TOKEN))
+        session.add(
+            a_fold(fold_id, status="queued", turn=turn, cost_s=cost_s, owner=SOMEBODY.digest)
+        )
 
 
 def claimed(queue: Queue, lane: Lane = Lane.QUICK, worker: str = "one") -> FoldClaim:
@@ -128,12 +128,11 @@ def test_jobs_of_a_lost_worker_are_queued_again_and_losses_are_counted(store: St
 
 def test_a_fold_that_is_cancelled_while_no_worker_has_it_ends_at_once(store: Store) -> None:
     queue = Queue(store)
-    token = new_token()
-    store.add(a_fold("a", status="queued"), token)
+    store.add(a_fold("a", status="queued"), SOMEBODY)
     claim = claimed(queue)
     queue.hand_back(claim)
     assert store.fold("a").status == "running", "its visitors see no difference"
-    assert store.cancel("a", token)
+    assert store.cancel("a", SOMEBODY)
     assert store.fold("a").status == "cancelled"
     assert queue.claim(Lane.QUICK, "two") is None
 
